@@ -1,0 +1,7 @@
+"""`python -m msggen`."""
+
+import sys
+
+from msggen.cli import main
+
+sys.exit(main())

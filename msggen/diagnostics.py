@@ -1,0 +1,80 @@
+"""What is wrong with an input, said to people: `path:line:col: CODE message`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from msggen.model import Location
+
+CODES: dict[str, str] = {
+    "M101": "a line that is neither a field, a constant nor a comment",
+    "M102": "a file that is not UTF-8, or has a byte order mark",
+    "M103": "a file that defines nothing",
+    "M104": "a control character",
+    "M105": "a service without its `---` line, or with several",
+    "M106": "lines that end in CR LF",
+    "M201": "a name that the grammar forbids",
+    "M202": "a name that Python or the generated class needs for itself",
+    "M203": "a field or constant defined twice, or twice but for case",
+    "M204": "a message or service defined twice, or twice but for case",
+    "M301": "an unknown type",
+    "M302": "messages that nest each other",
+    "M303": "an array length or string bound that cannot be",
+    "M304": "a message that is too large",
+    "M305": "a value that its type cannot hold",
+    "M306": "no fixed size: not yet",
+    "M401": "a uORB message without `uint64 timestamp`",
+    "M402": "a `# TOPICS` line that the firmware would misread",
+    "M403": "a uORB topic declared twice",
+    "M404": "MESSAGE_VERSION or ORB_QUEUE_LENGTH out of place",
+    "Y101": "a file that is not YAML",
+    "Y102": "a value of the wrong kind",
+    "Y103": "an unknown key",
+    "Y104": "a missing key",
+    "Y201": "a type that no message defines",
+    "Y202": "a topic that no message declares",
+    "Y203": "a topic that another message declares",
+    "Y204": "a topic bridged twice",
+    "S101": "a source that cannot be read",
+    "S102": "a folder without definitions",
+    "S103": "a name of a package that Python forbids",
+    "S104": "an output that msggen did not write",
+    "C101": "a pyproject.toml that cannot be read",
+    "C102": "an unknown setting",
+    "C103": "a setting of the wrong kind",
+}
+"""Every code, and what it stands for. docs/errors.md shows each with an example."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Diagnostic:
+    """One fault, at one place."""
+
+    location: Location
+    code: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.location}: {self.code} {self.message}"
+
+
+class InputError(Exception):
+    """The input cannot be used; `diagnostics` says everything that is wrong with it."""
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+        self.diagnostics = tuple(sorted(set(diagnostics)))
+        super().__init__("\n".join(map(str, self.diagnostics)))
+
+
+def fault(path: str, code: str, message: str, line: int = 1, column: int = 1) -> InputError:
+    """Return an InputError with a single diagnostic."""
+    return InputError([Diagnostic(Location(path, line, column), code, message)])
+
+
+def suggestion(wrong: str, known: Iterable[str]) -> str:
+    """Return ", did you mean 'x'?" for the nearest of `known`, or "" when none is near."""
+    by_lower_case = {name.lower(): name for name in known}
+    near = get_close_matches(wrong.lower(), by_lower_case, n=1, cutoff=0.6)
+    return f", did you mean '{by_lower_case[near[0]]}'?" if near else ""

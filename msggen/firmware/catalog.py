@@ -1,0 +1,97 @@
+"""Files to a catalog: reads them all, checks that they fit together, and tells every fault at once."""
+
+from __future__ import annotations
+
+import re
+from msggen.diagnostics import Diagnostic, InputError
+from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_uorb
+from msggen.firmware.release import CONVENTIONS, recognise
+from msggen.firmware.source import File, Sources
+from msggen.model import DEFAULT_PACKAGE, BridgeEntry, Catalog, Conventions, Location, Message, Service
+from msggen.parse import decode_text, parse_bridge, parse_message, parse_service
+
+
+def read_catalog(sources: Sources) -> Catalog:
+    """Return the catalog that `sources` hold.
+
+    Raises InputError with everything that is wrong in any of the files.
+    """
+    reader = _Reader(sources)
+    messages = reader.messages()
+    services = reader.services()
+    bridge = reader.bridge()
+    sound = [message for message in messages if message.location.path not in reader.faulty_paths()]
+    faults = reader.faults + [
+        *check_names(messages),
+        *check_names(services),
+        *check_nesting(messages, services),
+        *check_uorb(sound),
+        *check_bridge(bridge, messages),
+    ]
+    if faults:
+        raise InputError(faults)
+    by_key = {message.key: message for message in sorted(messages, key=lambda message: message.key)}
+    services.sort(key=lambda service: service.name)
+    return Catalog(by_key, tuple(services), bridge, _conventions(sources, messages, bridge))
+
+
+def _conventions(sources: Sources, messages: list[Message], bridge: tuple[BridgeEntry, ...]) -> Conventions:
+    if sources.release is not None:
+        return CONVENTIONS[sources.release]
+    if not sources.is_firmware:
+        return CONVENTIONS["main"]
+    has_versioned_folder = any("versioned/" in file.name for file in sources.messages)
+    has_instances = any(entry.instance is not None for entry in bridge)
+    return recognise({message.name for message in messages}, has_versioned_folder, has_instances)
+
+
+class _Reader:
+    """Reads files, and notes what is wrong with them."""
+
+    def __init__(self, sources: Sources) -> None:
+        self.sources = sources
+        self.faults: list[Diagnostic] = []
+        self.package = self._package() or DEFAULT_PACKAGE
+
+    def messages(self) -> list[Message]:
+        messages = []
+        for file in self.sources.messages:
+            message, faults = parse_message(self.text(file), file.path, file.stem, self.package)
+            messages.append(message)
+            self.faults += faults
+        return messages
+
+    def services(self) -> list[Service]:
+        services = []
+        for file in self.sources.services:
+            service, faults = parse_service(self.text(file), file.path, file.stem, self.package)
+            services.append(service)
+            self.faults += faults
+        return services
+
+    def bridge(self) -> tuple[BridgeEntry, ...]:
+        if self.sources.bridge is None:
+            return ()
+        entries, faults = parse_bridge(self.text(self.sources.bridge), self.sources.bridge.path)
+        self.faults += faults
+        return entries
+
+    def faulty_paths(self) -> set[str]:
+        return {fault.location.path for fault in self.faults}
+
+    def text(self, file: File) -> str:
+        try:
+            with open(file.path, "rb") as stream:
+                data = stream.read()
+        except OSError as error:
+            self.faults.append(Diagnostic(Location(file.path), "S101", error.strerror or str(error)))
+            return ""
+        text, faults = decode_text(data, file.path)
+        self.faults += faults
+        return text
+
+    def _package(self) -> str | None:
+        if self.sources.is_firmware or not self.sources.manifests:
+            return None
+        found = re.search(r"<name>\s*([A-Za-z0-9_]+)\s*</name>", self.text(self.sources.manifests[0]))
+        return found[1] if found else None

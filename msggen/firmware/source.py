@@ -1,0 +1,120 @@
+"""Which files a catalog is made of. Lists folders, and reads nothing."""
+
+from __future__ import annotations
+
+import os
+from typing import NamedTuple, NoReturn
+
+EMBEDDED = "embedded"
+"""What the embedded set calls itself where a path would stand."""
+
+_BRIDGE_PLACES = ("src/modules/uxrce_dds_client/dds_topics.yaml", "dds_topics.yaml")
+
+
+class File(NamedTuple):
+    """One input: `path` to open it and to name it to the user, `name` to cite it in what is generated."""
+
+    path: str
+    name: str
+
+    @property
+    def stem(self) -> str:
+        return os.path.splitext(os.path.basename(self.path))[0]
+
+
+class Sources(NamedTuple):
+    """The files of one catalog. `manifests` are package.xml files, the first of which names the package."""
+
+    messages: tuple[File, ...]
+    services: tuple[File, ...]
+    bridge: File | None
+    manifests: tuple[File, ...]
+    release: str | None
+    is_firmware: bool
+
+    def files(self) -> tuple[File, ...]:
+        bridge = (self.bridge,) if self.bridge else ()
+        return self.messages + self.services + bridge + self.manifests
+
+
+def find_sources(
+    px4: str | None, folders: tuple[str, ...] = (), topics: str | None = None, release: str | None = None
+) -> Sources:
+    """Return the files of the tree or package `px4` and of the bare `folders`.
+
+    `topics` replaces the bridge's YAML, `release` overrules what the tree looks like. Without `px4` and
+    `folders` it is the embedded set. Raises InputError where there is nothing to read.
+    """
+    if px4 is None and not folders:
+        px4 = embedded_root()
+    roots = [*([px4] if px4 is not None else []), *folders]
+    messages: list[File] = []
+    services: list[File] = []
+    manifests: list[File] = []
+    bridge = None
+    for root in roots:
+        found = len(messages) + len(services)
+        messages += _definitions(root, "msg", ".msg")
+        services += _definitions(root, "srv", ".srv")
+        if len(messages) + len(services) == found:
+            _fail_without_definitions(root)
+        if os.path.isfile(os.path.join(root, "package.xml")):
+            manifests.append(File(os.path.join(root, "package.xml"), "package.xml"))
+        if root == px4:
+            bridge = _bridge(root)
+    if topics is not None:
+        bridge = File(topics, os.path.basename(topics))
+    is_firmware = px4 is not None and not manifests
+    return Sources(tuple(messages), tuple(services), bridge, tuple(manifests), release, is_firmware)
+
+
+def embedded_root() -> str:
+    """Return the folder with the embedded set: inside the installed package, or the checkout's own."""
+    here = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    installed = os.path.join(here, EMBEDDED)
+    return installed if os.path.isdir(installed) else os.path.dirname(here)
+
+
+def _definitions(root: str, folder: str, suffix: str) -> list[File]:
+    """Return the definitions in `root`: under `msg/` or `srv/` if it has them there, else in `root` itself.
+
+    `versioned/` counts, `px4_msgs_old/` with its archived versions does not.
+    """
+    inside = os.path.join(root, folder)
+    base, prefix = (inside, f"{folder}/") if os.path.isdir(inside) else (root, "")
+    files = []
+    for sub in ("", "versioned/"):
+        try:
+            names = sorted(os.listdir(os.path.join(base, sub)))
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError as error:
+            _fail(root, "S101", error.strerror or str(error))
+        files += [
+            File(os.path.join(base, sub + name), prefix + sub + name)
+            for name in names
+            if name.endswith(suffix) and not name.startswith(".")
+        ]
+    return files
+
+
+def _bridge(root: str) -> File | None:
+    for place in _BRIDGE_PLACES:
+        path = os.path.join(root, *place.split("/"))
+        if os.path.isfile(path):
+            return File(path, place)
+    return None
+
+
+def _fail_without_definitions(root: str) -> NoReturn:
+    if not os.path.isdir(root):
+        _fail(root, "S101", "no such folder")
+    parent = os.path.dirname(os.path.abspath(root))
+    hint = f", did you mean '{parent}'?" if os.path.isdir(os.path.join(parent, "msg")) else ""
+    _fail(root, "S102", f"no .msg file here or in msg/: expected a PX4-Autopilot tree, px4_msgs or a folder{hint}")
+
+
+def _fail(path: str, code: str, message: str) -> NoReturn:
+    from msggen.diagnostics import fault  # noqa: PLC0415 - a build with nothing to do never needs it
+
+    raise fault(path, code, message)

@@ -1,0 +1,1 @@
+"""A catalog to files: what templates are shown, the templates' environment, and careful writing."""

@@ -1,0 +1,142 @@
+"""One build: sources to a package on disk, or the news that there is nothing to do.
+
+A build with nothing to do ends before anything slow is imported: it reads the inputs and the outputs, and
+compares digests.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from hashlib import sha256
+from typing import NamedTuple
+
+from msggen import __version__
+from msggen.firmware.source import Sources
+from msggen.generate.output import MANIFEST, Plan, Record, is_current, plan_output, read_record, write_output
+from msggen.resources import resource
+
+
+class Outcome(NamedTuple):
+    """What a build found: `plan` is None where the output was current, `summary` then says nothing new."""
+
+    folder: str
+    outputs: tuple[str, ...]
+    plan: Plan | None = None
+    summary: str = ""
+
+
+class Build:
+    """Makes the package `name` in the folder `output` from `sources`."""
+
+    def __init__(self, sources: Sources, output: str, name: str) -> None:
+        self.sources = sources
+        self.name = name
+        self.folder = os.path.join(output, name)
+        self.record = read_record(self.folder)
+        self.fingerprint = _fingerprint(sources, name)
+
+    def run(self, *, write: bool) -> Outcome:
+        """Bring the package up to date, or with `write` False only find out what that would take.
+
+        Raises InputError for faulty definitions and files that msggen did not write, OSError where the folder
+        cannot be written.
+        """
+        if is_current(self.folder, self.record, self.fingerprint):
+            return Outcome(self.folder, tuple(sorted(self.record.files)))
+        from msggen.firmware.catalog import read_catalog  # noqa: PLC0415 - slow, see above
+        from msggen.generate.package import render_package  # noqa: PLC0415
+
+        catalog = read_catalog(self.sources)
+        files = render_package(catalog, self.name)
+        plan = self._plan(files)
+        if write:
+            write_output(plan, self.record, self.fingerprint)
+        summary = (
+            f"{self.name}: {_count(len(catalog.messages), 'message')}, {_count(len(catalog.services), 'service')}, "
+            f"{_count(sum(len(message.topic_names) for message in catalog.messages.values()), 'uORB topic')}, "
+            f"{_count(len(catalog.bridge), 'endpoint')}"
+        )
+        return Outcome(self.folder, tuple(sorted(files)), plan, summary)
+
+    def outputs(self) -> tuple[str, ...]:
+        """Return the names of the files that a run makes, sorted. Raises InputError for faulty definitions."""
+        if is_current(self.folder, self.record, self.fingerprint):
+            return tuple(sorted(self.record.files))
+        from msggen.firmware.catalog import read_catalog  # noqa: PLC0415 - slow, see above
+        from msggen.generate.package import list_package  # noqa: PLC0415
+
+        return list_package(read_catalog(self.sources))
+
+    def _plan(self, files: Mapping[str, str]) -> Plan:
+        from msggen.diagnostics import fault  # noqa: PLC0415
+        from msggen.generate.output import ForeignFileError  # noqa: PLC0415
+
+        try:
+            return plan_output(self.folder, files, self.record)
+        except ForeignFileError as error:
+            text = "msggen did not write this file and leaves it alone: move it, or choose another --output or --package"
+            raise fault(error.path, "S104", text) from None
+
+
+def depfile(outcome_folder: str, outputs: tuple[str, ...], sources: Sources) -> str:
+    """Return a Makefile rule that makes the outputs depend on every file they were made from."""
+    targets = [os.path.join(outcome_folder, name) for name in outputs]
+    inputs = [file.path for file in sources.files()]
+    return " \\\n ".join(map(_escaped, targets)) + ": \\\n " + " \\\n ".join(map(_escaped, inputs)) + "\n"
+
+
+def write_if_changed(path: str, text: str) -> None:
+    """Write `text` to `path`, whole or not at all, unless it stands there already."""
+    try:
+        with open(path, encoding="utf-8") as stream:
+            if stream.read() == text:
+                return
+    except (OSError, ValueError):
+        pass
+    os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
+    staged = f"{path}.{os.getpid()}"
+    with open(staged, "w", encoding="utf-8") as stream:
+        stream.write(text)
+    os.replace(staged, path)
+
+
+def _escaped(path: str) -> str:
+    return path.replace("$", "$$").replace("#", "\\#").replace(" ", "\\ ")
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _fingerprint(sources: Sources, name: str) -> str:
+    """Digest all that the output depends on: the tool, its templates, the options and every input."""
+    state = sha256()
+    for part in (__version__, name, sources.release or "", str(sources.is_firmware)):
+        state.update(part.encode() + b"\0")
+    state.update(_tool_digest())
+    for file in sources.files():
+        state.update(f"\0{file.name}\0".encode(errors="surrogateescape"))
+        try:
+            with open(file.path, "rb") as stream:
+                data = stream.read()
+        except OSError:
+            return ""
+        state.update(b"%d\0" % len(data) + data)
+    return state.hexdigest()
+
+
+def _tool_digest() -> bytes:
+    state = sha256()
+    package = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    for root, suffix in ((package, ".py"), (resource("templates"), ".j2")):
+        for folder, folders, names in os.walk(root):
+            folders[:] = sorted(name for name in folders if name not in ("__pycache__", "embedded", "templates"))
+            for name in sorted(names):
+                if name.endswith(suffix):
+                    with open(os.path.join(folder, name), "rb") as stream:
+                        state.update(name.encode() + b"\0" + stream.read())
+    return state.digest()
+
+
+__all__ = ["MANIFEST", "Build", "Outcome", "Record", "depfile", "write_if_changed"]

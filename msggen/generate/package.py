@@ -1,0 +1,70 @@
+"""A catalog to the files of a Python package, as text: nothing is written here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from msggen.generate.environment import environment
+from msggen.generate.python import message_view, module_name
+from msggen.identity import endpoints, uorb_topics
+from msggen.layout import check_fixed_size
+from msggen.model import DEFAULT_PACKAGE, Catalog, Message, Service
+
+_EXAMPLE = "SensorCombined"
+
+
+def list_package(catalog: Catalog) -> tuple[str, ...]:
+    """Return the names of the files that `render_package` makes, sorted."""
+    names = ["__init__.py", "_cdr.py", "_registry.py", "py.typed", "topics.py", "msg/__init__.py"]
+    names += [f"msg/{module_name(message.name)}.py" for message in catalog.messages.values()]
+    if catalog.services:
+        names.append("srv/__init__.py")
+    for service in catalog.services:
+        names += [f"srv/{module_name(name)}.py" for name in (service.name, service.request.name, service.response.name)]
+    return tuple(sorted(names))
+
+
+def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
+    """Return the package `name` as texts by file name, `/` between folders.
+
+    Raises InputError where a message has no fixed size.
+    """
+    halves = [half for service in catalog.services for half in (service.request, service.response)]
+    messages = list(catalog.messages.values())
+    check_fixed_size([*messages, *halves])
+    made = environment()
+
+    def render(template: str, **context: object) -> str:
+        return made.get_template(f"python/{template}.py.j2").render(context)
+
+    package = messages[0].package if messages else DEFAULT_PACKAGE
+    example = _EXAMPLE if any(message.name == _EXAMPLE for message in messages) else messages[0].name
+    about = {"name": name, "package": package, "messages": messages, "services": catalog.services}
+    files = {
+        "__init__.py": render("package", **about, example=example),
+        "_cdr.py": render("_cdr"),
+        "_registry.py": render("_registry"),
+        "py.typed": "",
+        "topics.py": render("topics", topics=uorb_topics(catalog), endpoints=endpoints(catalog)),
+        "msg/__init__.py": render("folder", title="Messages", package=package, classes=_classes(messages)),
+    }
+    template = made.get_template("python/message.py.j2")
+    for message in [*messages, *halves]:
+        path = f"{message.folder}/{module_name(message.name)}.py"
+        files[path] = template.render(view=message_view(catalog, message))
+    if catalog.services:
+        classes = _classes([*catalog.services, *halves])
+        files["srv/__init__.py"] = render("folder", title="Services", package=package, classes=classes)
+    for service in catalog.services:
+        files[f"srv/{module_name(service.name)}.py"] = render(
+            "service",
+            service=service,
+            comment=service.comment or f"{package}/srv/{service.name}.",
+            request_module=module_name(service.request.name),
+            response_module=module_name(service.response.name),
+        )
+    return {path: files[path] for path in sorted(files)}
+
+
+def _classes(definitions: Sequence[Message | Service]) -> list[tuple[str, str]]:
+    return sorted((definition.name, module_name(definition.name)) for definition in definitions)

@@ -1,0 +1,346 @@
+"""A message as the Python templates see it: every expression they need, with a name.
+
+How a value is held in Python, and why (docs/design.md has the measurements):
+
+- one number or bool: itself
+- `uint8[N]`, `char[N]`, `byte[N]`: bytes
+- up to 15 numbers, and bools: a tuple; its values are unpacked through locals, because `pack(*values)` would
+  silently take a 4 and a 2 for two arrays of 3
+- 16 numbers and more: array.array, copied as a block
+- nested messages: unfolded into the one `struct` format of the outer message
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from msggen.generate.source import literal
+from msggen.identity import message_hash, type_hash
+from msggen.layout import (
+    Encoding,
+    Layout,
+    Leaf,
+    lay_out,
+    struct_format,
+    struct_size,
+)
+from msggen.model import FLOATS, ArrayKind, Catalog, Comment, Field, FieldType, Message, Value, snake_case
+
+ARRAY_FROM = 16
+"""Arrays of numbers are tuples below this length."""
+
+SPELLED_OUT_TO = 4
+"""Tuples up to this length are spelled out in annotations."""
+
+_CODES = {
+    "bool": "?",
+    "byte": "B",
+    "char": "B",
+    "int8": "b",
+    "uint8": "B",
+    "int16": "h",
+    "uint16": "H",
+    "int32": "i",
+    "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float32": "f",
+    "float64": "d",
+}
+_UNSIGNED = {1: "B", 2: "H", 4: "I", 8: "Q"}
+_BYTES = ("byte", "char", "uint8")
+_CODEC_LOCALS = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error"})
+_SHADOWING = frozenset({"int", "float", "bool", "bytes", "tuple", "type"})
+
+
+def module_name(name: str) -> str:
+    """Return the module of the class `name`; the underscore keeps it apart from keywords and from the class."""
+    return f"_{snake_case(name)}"
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantView:
+    """One constant; `spaced` puts a blank line before it."""
+
+    name: str
+    value: Value
+    documentation: str
+    spaced: bool
+
+
+@dataclass(frozen=True, slots=True)
+class FieldView:
+    """One attribute of a class."""
+
+    name: str
+    type: FieldType
+    offset: int
+    comment: Comment
+    annotation: str
+    parameter: str
+    """The parameter of `__init__`, with annotation and default."""
+    initial: str
+    """What `__init__` assigns."""
+
+    @property
+    def documentation(self) -> str:
+        return f"{self.type} {self.comment}".strip()
+
+    @property
+    def description(self) -> str:
+        """The arguments of its description in `__msg__`."""
+        tags = {name: getattr(self.comment, name) for name in ("unit", "range", "enum", "invalid", "frame")}
+        given = "".join(f", {name}={literal(value)}" for name, value in tags.items() if value)
+        return f"{literal(self.name)}, {literal(str(self.type))}, {self.offset}{given}"
+
+
+@dataclass(frozen=True, slots=True)
+class MessageView:
+    """One class."""
+
+    message: Message
+    constants: tuple[ConstantView, ...]
+    fields: tuple[FieldView, ...]
+    codec: Codec
+    cdr_size: int
+    struct_size: int
+    message_hash: int
+    type_hash: str
+    layout_arguments: tuple[str, ...]
+    nested: tuple[tuple[str, str], ...]
+    """Module and name of the messages it nests."""
+    needs_builtins: bool
+    needs_sequence: bool
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        return self.message.topic_names if self.message.folder == "msg" else ()
+
+    @property
+    def documentation(self) -> str:
+        """What the definition says about the message, or at least what it is called."""
+        return self.message.comment or f"{self.message.ros_type}."
+
+    @property
+    def summary(self) -> str:
+        """Where the message comes from and goes to, for its docstring."""
+        topics = f"uORB topics: {', '.join(self.topics)}. " if len(self.topics) > 1 else ""
+        topics = topics or (f"uORB topic: {self.topics[0]}. " if self.topics else "")
+        version = f"Version {self.message.message_version}, " if self.message.message_version else ""
+        return f"{topics}{version}{self.cdr_size} bytes."
+
+
+def message_view(catalog: Catalog, message: Message) -> MessageView:
+    """Return what the class of `message` is made of."""
+    layout = lay_out(catalog, message)
+    shadowed = {field.name for field in message.fields} & _SHADOWING
+    prefix = "builtins." if shadowed else ""
+    fields = tuple(_field_view(field, layout, prefix) for field in message.fields)
+    return MessageView(
+        message,
+        tuple(_constants(message)),
+        fields,
+        Codec.of(catalog, message),
+        layout.size,
+        struct_size(catalog, message),
+        message_hash(catalog, message),
+        type_hash(catalog, message),
+        tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
+        tuple(_nested_imports(catalog, message)),
+        bool(shadowed),
+        any("Sequence[" in field.annotation for field in fields),
+    )
+
+
+def _constants(message: Message) -> Iterator[ConstantView]:
+    """Constants with documentation stand apart, others together."""
+    apart = True
+    for constant in message.constants:
+        documentation = str(constant.comment)
+        yield ConstantView(constant.name, constant.value, documentation, apart or bool(documentation))
+        apart = bool(documentation)
+
+
+def _nested_imports(catalog: Catalog, message: Message) -> Iterator[tuple[str, str]]:
+    folder = "." if message.folder == "msg" else "..msg."
+    for inner in catalog.nested_all(message):
+        yield f"{folder}{module_name(inner.name)}", inner.name
+
+
+def _field_view(field: Field, layout: Layout, prefix: str) -> FieldView:
+    annotation = _annotation(field.type, prefix)
+    default, initial = _initial(field)
+    parameter = f"{field.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
+    offset = layout.offset_of(field.name)
+    return FieldView(field.name, field.type, offset, field.comment, annotation, parameter, initial)
+
+
+def _annotation(type_: FieldType, prefix: str) -> str:
+    if type_.array is ArrayKind.FIXED and is_bytes(type_):
+        return f"{prefix}bytes"
+    if not type_.is_primitive:
+        item = type_.name
+    elif type_.name == "bool":
+        item = f"{prefix}bool"
+    else:
+        item = f"{prefix}float" if type_.name in FLOATS else f"{prefix}int"
+    if type_.array is ArrayKind.SCALAR:
+        return item
+    if is_large(type_):
+        return f"Sequence[{item}]"
+    if type_.length <= SPELLED_OUT_TO:
+        return f"{prefix}tuple[{', '.join([item] * type_.length)}]"
+    return f"{prefix}tuple[{item}, ...]"
+
+
+def _initial(field: Field) -> tuple[str, str]:
+    """Return the default of the parameter, and what the attribute is set to."""
+    name, type_ = field.name, field.type
+    fresh = {
+        ArrayKind.SCALAR: f"{type_.name}()",
+        ArrayKind.FIXED: f"({type_.name}(),)" if type_.length == 1 else f"_cdr.fresh({type_.name}, {type_.length})",
+    }
+    if not type_.is_primitive:
+        return "None", f"{fresh[type_.array]} if {name} is None else {name}"
+    if is_large(type_):
+        zeros = f"_cdr.zeros({literal(_CODES[type_.name])}, {type_.length})"
+        if field.default is not None:
+            zeros = f"_cdr.array({literal(_CODES[type_.name])}, {field.default!r})"
+        return "None", f"{zeros} if {name} is None else {name}"
+    if type_.array is ArrayKind.FIXED and is_bytes(type_):
+        return (f"bytes({field.default or type_.length!r})"), name
+    if field.default is not None:
+        return repr(field.default), name
+    zero = "False" if type_.name == "bool" else "0.0" if type_.name in FLOATS else "0"
+    if type_.array is ArrayKind.SCALAR:
+        return zero, name
+    if type_.length <= SPELLED_OUT_TO:
+        return f"({', '.join([zero] * type_.length)}{',' if type_.length == 1 else ''})", name
+    return f"({zero},) * {type_.length}", name
+
+
+def is_bytes(type_: FieldType) -> bool:
+    """Whether an array of this type is held as bytes."""
+    return type_.is_primitive and type_.name in _BYTES
+
+
+def is_large(type_: FieldType) -> bool:
+    """Whether the array is held as array.array."""
+    numeric = type_.is_primitive and type_.name not in (*_BYTES, "bool")
+    return numeric and type_.array is ArrayKind.FIXED and type_.length >= ARRAY_FROM
+
+
+def _layout_arguments(xcdr1: Layout, xcdr2: Layout) -> Iterator[str]:
+    """Return the arguments of `_cdr.Layout`, those that follow from others left out."""
+    yield literal(struct_format(_values(xcdr1.leaves)))
+    words = struct_format(_words(xcdr1))
+    if any(is_large(leaf.type) for leaf in xcdr1.leaves):
+        yield f"words={literal(words)}"
+    words2 = struct_format(_words(xcdr2))
+    if words2 != words:
+        yield f"xcdr2={literal(words2)}"
+    if xcdr2.delimiter_headers:
+        headers = "".join(f"({header.offset}, {header.size}), " for header in xcdr2.delimiter_headers)
+        yield f"delimiters=({headers.strip()})"
+
+
+def _values(leaves: tuple[Leaf, ...]) -> Iterator[tuple[int, int, str]]:
+    for leaf in leaves:
+        if leaf.type.array is ArrayKind.FIXED and (is_bytes(leaf.type) or is_large(leaf.type)):
+            yield leaf.padding, leaf.count * leaf.size, "s"
+        else:
+            yield leaf.padding, leaf.count, _CODES[leaf.type.name]
+
+
+def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:
+    for item in layout.items:
+        if isinstance(item, Leaf):
+            is_block = item.type.array is ArrayKind.FIXED and is_bytes(item.type)
+            yield item.padding, item.count, "s" if is_block else _UNSIGNED[item.size]
+        else:
+            yield item.padding + 4, 0, "x"
+
+
+@dataclass
+class Codec:
+    """The statements of `encode` and `decode`, as expressions in the order of the wire."""
+
+    targets: list[str] = field(default_factory=list)
+    """What `decode` unpacks to."""
+    values: list[str] = field(default_factory=list)
+    """What `encode` packs."""
+    created: list[tuple[str, str]] = field(default_factory=list)
+    """Local and class of the nested messages that `decode` makes."""
+    assigned: list[tuple[str, str]] = field(default_factory=list)
+    """Attribute and value of what `decode` puts together afterwards."""
+    unpacked: list[tuple[str, str]] = field(default_factory=list)
+    """Locals and attribute of what `encode` takes apart before."""
+    lengths: list[tuple[str, int]] = field(default_factory=list)
+    """Attributes of bytes, and how many there must be: `struct` would pad or cut them."""
+    bools: list[str] = field(default_factory=list)
+    """What must be a bool: `struct` would take any object for one."""
+    _locals: set[str] = field(default_factory=lambda: set(_CODEC_LOCALS))
+
+    @classmethod
+    def of(cls, catalog: Catalog, message: Message) -> Codec:
+        codec = cls()
+        codec._message(catalog, message, "message", "self", "")
+        return codec
+
+    def _message(self, catalog: Catalog, message: Message, decoded: str, encoded: str, stem: str) -> None:
+        for inner in message.fields:
+            here, there = f"{decoded}.{inner.name}", f"{encoded}.{inner.name}"
+            if inner.type.is_primitive:
+                self._primitive(inner.type, here, there, stem + inner.name)
+            else:
+                self._nested(catalog, catalog.nested(message, inner.type), inner.type, (here, there), stem + inner.name)
+
+    def _primitive(self, type_: FieldType, here: str, there: str, stem: str) -> None:
+        if type_.array is ArrayKind.SCALAR:
+            self.targets.append(here)
+            self.values.append(there)
+            self.bools += [there] if type_.name == "bool" else []
+        elif is_bytes(type_):
+            self.targets.append(here)
+            self.values.append(there)
+            self.lengths.append((there, type_.length))
+        elif is_large(type_):
+            code = _CODES[type_.name]
+            self.targets.append(here)
+            self.assigned.append((here, f"_cdr.from_raw({literal(code)}, {here})"))
+            self.values.append(f"_cdr.to_raw({literal(code)}, {type_.length}, {there})")
+        else:
+            names = self._names(stem, type_.length)
+            self.targets += names
+            self.assigned.append((here, _tuple(names)))
+            self.unpacked.append((_tuple(names), there))
+            self.values += names
+            self.bools += names if type_.name == "bool" else []
+
+    def _nested(
+        self, catalog: Catalog, message: Message, type_: FieldType, attributes: tuple[str, str], stem: str
+    ) -> None:
+        here, there = attributes
+        is_array = type_.array is ArrayKind.FIXED
+        names = self._names(stem, type_.length) if is_array else [self._name(stem)]
+        self.unpacked.append((_tuple(names) if is_array else names[0], there))
+        self.created += [(name, message.name) for name in names]
+        for name in names:
+            self._message(catalog, message, name, name, f"{name}_")
+        self.assigned.append((here, _tuple(names) if is_array else names[0]))
+
+    def _names(self, stem: str, count: int) -> list[str]:
+        return [self._name(f"{stem}_{index}") for index in range(count)]
+
+    def _name(self, name: str) -> str:
+        while name in self._locals:
+            name += "_"
+        self._locals.add(name)
+        return name
+
+
+def _tuple(names: list[str]) -> str:
+    return f"({', '.join(names)}{',' if len(names) == 1 else ''})"
+
+

@@ -1,0 +1,13 @@
+"""Values as Python source."""
+
+from __future__ import annotations
+
+
+def literal(value: object) -> str:
+    """Return `value` as a Python literal, strings in double quotes."""
+    if isinstance(value, float) and value in (float("inf"), float("-inf")):
+        return f'float("{value}")'
+    if isinstance(value, str):
+        quoted = repr("'" + value)
+        return '"' + quoted[2:] if quoted.startswith('"') else '"' + quoted[3:-1].replace("\\'", "'").replace('"', '\\"') + '"'
+    return repr(value)

@@ -1,0 +1,139 @@
+"""What the firmware and ROS 2 call a message: hashes, ids and names (FACTS 2 and 4)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Any
+
+from msggen.model import (
+    ArrayKind,
+    BridgeEntry,
+    Catalog,
+    Conventions,
+    Direction,
+    FieldType,
+    Message,
+)
+
+_FNV_OFFSET, _FNV_PRIME = 0x811C9DC5, 0x01000193
+
+_TYPE_IDS = {
+    "int8": 2,
+    "uint8": 3,
+    "int16": 4,
+    "uint16": 5,
+    "int32": 6,
+    "uint32": 7,
+    "int64": 8,
+    "uint64": 9,
+    "float32": 10,
+    "float64": 11,
+    "char": 3,
+    "bool": 15,
+    "byte": 16,
+    "string": 17,
+    "wstring": 18,
+}
+"""type_description_interfaces/msg/FieldType; `char` hashes as `uint8`, a nested message is 1."""
+
+_ARRAY_OFFSETS = {ArrayKind.SCALAR: 0, ArrayKind.FIXED: 48, ArrayKind.BOUNDED: 96, ArrayKind.UNBOUNDED: 144}
+_BOUNDED_STRING_OFFSET = 4
+
+
+def message_hash(catalog: Catalog, message: Message) -> int:
+    """Return the hash that the firmware's compatibility check compares: FNV-1a, 32 bit, of the field list."""
+    value = _FNV_OFFSET
+    for byte in "".join(_field_lines(catalog, message)).encode():
+        value = (value ^ byte) * _FNV_PRIME & 0xFFFFFFFF
+    return value
+
+
+def _field_lines(catalog: Catalog, message: Message) -> Iterator[str]:
+    for field in message.fields:
+        yield f"{str(field.type).rpartition('/')[2]} {field.name}\n"
+        if not field.type.is_primitive:
+            yield from _field_lines(catalog, catalog.nested(message, field.type))
+
+
+def type_hash(catalog: Catalog, message: Message) -> str:
+    """Return ROS 2's type hash, RIHS01 (REP 2016)."""
+    described = {
+        "type_description": _description(catalog, message),
+        "referenced_type_descriptions": [_description(catalog, inner) for inner in catalog.nested_all(message)],
+    }
+    return "RIHS01_" + sha256(json.dumps(described).encode()).hexdigest()
+
+
+def _description(catalog: Catalog, message: Message) -> dict[str, Any]:
+    fields = [{"name": field.name, "type": _type(catalog, message, field.type)} for field in message.fields]
+    if not fields:
+        fields = [{"name": "structure_needs_at_least_one_member", "type": _type(catalog, message, FieldType("uint8"))}]
+    return {"type_name": message.ros_type, "fields": fields}
+
+
+def _type(catalog: Catalog, outer: Message, type_: FieldType) -> dict[str, Any]:
+    type_id = _TYPE_IDS[type_.name] if type_.is_primitive else 1
+    return {
+        "type_id": type_id
+        + (_BOUNDED_STRING_OFFSET if type_.string_bound is not None else 0)
+        + _ARRAY_OFFSETS[type_.array],
+        "capacity": type_.length,
+        "string_capacity": type_.string_bound or 0,
+        "nested_type_name": "" if type_.is_primitive else catalog.nested(outer, type_).ros_type,
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class UorbTopic:
+    """A topic as uORB knows it."""
+
+    name: str
+    orb_id: int
+    message: Message
+
+
+def uorb_topics(catalog: Catalog) -> tuple[UorbTopic, ...]:
+    """Return all topics in the order of their ids: that of their sorted names, over the whole set."""
+    owners = {topic: message for message in catalog.messages.values() for topic in message.topic_names}
+    return tuple(UorbTopic(name, index, owners[name]) for index, name in enumerate(sorted(owners)))
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A topic that crosses the bridge, as DDS and ROS 2 know it. `object_id` is the XRCE client's."""
+
+    entry: BridgeEntry
+    message: Message
+    ros_name: str
+    object_id: int
+
+    @property
+    def dds_name(self) -> str:
+        return f"rt{self.ros_name}"
+
+
+def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
+    """Return the endpoints of the bridge in the YAML's order: publications, subscriptions, subscriptions_multi."""
+    by_name = {message.name: message for message in catalog.messages.values()}
+    orb_ids = {topic.name: topic.orb_id for topic in uorb_topics(catalog)}
+    found = []
+    subscriptions = 0
+    for entry in catalog.bridge:
+        message = by_name[entry.message_name]
+        if entry.direction is Direction.OUT:
+            object_id = orb_ids[entry.uorb_topic] + (entry.instance or 0) * len(orb_ids)
+        else:
+            object_id = catalog.conventions.first_subscription_id + subscriptions
+            subscriptions += 1
+        found.append(Endpoint(entry, message, _ros_name(entry, message, catalog.conventions), object_id))
+    return tuple(found)
+
+
+def _ros_name(entry: BridgeEntry, message: Message, conventions: Conventions) -> str:
+    name = entry.topic if conventions.full_topic_path else f"/fmu/{entry.direction.value}/{entry.uorb_topic}"
+    instance = "" if entry.instance is None else str(entry.instance)
+    version = f"_v{message.message_version}" if conventions.version_suffix and message.message_version else ""
+    return f"{name}{instance}{version}"

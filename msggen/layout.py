@@ -1,0 +1,184 @@
+"""Where each value lies in a CDR sample (FACTS 3; OMG DDS-XTypes 1.3, section 7.4).
+
+Everything has a fixed size, so every offset is known here. Offsets count from the first byte after the
+four bytes of the encapsulation header, as alignment does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+
+from msggen.diagnostics import Diagnostic, InputError
+from msggen.model import SIZES, ArrayKind, Catalog, FieldType, Message
+
+Path = tuple[tuple[str, "int | None"], ...]
+"""How to reach a value: (field name, index in an array of messages or None), from the outside in."""
+
+
+class Encoding(Enum):
+    """The two plain encodings; they differ in the largest alignment, and in how an array of messages begins."""
+
+    XCDR1 = 8
+    XCDR2 = 4
+
+    @property
+    def largest_alignment(self) -> int:
+        return self.value
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """A primitive or an array of primitives: `count` values of `size` bytes from `offset`, after `padding` bytes."""
+
+    path: Path
+    type: FieldType
+    count: int
+    size: int
+    offset: int
+    padding: int
+
+
+@dataclass(frozen=True, slots=True)
+class DelimiterHeader:
+    """XCDR2's four bytes before an array of messages; they hold the `size` in bytes of what follows."""
+
+    offset: int
+    size: int
+    padding: int
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The bytes of one message, all nested messages unfolded."""
+
+    size: int
+    items: tuple[Leaf | DelimiterHeader, ...]
+
+    @property
+    def leaves(self) -> tuple[Leaf, ...]:
+        return tuple(item for item in self.items if isinstance(item, Leaf))
+
+    @property
+    def delimiter_headers(self) -> tuple[DelimiterHeader, ...]:
+        return tuple(item for item in self.items if isinstance(item, DelimiterHeader))
+
+    def offset_of(self, field_name: str) -> int:
+        """Return where the field's first byte lies."""
+        return next(leaf.offset for leaf in self.leaves if leaf.path[0][0] == field_name)
+
+
+def check_fixed_size(messages: Iterable[Message]) -> None:
+    """Raise InputError, with every field at fault, unless all `messages` have a fixed size."""
+    faults = []
+    for message in messages:
+        if not message.fields:
+            faults.append(Diagnostic(message.location, "M306", f"not yet: '{message.name}' has no fields"))
+        for field in message.fields:
+            if not field.type.is_fixed_size:
+                text = f"not yet: '{field.type} {field.name}' has no fixed size, there is no codec for it so far"
+                faults.append(Diagnostic(field.location, "M306", text))
+    if faults:
+        raise InputError(faults)
+
+
+def lay_out(catalog: Catalog, message: Message, encoding: Encoding = Encoding.XCDR1) -> Layout:
+    """Return the layout of `message`, all of whose fields have a fixed size."""
+    writer = _Writer(catalog, encoding)
+    writer.message(message, ())
+    return Layout(writer.offset, tuple(writer.items))
+
+
+def struct_size(catalog: Catalog, message: Message) -> int:
+    """Return the bytes of the firmware's C++ struct without padding at its end (FACTS 2).
+
+    Fields stand sorted by size, so only nested messages, at the end and aligned to 8, bring padding.
+    """
+    offset = sum(_field_size(field.type) for field in message.fields if field.type.is_primitive)
+    for field in message.fields:
+        if not field.type.is_primitive:
+            inner = -(-struct_size(catalog, catalog.nested(message, field.type)) // 8) * 8
+            offset = -(-offset // 8) * 8 + inner * max(field.type.length, 1)
+    return offset
+
+
+def padding_before(offset: int, alignment: int) -> int:
+    """Return how many bytes are missing from `offset` to the next multiple of `alignment`."""
+    return -offset % alignment
+
+
+class _Writer:
+    """Walks a message field by field, as a serializer would."""
+
+    def __init__(self, catalog: Catalog, encoding: Encoding) -> None:
+        self.catalog = catalog
+        self.encoding = encoding
+        self.offset = 0
+        self.items: list[Leaf | DelimiterHeader] = []
+
+    def message(self, message: Message, path: Path) -> None:
+        for field in message.fields:
+            if field.type.is_primitive:
+                self._leaf(field.type, (*path, (field.name, None)))
+            elif field.type.array is ArrayKind.SCALAR:
+                self.message(self.catalog.nested(message, field.type), (*path, (field.name, None)))
+            else:
+                self._array(message, field.type, field.name, path)
+
+    def _leaf(self, type_: FieldType, path: Path) -> None:
+        size = SIZES[type_.name]
+        count = max(type_.length, 1)
+        padding = self._pad(size)
+        self.items.append(Leaf(path, type_, count, size, self.offset, padding))
+        self.offset += size * count
+
+    def _array(self, outer: Message, type_: FieldType, name: str, path: Path) -> None:
+        inner = self.catalog.nested(outer, type_)
+        header = len(self.items)
+        if self.encoding is Encoding.XCDR2:
+            padding = self._pad(4)
+            self.items.append(DelimiterHeader(self.offset, 0, padding))
+            self.offset += 4
+        start = self.offset
+        for index in range(type_.length):
+            self.message(inner, (*path, (name, index)))
+        if self.encoding is Encoding.XCDR2:
+            self.items[header] = DelimiterHeader(start - 4, self.offset - start, self.items[header].padding)
+
+    def _pad(self, alignment: int) -> int:
+        padding = padding_before(self.offset, min(alignment, self.encoding.largest_alignment))
+        self.offset += padding
+        return padding
+
+
+def struct_format(items: Iterable[tuple[int, int, str]]) -> str:
+    """Return the `struct` format, without byte order, of items of (padding before, count, code).
+
+    Neighbours with the same code are joined: `3f` and `f` to `4f`.
+    """
+    return "".join(_join(_runs(items)))
+
+
+def _runs(items: Iterable[tuple[int, int, str]]) -> Iterator[tuple[int, str]]:
+    for padding, count, code in items:
+        if padding:
+            yield padding, "x"
+        yield count, code
+
+
+def _join(runs: Iterable[tuple[int, str]]) -> Iterator[str]:
+    total, previous = 0, ""
+    for count, code in runs:
+        if code == previous and code != "s":
+            total += count
+            continue
+        if total:
+            yield f"{total}{previous}" if total > 1 or previous == "s" else previous
+        total, previous = count, code
+    if total:
+        yield f"{total}{previous}" if total > 1 or previous == "s" else previous
+
+
+def _field_size(type_: FieldType) -> int:
+    return SIZES[type_.name] * max(type_.length, 1)

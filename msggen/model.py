@@ -1,0 +1,295 @@
+"""What a message, a field, a constant, a topic, a service and a catalog are.
+
+Plain frozen values: no text is read here and no byte is laid out. Every node carries the place it was
+read from, so that whoever finds fault with it later can say where.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Union
+
+Value = Union[bool, int, float, str, tuple["Value", ...]]
+"""What a constant or a default may hold; tuples only as defaults of arrays."""
+
+INTEGER_RANGES: Mapping[str, tuple[int, int]] = {
+    "byte": (0, 2**8 - 1),
+    "char": (0, 2**8 - 1),
+    "int8": (-(2**7), 2**7 - 1),
+    "uint8": (0, 2**8 - 1),
+    "int16": (-(2**15), 2**15 - 1),
+    "uint16": (0, 2**16 - 1),
+    "int32": (-(2**31), 2**31 - 1),
+    "uint32": (0, 2**32 - 1),
+    "int64": (-(2**63), 2**63 - 1),
+    "uint64": (0, 2**64 - 1),
+}
+"""Smallest and largest value of each integer type. `char` counts as `uint8` (FACTS 2 and 3)."""
+
+FLOATS = ("float32", "float64")
+STRINGS = ("string", "wstring")
+PRIMITIVES = ("bool", *INTEGER_RANGES, *FLOATS, *STRINGS)
+"""The types that ROS 2's `.msg` grammar has built in."""
+
+SIZES: Mapping[str, int] = {
+    **{name: (high - low + 1).bit_length() // 8 for name, (low, high) in INTEGER_RANGES.items()},
+    "bool": 1,
+    "float32": 4,
+    "float64": 8,
+}
+"""Bytes of each primitive that has a fixed size (FACTS 3)."""
+
+DEFAULT_PACKAGE = "px4_msgs"
+"""The ROS 2 package that the firmware's definitions belong to."""
+
+
+def snake_case(name: str) -> str:
+    """Return `name` as uORB spells topics: an underscore before every later capital (FACTS 1)."""
+    return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Location:
+    """A place in a file; lines and columns count from 1."""
+
+    path: str
+    line: int = 1
+    column: int = 1
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.line}:{self.column}"
+
+
+class ArrayKind(Enum):
+    """How many values a field holds."""
+
+    SCALAR = "one value"
+    FIXED = "exactly `length` values"
+    BOUNDED = "up to `length` values"
+    UNBOUNDED = "any number of values"
+
+
+@dataclass(frozen=True, slots=True)
+class FieldType:
+    """The type of a field: `name` is a primitive, or a message of `package` (None: the field's own)."""
+
+    name: str
+    package: str | None = None
+    array: ArrayKind = ArrayKind.SCALAR
+    length: int = 0
+    string_bound: int | None = None
+
+    @property
+    def is_primitive(self) -> bool:
+        return self.package is None and self.name in PRIMITIVES
+
+    @property
+    def is_fixed_size(self) -> bool:
+        """Whether the field itself has a static size; a nested message may still have none."""
+        return self.name not in STRINGS and self.array in (ArrayKind.SCALAR, ArrayKind.FIXED)
+
+    @property
+    def base(self) -> str:
+        """The type of one value, as a definition spells it."""
+        bound = "" if self.string_bound is None else f"<={self.string_bound}"
+        return f"{self.package}/{self.name}" if self.package else f"{self.name}{bound}"
+
+    def __str__(self) -> str:
+        suffix = {
+            ArrayKind.SCALAR: "",
+            ArrayKind.FIXED: f"[{self.length}]",
+            ArrayKind.BOUNDED: f"[<={self.length}]",
+            ArrayKind.UNBOUNDED: "[]",
+        }
+        return self.base + suffix[self.array]
+
+
+@dataclass(frozen=True, slots=True)
+class Comment:
+    """What a definition says about a node: its sentences, and the tags that PX4 writes in brackets.
+
+    `text` has the sentences, tags taken out; the tags hold their bracket's content, or "" when absent.
+    """
+
+    text: str = ""
+    unit: str = ""
+    range: str = ""
+    enum: str = ""
+    invalid: str = ""
+    frame: str = ""
+
+    def __str__(self) -> str:
+        named = (("range", self.range), ("enum", self.enum), ("invalid", self.invalid), ("frame", self.frame))
+        tags = [f"[{self.unit}]"] if self.unit else []
+        tags += [f"[@{name} {value}]" for name, value in named if value]
+        return " ".join([*tags, self.text]).strip()
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field; `location` is where its type starts, `name_column` where its name does."""
+
+    name: str
+    type: FieldType
+    location: Location
+    name_column: int
+    default: Value | None = None
+    comment: Comment = Comment()
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """One constant; `location` is where its type starts, `name_column` where its name does."""
+
+    name: str
+    type: FieldType
+    value: Value
+    location: Location
+    name_column: int
+    comment: Comment = Comment()
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A uORB topic that a message declares."""
+
+    name: str
+    location: Location
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A `.msg` file, or one half of a `.srv` file (`folder` is then "srv")."""
+
+    name: str
+    package: str
+    location: Location
+    folder: str = "msg"
+    fields: tuple[Field, ...] = ()
+    constants: tuple[Constant, ...] = ()
+    topics: tuple[Topic, ...] = ()
+    comment: str = ""
+
+    @property
+    def key(self) -> str:
+        """The name that other definitions nest it by, and catalogs find it by."""
+        return f"{self.package}/{self.name}"
+
+    @property
+    def ros_type(self) -> str:
+        return f"{self.package}/{self.folder}/{self.name}"
+
+    @property
+    def dds_type(self) -> str:
+        return f"{self.package}::{self.folder}::dds_::{self.name}_"
+
+    @property
+    def topic_names(self) -> tuple[str, ...]:
+        """The uORB topics of this message: what it declares, or else its own name (FACTS 1)."""
+        return tuple(topic.name for topic in self.topics) or (snake_case(self.name),)
+
+    @property
+    def message_version(self) -> int:
+        """MESSAGE_VERSION, or 0: what the firmware assumes without it."""
+        return self._special("MESSAGE_VERSION", 0)
+
+    @property
+    def queue_length(self) -> int:
+        """ORB_QUEUE_LENGTH, or 1: how many samples uORB keeps."""
+        return self._special("ORB_QUEUE_LENGTH", 1)
+
+    def _special(self, name: str, default: int) -> int:
+        values = [constant.value for constant in self.constants if constant.name == name]
+        return values[0] if values and isinstance(values[0], int) else default
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """A `.srv` file: two messages, `<Name>_Request` and `<Name>_Response`."""
+
+    name: str
+    package: str
+    location: Location
+    request: Message
+    response: Message
+    comment: str = ""
+
+
+class Direction(Enum):
+    """Seen from the vehicle, as the topic names are: `/fmu/out` is what PX4 publishes."""
+
+    OUT = "out"
+    IN = "in"
+
+
+@dataclass(frozen=True, slots=True)
+class BridgeEntry:
+    """One entry of `dds_topics.yaml`.
+
+    `rate_limit_hz` is None where the entry has none (the firmware then polls at 100 Hz) and 0.0 for no
+    limit. `instance` is None where the entry has none.
+    """
+
+    direction: Direction
+    topic: str
+    type_name: str
+    location: Location
+    type_location: Location
+    multi: bool = False
+    rate_limit_hz: float | None = None
+    instance: int | None = None
+
+    @property
+    def uorb_topic(self) -> str:
+        """The uORB topic behind it: the last component of the name."""
+        return self.topic.rsplit("/", 1)[-1]
+
+    @property
+    def package(self) -> str:
+        return self.type_name.split("::")[0]
+
+    @property
+    def message_name(self) -> str:
+        return self.type_name.split("::")[-1]
+
+
+@dataclass(frozen=True, slots=True)
+class Conventions:
+    """How a release of the firmware names and numbers what crosses the bridge (FACTS 4)."""
+
+    release: str
+    first_subscription_id: int
+    full_topic_path: bool
+    version_suffix: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Catalog:
+    """A whole set of definitions that fit together: every nested type is found, every name unique."""
+
+    messages: Mapping[str, Message]
+    services: tuple[Service, ...]
+    bridge: tuple[BridgeEntry, ...]
+    conventions: Conventions
+    _nested: dict[str, tuple[Message, ...]] = field(default_factory=dict, repr=False, compare=False)
+
+    def nested(self, outer: Message, type_: FieldType) -> Message:
+        """Return the message that a nested field of `outer` holds."""
+        return self.messages[f"{type_.package or outer.package}/{type_.name}"]
+
+    def nested_all(self, outer: Message) -> tuple[Message, ...]:
+        """Return every message nested in `outer`, at any depth, once each and sorted by ROS type."""
+        if outer.ros_type not in self._nested:
+            found = {inner.ros_type: inner for inner in self._walk(outer)}
+            self._nested[outer.ros_type] = tuple(found[name] for name in sorted(found))
+        return self._nested[outer.ros_type]
+
+    def _walk(self, outer: Message) -> Iterator[Message]:
+        for inner_field in outer.fields:
+            if not inner_field.type.is_primitive:
+                inner = self.nested(outer, inner_field.type)
+                yield inner
+                yield from self.nested_all(inner)

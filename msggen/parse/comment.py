@@ -1,0 +1,37 @@
+"""Comments: sentences, and the tags that PX4 writes in brackets (FACTS 1).
+
+`# [m/s] [@range 0, 100] [@enum STATE] [@invalid NaN] [@frame NED] What the field means.`
+"""
+
+from __future__ import annotations
+
+import re
+
+from msggen.model import Comment
+
+_TAG = re.compile(r"\s*\[@(range|enum|invalid|frame)\b\s*([^\]]*)\]")
+_UNIT = re.compile(r"\s*\[([^@\]\[]{1,24})\]")
+
+
+def parse_comment(lines: tuple[str, ...]) -> Comment:
+    """Return what the comment `lines` of one node say, the `#` already taken off.
+
+    A unit counts where it leads a line, as PX4 writes it; `@` tags count anywhere. What is not a tag stays text.
+    """
+    if not lines:
+        return Comment()
+    if not any("[" in line for line in lines):
+        return Comment("\n".join(lines).strip())
+    tags = {"unit": ""}
+    text = [_take_tags(line, tags) for line in lines]
+    return Comment("\n".join(text).strip(), **tags)
+
+
+def _take_tags(line: str, tags: dict[str, str]) -> str:
+    unit = _UNIT.match(line)
+    if unit and not tags["unit"]:
+        tags["unit"] = unit[1].strip()
+        line = line[unit.end() :]
+    for tag in _TAG.finditer(line):
+        tags.setdefault(tag[1], tag[2].strip())
+    return _TAG.sub("", line).strip()

@@ -1,0 +1,297 @@
+"""`.msg` and `.srv` files: the whole ROS 2 grammar, and PX4's additions (FACTS 1).
+
+https://docs.ros.org/en/kilted/Concepts/Basic/About-Interfaces.html has the grammar. One pass, line by line;
+a fault is noted and the next line read, so that all faults of a file are told at once.
+"""
+
+from __future__ import annotations
+
+import keyword
+import re
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+from msggen.diagnostics import Diagnostic, suggestion
+from msggen.model import (
+    INTEGER_RANGES,
+    PRIMITIVES,
+    ArrayKind,
+    Constant,
+    Field,
+    FieldType,
+    Location,
+    Message,
+    Service,
+    Topic,
+    snake_case,
+)
+from msggen.parse.comment import parse_comment
+from msggen.parse.value import parse_value
+
+MAX_LENGTH = 2**16 - 1
+"""Longest fixed array: uORB carries no message of more bytes than this."""
+
+MAX_BOUND = 2**31 - 1
+"""Highest bound of a sequence or string: CDR counts elements in 32 bits."""
+
+RESERVED_NAMES = frozenset(
+    {"self", "cls", "encode", "decode", "encode_batch", "decode_batch", "dtype", "from_row", "upgrade", "downgrade"}
+)
+"""Names of fields that the generated classes need for themselves."""
+
+_ELEMENT = re.compile(r"\s*(?P<type>\S+)(?:\s+(?P<name>[^\s=]+)\s*(?P<equals>=?)\s*(?P<value>.*?)\s*)?")
+_TYPE = re.compile(
+    r"(?:(?P<package>[^\s/\[\]<=]+)/)?(?P<name>[^\s/\[\]<=]+)"
+    r"(?:<=(?P<bound>\w+))?"
+    r"(?P<array>\[(?P<atmost><=)?(?P<length>[^\[\]<=]*)\])?"
+)
+_MESSAGE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
+_PACKAGE_NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
+_FIELD_NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
+_CONSTANT_NAME = re.compile(r"(?!.*__)(?!.*_$)[A-Z][A-Z0-9_]*")
+_TOPIC_NAME = re.compile(r"(?!.*__)[a-z][a-z0-9_]*")
+_RESERVED_TOPICS = frozenset({*keyword.kwlist, "mro", "name", "value"})
+_LEGACY_TYPES = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
+_LOOKS_LIKE_TOPICS = re.compile(r"\s*#\s*TOPICS\b")
+
+
+def parse_message(text: str, path: str, name: str, package: str) -> tuple[Message, list[Diagnostic]]:
+    """Read the `text` of `path` as the message `name` of `package`; return it with all that is wrong with it.
+
+    A message with faults has only what could be read of it.
+    """
+    body = _Body(path, name)
+    _check_name(body, name)
+    body.read(text.split("\n"), 1)
+    if not (body.fields or body.constants or body.faults):
+        body.fault("M103", 1, 1, f"message '{name}' is empty: expected at least one field")
+    return body.message(package, "msg"), body.faults
+
+
+def parse_service(text: str, path: str, name: str, package: str) -> tuple[Service, list[Diagnostic]]:
+    """Read the `text` of `path` as the service `name` of `package`; return it with all that is wrong with it."""
+    lines = text.split("\n")
+    marks = [number for number, line in enumerate(lines, 1) if line.split("#")[0].strip() == "---"]
+    request, response = _Body(path, f"{name}_Request"), _Body(path, f"{name}_Response")
+    _check_name(request, name)
+    if len(marks) != 1:
+        line = marks[1] if marks else len(lines)
+        request.fault("M105", line, 1, f"expected one line '---' between request and response, found {len(marks)}")
+    mark = marks[0] if marks else len(lines) + 1
+    request.read(lines[: mark - 1], 1)
+    response.read([line for line in lines[mark:] if line.strip() != "---"], mark + 1)
+    halves = request.message(package, "srv"), response.message(package, "srv")
+    service = Service(name, package, Location(path), *halves, comment=halves[0].comment)
+    return service, request.faults + response.faults
+
+
+def _check_name(body: _Body, name: str) -> None:
+    if not _MESSAGE_NAME.fullmatch(name):
+        near = "".join(part[:1].upper() + part[1:] for part in re.split(r"[^A-Za-z0-9]+", name))
+        hint = f", for example '{near}'" if _MESSAGE_NAME.fullmatch(near) else ""
+        body.fault(
+            "M201", 1, 1, f"file name {name!r}: expected a capital, then letters and digits (CamelCase){hint}"
+        )
+    elif keyword.iskeyword(name) or name in {"DecodeError", "EncodeError"}:
+        body.fault("M202", 1, 1, f"message name '{name}' is reserved in the generated package")
+
+
+@dataclass
+class _Element:
+    """A line with code on it, and every comment that belongs to it."""
+
+    line: int
+    code: str
+    comment: list[str]
+
+
+@dataclass
+class _Body:
+    """A list of fields and constants as it is being read."""
+
+    path: str
+    name: str
+    fields: list[Field] = field(default_factory=list)
+    constants: list[Constant] = field(default_factory=list)
+    topics: list[Topic] = field(default_factory=list)
+    faults: list[Diagnostic] = field(default_factory=list)
+    comment: str = ""
+    _seen: dict[str, tuple[str, int]] = field(default_factory=dict)
+
+    def message(self, package: str, folder: str) -> Message:
+        where = Location(self.path)
+        fields, constants, topics = tuple(self.fields), tuple(self.constants), tuple(self.topics)
+        return Message(self.name, package, where, folder, fields, constants, topics, self.comment)
+
+    def fault(self, code: str, line: int, column: int, message: str) -> None:
+        self.faults.append(Diagnostic(Location(self.path, line, column), code, message))
+
+    def read(self, lines: list[str], first_line: int) -> None:
+        for element in self._elements(lines, first_line):
+            self._read_element(element)
+
+    def _elements(self, lines: list[str], first_line: int) -> list[_Element]:
+        """Group lines into elements with their comments, as rosidl does: a block at the top of the file is the
+        message's own; a block right above a node is the node's, and so is what trails it on its line or goes on
+        on indented lines below."""
+        elements: list[_Element] = []
+        above: list[str] = []
+        for number, line in enumerate(lines, first_line):
+            code, remark = _split_comment(line)
+            if remark is not None and _LOOKS_LIKE_TOPICS.match(line):
+                self._read_topics(line.rstrip(), number)
+            elif code.strip():
+                trailing = [] if remark is None else [remark]
+                if not elements and not self.comment:
+                    self.comment, above = _text(above), []
+                elements.append(_Element(number, code, trailing + above))
+                above = []
+            elif remark is None:
+                if not elements and not self.comment:
+                    self.comment = _text(above)
+                above = []
+            elif code and elements and not above:
+                elements[-1].comment.append(remark)
+            else:
+                above.append(remark)
+        if not elements and not self.comment:
+            self.comment = _text(above)
+        return elements
+
+    def _read_topics(self, line: str, number: int) -> None:
+        if not line.startswith("# TOPICS "):
+            self.fault("M402", number, 1, "the firmware ignores this line: expected '# TOPICS ' and names, from column 1")
+            return
+        column = len("# TOPICS ") + 1
+        for name in line[column - 1 :].split(" "):
+            if not name:
+                self.fault("M402", number, column, "doubled space: the firmware would read a topic without a name here")
+            elif not _TOPIC_NAME.fullmatch(snake_case(name)) or snake_case(name) in _RESERVED_TOPICS:
+                self.fault("M402", number, column, f"{name!r} is no topic name: expected letters, digits and underscores")
+            else:
+                self.topics.append(Topic(snake_case(name), Location(self.path, number, column)))
+            column += len(name) + 1
+
+    def _read_element(self, element: _Element) -> None:
+        match = _ELEMENT.fullmatch(element.code)
+        if match is None or not match["name"]:
+            column = len(element.code) - len(element.code.lstrip()) + 1
+            text = element.code.strip()
+            self.fault("M101", element.line, column, f"expected 'TYPE NAME' or 'TYPE NAME = VALUE', found {text!r}")
+            return
+        type_column, name_column = match.start("type") + 1, match.start("name") + 1
+        location = Location(self.path, element.line, type_column)
+        is_constant = bool(match["equals"])
+        self._check_field_name(match["name"], is_constant, element.line, name_column)
+        try:
+            type_ = parse_type(match["type"])
+        except TypeFault as wrong:
+            self.fault(wrong.code, element.line, type_column, wrong.message)
+            return
+        value = None
+        if is_constant or match["value"]:
+            try:
+                value = parse_value(type_, match["value"], is_constant)
+            except ValueError as wrong:
+                value_column = match.start("value") + 1
+                self.fault("M305", element.line, value_column, f"'{match['name']}': {wrong}")
+                return
+        comment = parse_comment(tuple(element.comment))
+        if is_constant and value is not None:
+            self._check_special(match["name"], type_, value, location)
+            self.constants.append(Constant(match["name"], type_, value, location, name_column, comment))
+        else:
+            self.fields.append(Field(match["name"], type_, location, name_column, value, comment))
+
+    def _check_field_name(self, name: str, is_constant: bool, line: int, column: int) -> None:
+        kind = "constant" if is_constant else "field"
+        pattern, wanted = (_CONSTANT_NAME, "UPPER_CASE") if is_constant else (_FIELD_NAME, "lower_case")
+        if not pattern.fullmatch(name):
+            near = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+            near = near.upper() if is_constant else near
+            hint = f", for example '{near}'" if pattern.fullmatch(near) else ""
+            self.fault("M201", line, column, f"{kind} name {name!r}: expected {wanted} with single underscores{hint}")
+        elif keyword.iskeyword(name) or name in RESERVED_NAMES:
+            owner = "a Python keyword" if keyword.iskeyword(name) else "taken by the generated class"
+            self.fault("M202", line, column, f"{kind} name '{name}' is {owner}, for example '{name}_value' is free")
+        before = self._seen.setdefault(name.lower(), (name, line))
+        if before[1] != line:
+            differ = "" if before[0] == name else f" but for case ('{before[0]}')"
+            self.fault("M203", line, column, f"'{name}' is already defined on line {before[1]}{differ}")
+
+    def _check_special(self, name: str, type_: FieldType, value: object, location: Location) -> None:
+        """The firmware gives two constants a meaning of their own."""
+        low = {"MESSAGE_VERSION": 0, "ORB_QUEUE_LENGTH": 1}.get(name)
+        if low is not None and (type_.name not in INTEGER_RANGES or not isinstance(value, int) or value < low):
+            found = f"found '{type_} {name} = {value}'"
+            text = f"{name} must be an integer of at least {low}, {found}"
+            self.faults.append(Diagnostic(location, "M404", text))
+
+
+def _split_comment(line: str) -> tuple[str, str | None]:
+    """Cut `line` at the first `#` that is not inside quotes."""
+    code, mark, remark = line.partition("#")
+    if not mark:
+        return line, None
+    if '"' in code or "'" in code:
+        quote = ""
+        for index, character in enumerate(line):
+            if quote:
+                quote = "" if character == quote and line[index - 1] != "\\" else quote
+            elif character == "#":
+                return line[:index], line[index + 1 :].lstrip("#").strip()
+            elif character in "\"'":
+                quote = character
+        if quote == "":
+            return line, None
+    return code, remark.lstrip("#").strip()
+
+
+def _text(comment: list[str]) -> str:
+    return "\n".join(comment).strip()
+
+
+class TypeFault(Exception):
+    """A type that cannot be read."""
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code, self.message = code, message
+
+
+@lru_cache(maxsize=4096)
+def parse_type(text: str) -> FieldType:
+    """Return the type that `text` spells, as `float32[3]`, `string<=10`, `EscReport[8]` or `std_msgs/Header`.
+
+    Raises TypeFault.
+    """
+    match = _TYPE.fullmatch(text)
+    if match is None:
+        hint = suggestion(text, PRIMITIVES) or ": expected as 'float32', 'float32[3]' or 'package/Name'"
+        raise TypeFault("M301", f"cannot read type '{text}'{hint}")
+    package, name = match["package"], match["name"]
+    if package is None and name not in PRIMITIVES and not _MESSAGE_NAME.fullmatch(name):
+        hint = f", did you mean '{_LEGACY_TYPES[name]}'?" if name in _LEGACY_TYPES else suggestion(name, PRIMITIVES)
+        raise TypeFault("M301", f"unknown type '{name}'{hint}")
+    if package is not None and not (_PACKAGE_NAME.fullmatch(package) and _MESSAGE_NAME.fullmatch(name)):
+        raise TypeFault("M301", f"unknown type '{text}': expected 'package/Name'")
+    bound = None
+    if match["bound"] is not None:
+        if name not in ("string", "wstring"):
+            raise TypeFault("M303", f"'{text}': only strings take a bound")
+        bound = _length(match["bound"], text, MAX_BOUND)
+    if not match["array"]:
+        return FieldType(name, package, string_bound=bound)
+    if not match["length"] and not match["atmost"]:
+        return FieldType(name, package, ArrayKind.UNBOUNDED, string_bound=bound)
+    if match["atmost"]:
+        return FieldType(name, package, ArrayKind.BOUNDED, _length(match["length"], text, MAX_BOUND), bound)
+    return FieldType(name, package, ArrayKind.FIXED, _length(match["length"], text, MAX_LENGTH), bound)
+
+
+def _length(digits: str, text: str, most: int) -> int:
+    if not digits.isdecimal() or not digits.isascii():
+        raise TypeFault("M303", f"'{text}': expected a number, found {digits!r}")
+    if len(digits) > len(str(most)) or not 1 <= int(digits) <= most:
+        raise TypeFault("M303", f"'{text}': expected a length from 1 to {most}")
+    return int(digits)

@@ -1,0 +1,44 @@
+"""Bytes of a definition to text that is safe to read line by line and to repeat in generated code."""
+
+from __future__ import annotations
+
+import codecs
+import re
+
+from msggen.diagnostics import Diagnostic
+from msggen.model import Location
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def decode_text(data: bytes, path: str) -> tuple[str, list[Diagnostic]]:
+    """Return the text of `data`, and what is wrong with it: not UTF-8, a byte order mark, CRLF, control characters.
+
+    Faulty text comes back mended as far as it goes, so that the rest of it can be checked in the same run.
+    """
+    faults: list[Diagnostic] = []
+
+    def fault(code: str, position: int, message: str) -> None:
+        line_start = data.rfind(b"\n", 0, position) + 1
+        column = len(data[line_start:position].decode("utf-8", "replace")) + 1
+        location = Location(path, data.count(b"\n", 0, position) + 1, column)
+        faults.append(Diagnostic(location, code, message))
+
+    if data.startswith(codecs.BOM_UTF8):
+        fault("M102", 0, "byte order mark: expected UTF-8 without one")
+    if b"\r\n" in data:
+        fault("M106", data.index(b"\r\n"), "the line ends in CR LF: expected LF alone, as in the firmware's tree")
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        fault("M102", error.start, f"byte 0x{data[error.start]:02x} is not UTF-8")
+        text = data.decode("utf-8", "replace")
+    text = text.removeprefix("\ufeff").replace("\r\n", "\n")
+    if _CONTROL.search(text):
+        for number, line in enumerate(text.split("\n"), 1):
+            bad = _CONTROL.search(line)
+            if bad:
+                location = Location(path, number, bad.start() + 1)
+                faults.append(Diagnostic(location, "M104", f"control character {bad[0]!r}: expected plain text"))
+        text = _CONTROL.sub(" ", text)
+    return text, faults

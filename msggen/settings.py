@@ -1,0 +1,101 @@
+"""`[tool.msggen]` of the nearest pyproject.toml: the options of `build`, for those who type them every day."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from typing import Any, NamedTuple, NoReturn
+
+
+class Settings(NamedTuple):
+    """What a build is told; None or empty where it is told nothing."""
+
+    px4: str | None = None
+    msg_dir: tuple[str, ...] = ()
+    topics: str | None = None
+    release: str | None = None
+    output: str | None = None
+    package: str | None = None
+
+
+_PATHS = ("px4", "msg_dir", "topics", "output")
+
+
+def read_settings(folder: str) -> Settings:
+    """Return the settings of the nearest pyproject.toml, from `folder` upwards, that has any.
+
+    Relative paths count from its folder. Raises InputError for settings that do not exist or are of the wrong kind.
+    """
+    here = os.path.abspath(folder)
+    while True:
+        path = os.path.join(here, "pyproject.toml")
+        text = _text(path)
+        if re.search(r"^\s*\[+\s*tool\s*\.\s*[\"']?msggen\b", text, re.MULTILINE):
+            return _parse(text, os.path.relpath(path, folder))
+        parent = os.path.dirname(here)
+        if parent == here:
+            return Settings()
+        here = parent
+
+
+def _text(path: str) -> str:
+    try:
+        with open(path, encoding="utf-8", errors="replace") as stream:
+            return stream.read()
+    except OSError:
+        return ""
+
+
+def _parse(text: str, path: str) -> Settings:
+    if sys.version_info >= (3, 11):
+        import tomllib  # noqa: PLC0415 - slow to import, and most runs have no settings
+    else:
+        import tomli as tomllib  # noqa: PLC0415
+
+    try:
+        table = tomllib.loads(text)["tool"]["msggen"]
+    except tomllib.TOMLDecodeError as error:
+        place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        line, column = (int(place[1]), int(place[2])) if place else (1, 1)
+        _fail(path, "C101", f"not TOML: {error}", line, column)
+    if not isinstance(table, dict):
+        _fail(path, "C103", "'tool.msggen' must be a table", *_place(text, "msggen"))
+    values = {_field(key, text, path): value for key, value in table.items()}
+    base = os.path.dirname(path)
+    checked = {key: _value(key, value, base, text, path) for key, value in values.items()}
+    return Settings(**checked)
+
+
+def _field(key: str, text: str, path: str) -> str:
+    field = key.replace("-", "_")
+    if field in Settings._fields and key == field.replace("_", "-"):
+        return field
+    from msggen.diagnostics import suggestion  # noqa: PLC0415 - only to fail
+
+    known = [name.replace("_", "-") for name in Settings._fields]
+    _fail(path, "C102", f"unknown setting '{key}'{suggestion(key, known)}", *_place(text, key))
+
+
+def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
+    key = field.replace("_", "-")
+    if field == "msg_dir":
+        folders = [value] if isinstance(value, str) else value
+        if not isinstance(folders, list) or not all(isinstance(item, str) for item in folders):
+            _fail(path, "C103", f"'{key}': expected a list of folders, found {value!r}", *_place(text, key))
+        return tuple(os.path.join(base, os.path.expanduser(item)) for item in folders)
+    if not isinstance(value, str):
+        _fail(path, "C103", f"'{key}': expected a text, found {value!r}", *_place(text, key))
+    return os.path.join(base, os.path.expanduser(value)) if field in _PATHS else value
+
+
+def _place(text: str, key: str) -> tuple[int, int]:
+    found = re.search(rf"^\s*([\"']?{re.escape(key)}\b)", text[text.find("msggen") :], re.MULTILINE)
+    position = text.find("msggen") + found.start(1) if found else text.find("msggen")
+    return text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
+
+
+def _fail(path: str, code: str, message: str, line: int = 1, column: int = 1) -> NoReturn:
+    from msggen.diagnostics import fault  # noqa: PLC0415 - only to fail
+
+    raise fault(path, code, message, line, column)
