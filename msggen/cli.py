@@ -10,7 +10,7 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from msggen import __version__
 
@@ -53,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     build = commands.add_parser(
         "build",
         help="generate a Python package from message definitions",
-        description="Generate a Python package from message definitions. Without a source: the embedded set of PX4 v1.17.",
+        description="Generate a Python package from message definitions; without a source, from the embedded PX4 v1.17.",
         epilog="Exit codes: 0 done, 1 findings (--check, --diff), 2 usage, input or I/O error. "
         "Options may stand in [tool.msggen] of pyproject.toml.",
         allow_abbrev=False,
@@ -65,12 +65,12 @@ def _parser() -> argparse.ArgumentParser:
         "--msg-dir", metavar="DIR", action="append", help="further .msg files, as of external modules; repeatable"
     )
     source.add_argument("--topics", metavar="FILE", help="dds_topics.yaml to use instead of the tree's own")
-    source.add_argument("--release", help="conventions to follow instead of those the tree shows: v1.14 ... v1.17, main")
+    source.add_argument("--release", help="conventions to follow, not those the tree shows: v1.14 to v1.17, main")
     output = build.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="DIR", help="folder to put the package into (generated)")
     output.add_argument("--package", metavar="NAME", help="name of the Python package (px4_types)")
     output.add_argument("--check", action="store_true", help="write nothing; exit 1 when the package is stale")
-    output.add_argument("--diff", action="store_true", help="write nothing; show what would change, exit 1 if anything")
+    output.add_argument("--diff", action="store_true", help="write nothing; show the changes, exit 1 if any")
     output.add_argument("--depfile", metavar="FILE", help="write a Makefile rule with all inputs, for CMake and Ninja")
     output.add_argument("--list-outputs", action="store_true", help="write nothing; list the files of the package")
     loudness = build.add_mutually_exclusive_group()
@@ -80,9 +80,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from msggen.firmware.source import find_sources  # noqa: PLC0415 - not for --help
-    from msggen.generate.build import Build, depfile, write_if_changed  # noqa: PLC0415
-    from msggen.settings import read_settings  # noqa: PLC0415
+    from msggen.firmware.source import find_sources
+    from msggen.generate.build import Build, depfile, write_if_changed
+    from msggen.settings import read_settings
 
     started = time.perf_counter()
     settings = read_settings(".")
@@ -129,10 +129,10 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _check_package_name(name: str) -> None:
-    import keyword  # noqa: PLC0415
+    import keyword
 
     if not (name.isidentifier() and name.isascii()) or keyword.iskeyword(name):
-        from msggen.diagnostics import fault  # noqa: PLC0415 - only to fail
+        from msggen.diagnostics import fault
 
         raise fault("--package", "S103", f"'{name}' cannot be imported: expected a Python name such as 'px4_types'")
 
@@ -142,10 +142,9 @@ def _say(options: argparse.Namespace, text: str) -> None:
         print(text)
 
 
-def _print_diff(folder: str, files: object, names: Sequence[str]) -> None:
-    from difflib import unified_diff  # noqa: PLC0415 - only for --diff
+def _print_diff(folder: str, files: Mapping[str, str], names: Sequence[str]) -> None:
+    from difflib import unified_diff
 
-    assert isinstance(files, dict)
     for name in names:
         path = os.path.join(folder, name)
         try:

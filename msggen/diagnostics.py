@@ -41,6 +41,7 @@ CODES: dict[str, str] = {
     "S102": "a folder without definitions",
     "S103": "a name of a package that Python forbids",
     "S104": "an output that msggen did not write",
+    "S105": "an unknown release",
     "C101": "a pyproject.toml that cannot be read",
     "C102": "an unknown setting",
     "C103": "a setting of the wrong kind",

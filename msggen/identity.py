@@ -112,6 +112,7 @@ class Endpoint:
 
     @property
     def dds_name(self) -> str:
+        """The name of the DDS topic: ROS 2 puts `rt` before its own."""
         return f"rt{self.ros_name}"
 
 

@@ -25,6 +25,7 @@ class Encoding(Enum):
 
     @property
     def largest_alignment(self) -> int:
+        """In bytes."""
         return self.value
 
 
@@ -58,15 +59,17 @@ class Layout:
 
     @property
     def leaves(self) -> tuple[Leaf, ...]:
+        """The values, without delimiter headers."""
         return tuple(item for item in self.items if isinstance(item, Leaf))
 
     @property
     def delimiter_headers(self) -> tuple[DelimiterHeader, ...]:
+        """The delimiter headers; XCDR1 has none."""
         return tuple(item for item in self.items if isinstance(item, DelimiterHeader))
 
-    def offset_of(self, field_name: str) -> int:
-        """Return where the field's first byte lies."""
-        return next(leaf.offset for leaf in self.leaves if leaf.path[0][0] == field_name)
+    def offsets(self) -> dict[str, int]:
+        """Return where the first byte of each field lies."""
+        return {leaf.path[0][0]: leaf.offset for leaf in reversed(self.leaves)}
 
 
 def check_fixed_size(messages: Iterable[Message]) -> None:

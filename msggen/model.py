@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Union
 
-Value = Union[bool, int, float, str, tuple["Value", ...]]
+Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated, and it names itself
 """What a constant or a default may hold; tuples only as defaults of arrays."""
 
 INTEGER_RANGES: Mapping[str, tuple[int, int]] = {
@@ -84,6 +84,7 @@ class FieldType:
 
     @property
     def is_primitive(self) -> bool:
+        """Whether the grammar has the type built in; every other type is a message."""
         return self.package is None and self.name in PRIMITIVES
 
     @property
@@ -98,13 +99,11 @@ class FieldType:
         return f"{self.package}/{self.name}" if self.package else f"{self.name}{bound}"
 
     def __str__(self) -> str:
-        suffix = {
-            ArrayKind.SCALAR: "",
-            ArrayKind.FIXED: f"[{self.length}]",
-            ArrayKind.BOUNDED: f"[<={self.length}]",
-            ArrayKind.UNBOUNDED: "[]",
-        }
-        return self.base + suffix[self.array]
+        if self.array is ArrayKind.SCALAR:
+            return self.base
+        if self.array is ArrayKind.FIXED:
+            return f"{self.base}[{self.length}]"
+        return f"{self.base}[<={self.length}]" if self.array is ArrayKind.BOUNDED else f"{self.base}[]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,10 +179,12 @@ class Message:
 
     @property
     def ros_type(self) -> str:
+        """`px4_msgs/msg/VehicleStatus`."""
         return f"{self.package}/{self.folder}/{self.name}"
 
     @property
     def dds_type(self) -> str:
+        """`px4_msgs::msg::dds_::VehicleStatus_`."""
         return f"{self.package}::{self.folder}::dds_::{self.name}_"
 
     @property
@@ -249,10 +250,12 @@ class BridgeEntry:
 
     @property
     def package(self) -> str:
+        """The ROS 2 package that the YAML names."""
         return self.type_name.split("::")[0]
 
     @property
     def message_name(self) -> str:
+        """The message that the YAML names."""
         return self.type_name.split("::")[-1]
 
 

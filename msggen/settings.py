@@ -49,9 +49,9 @@ def _text(path: str) -> str:
 
 def _parse(text: str, path: str) -> Settings:
     if sys.version_info >= (3, 11):
-        import tomllib  # noqa: PLC0415 - slow to import, and most runs have no settings
+        import tomllib
     else:
-        import tomli as tomllib  # noqa: PLC0415
+        import tomli as tomllib
 
     try:
         table = tomllib.loads(text)["tool"]["msggen"]
@@ -68,13 +68,12 @@ def _parse(text: str, path: str) -> Settings:
 
 
 def _field(key: str, text: str, path: str) -> str:
-    field = key.replace("-", "_")
-    if field in Settings._fields and key == field.replace("_", "-"):
-        return field
-    from msggen.diagnostics import suggestion  # noqa: PLC0415 - only to fail
+    known = {name.replace("_", "-"): name for name in Settings._fields}
+    if key not in known:
+        from msggen.diagnostics import suggestion
 
-    known = [name.replace("_", "-") for name in Settings._fields]
-    _fail(path, "C102", f"unknown setting '{key}'{suggestion(key, known)}", *_place(text, key))
+        _fail(path, "C102", f"unknown setting '{key}'{suggestion(key, known)}", *_place(text, key))
+    return known[key]
 
 
 def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
@@ -96,6 +95,6 @@ def _place(text: str, key: str) -> tuple[int, int]:
 
 
 def _fail(path: str, code: str, message: str, line: int = 1, column: int = 1) -> NoReturn:
-    from msggen.diagnostics import fault  # noqa: PLC0415 - only to fail
+    from msggen.diagnostics import fault
 
     raise fault(path, code, message, line, column)

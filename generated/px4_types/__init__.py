@@ -12,11 +12,12 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from . import cdr as cdr
     from . import msg as msg
     from . import srv as srv
     from . import topics as topics
-    from ._cdr import DecodeError as DecodeError
-    from ._cdr import EncodeError as EncodeError
+    from .cdr import DecodeError as DecodeError
+    from .cdr import EncodeError as EncodeError
     from .msg import ActionRequest as ActionRequest
     from .msg import ActuatorArmed as ActuatorArmed
     from .msg import ActuatorControlsStatus as ActuatorControlsStatus
@@ -253,12 +254,13 @@ if TYPE_CHECKING:
     from .msg import Wind as Wind
     from .msg import YawEstimatorStatus as YawEstimatorStatus
 
-_MODULES = {"msg", "srv", "topics"}
+_MODULES = {"cdr", "msg", "srv", "topics"}
 _ERRORS = {"DecodeError", "EncodeError"}
 
 __all__ = [
     "DecodeError",
     "EncodeError",
+    "cdr",
     "msg",
     "srv",
     "topics",
@@ -501,11 +503,13 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
+    if name.startswith("_"):
+        raise AttributeError(name)
     from importlib import import_module
 
     if name in _MODULES:
         return import_module(f"{__name__}.{name}")
-    found: object = getattr(import_module(f"{__name__}.{'_cdr' if name in _ERRORS else 'msg'}"), name)
+    found: object = getattr(import_module(f"{__name__}.{'cdr' if name in _ERRORS else 'msg'}"), name)
     globals()[name] = found
     return found
 

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import re
-from msggen.diagnostics import Diagnostic, InputError
+from collections.abc import Mapping
+
+from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
 from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_uorb
 from msggen.firmware.release import CONVENTIONS, recognise
-from msggen.firmware.source import File, Sources
-from msggen.model import DEFAULT_PACKAGE, BridgeEntry, Catalog, Conventions, Location, Message, Service
+from msggen.firmware.source import File, Sources, read_files
+from msggen.model import DEFAULT_PACKAGE, BridgeEntry, Catalog, Conventions, Message, Service
 from msggen.parse import decode_text, parse_bridge, parse_message, parse_service
 
 
-def read_catalog(sources: Sources) -> Catalog:
-    """Return the catalog that `sources` hold.
+def read_catalog(sources: Sources, contents: Mapping[str, bytes] | None = None) -> Catalog:
+    """Return the catalog that `sources` hold; `contents` has the bytes of their files, if they are read already.
 
     Raises InputError with everything that is wrong in any of the files.
     """
-    reader = _Reader(sources)
+    reader = _Reader(sources, read_files(sources) if contents is None else contents)
     messages = reader.messages()
     services = reader.services()
     bridge = reader.bridge()
     sound = [message for message in messages if message.location.path not in reader.faulty_paths()]
-    faults = reader.faults + [
+    faults = [
+        *reader.faults,
         *check_names(messages),
         *check_names(services),
         *check_nesting(messages, services),
@@ -37,19 +40,26 @@ def read_catalog(sources: Sources) -> Catalog:
 
 def _conventions(sources: Sources, messages: list[Message], bridge: tuple[BridgeEntry, ...]) -> Conventions:
     if sources.release is not None:
+        if sources.release not in CONVENTIONS:
+            hint = suggestion(sources.release, CONVENTIONS)
+            raise fault(
+                "--release", "S105", f"unknown release '{sources.release}'{hint}: expected {', '.join(CONVENTIONS)}"
+            )
         return CONVENTIONS[sources.release]
     if not sources.is_firmware:
         return CONVENTIONS["main"]
     has_versioned_folder = any("versioned/" in file.name for file in sources.messages)
     has_instances = any(entry.instance is not None for entry in bridge)
-    return recognise({message.name for message in messages}, has_versioned_folder, has_instances)
+    names = {message.name for message in messages}
+    return recognise(names, has_versioned_folder=has_versioned_folder, has_instances=has_instances)
 
 
 class _Reader:
     """Reads files, and notes what is wrong with them."""
 
-    def __init__(self, sources: Sources) -> None:
+    def __init__(self, sources: Sources, contents: Mapping[str, bytes]) -> None:
         self.sources = sources
+        self.contents = contents
         self.faults: list[Diagnostic] = []
         self.package = self._package() or DEFAULT_PACKAGE
 
@@ -80,13 +90,7 @@ class _Reader:
         return {fault.location.path for fault in self.faults}
 
     def text(self, file: File) -> str:
-        try:
-            with open(file.path, "rb") as stream:
-                data = stream.read()
-        except OSError as error:
-            self.faults.append(Diagnostic(Location(file.path), "S101", error.strerror or str(error)))
-            return ""
-        text, faults = decode_text(data, file.path)
+        text, faults = decode_text(self.contents[file.path], file.path)
         self.faults += faults
         return text
 

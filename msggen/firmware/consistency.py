@@ -37,7 +37,9 @@ def check_nesting(messages: Iterable[Message], services: Iterable[Service]) -> I
             size = _data_size(message, known, sizes)
             if size > MAX_SIZE:
                 largest = max(message.fields, key=lambda field: _field_size(message, field, known, sizes))
-                text = f"'{message.name}' has {size} bytes, uORB carries up to {MAX_SIZE}: '{largest.type}' is too large"
+                text = (
+                    f"'{message.name}' has {size} bytes, uORB carries up to {MAX_SIZE}: '{largest.type}' is too large"
+                )
                 yield Diagnostic(largest.location, "M304", text)
 
 

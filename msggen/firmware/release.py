@@ -19,7 +19,7 @@ CONVENTIONS = {
 """By release. Newer releases follow the newest one known."""
 
 
-def recognise(message_names: Collection[str], has_versioned_folder: bool, has_instances: bool) -> Conventions:
+def recognise(message_names: Collection[str], *, has_versioned_folder: bool, has_instances: bool) -> Conventions:
     """Return the conventions of the tree that holds `message_names`.
 
     v1.16 brought `msg/versioned/`; v1.15 the registration of external modes; `instance:` in the YAML came on

@@ -1,4 +1,4 @@
-"""Which files a catalog is made of. Lists folders, and reads nothing."""
+"""Which files a catalog is made of, and their bytes. What they mean is not known here."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ class File(NamedTuple):
 
     @property
     def stem(self) -> str:
+        """The name of what the file defines."""
         return os.path.splitext(os.path.basename(self.path))[0]
 
 
@@ -33,6 +34,7 @@ class Sources(NamedTuple):
     is_firmware: bool
 
     def files(self) -> tuple[File, ...]:
+        """Return all of them, in an order that does not depend on the machine."""
         bridge = (self.bridge,) if self.bridge else ()
         return self.messages + self.services + bridge + self.manifests
 
@@ -66,6 +68,18 @@ def find_sources(
         bridge = File(topics, os.path.basename(topics))
     is_firmware = px4 is not None and not manifests
     return Sources(tuple(messages), tuple(services), bridge, tuple(manifests), release, is_firmware)
+
+
+def read_files(sources: Sources) -> dict[str, bytes]:
+    """Return the contents of all files by path, each read once. Raises InputError for those that cannot be read."""
+    contents = {}
+    for file in sources.files():
+        try:
+            with open(file.path, "rb") as stream:
+                contents[file.path] = stream.read()
+        except OSError as error:
+            _fail(file.path, "S101", error.strerror or str(error))
+    return contents
 
 
 def embedded_root() -> str:
@@ -115,6 +129,6 @@ def _fail_without_definitions(root: str) -> NoReturn:
 
 
 def _fail(path: str, code: str, message: str) -> NoReturn:
-    from msggen.diagnostics import fault  # noqa: PLC0415 - a build with nothing to do never needs it
+    from msggen.diagnostics import fault
 
     raise fault(path, code, message)

@@ -12,8 +12,8 @@ from hashlib import sha256
 from typing import NamedTuple
 
 from msggen import __version__
-from msggen.firmware.source import Sources
-from msggen.generate.output import MANIFEST, Plan, Record, is_current, plan_output, read_record, write_output
+from msggen.firmware.source import Sources, read_files
+from msggen.generate.output import Plan, is_current, plan_output, read_record, write_output
 from msggen.resources import resource
 
 
@@ -34,7 +34,8 @@ class Build:
         self.name = name
         self.folder = os.path.join(output, name)
         self.record = read_record(self.folder)
-        self.fingerprint = _fingerprint(sources, name)
+        self.contents = read_files(sources)
+        self.fingerprint = self._fingerprint()
 
     def run(self, *, write: bool) -> Outcome:
         """Bring the package up to date, or with `write` False only find out what that would take.
@@ -44,10 +45,10 @@ class Build:
         """
         if is_current(self.folder, self.record, self.fingerprint):
             return Outcome(self.folder, tuple(sorted(self.record.files)))
-        from msggen.firmware.catalog import read_catalog  # noqa: PLC0415 - slow, see above
-        from msggen.generate.package import render_package  # noqa: PLC0415
+        from msggen.firmware.catalog import read_catalog
+        from msggen.generate.package import render_package
 
-        catalog = read_catalog(self.sources)
+        catalog = read_catalog(self.sources, self.contents)
         files = render_package(catalog, self.name)
         plan = self._plan(files)
         if write:
@@ -63,19 +64,32 @@ class Build:
         """Return the names of the files that a run makes, sorted. Raises InputError for faulty definitions."""
         if is_current(self.folder, self.record, self.fingerprint):
             return tuple(sorted(self.record.files))
-        from msggen.firmware.catalog import read_catalog  # noqa: PLC0415 - slow, see above
-        from msggen.generate.package import list_package  # noqa: PLC0415
+        from msggen.firmware.catalog import read_catalog
+        from msggen.generate.package import list_package
 
-        return list_package(read_catalog(self.sources))
+        return list_package(read_catalog(self.sources, self.contents))
+
+    def _fingerprint(self) -> str:
+        """Digest all that the output depends on: the tool, its templates, the options and every input."""
+        state = sha256()
+        for part in (__version__, self.name, self.sources.release or "", str(self.sources.is_firmware)):
+            state.update(part.encode() + b"\0")
+        state.update(_tool_digest())
+        for file in self.sources.files():
+            data = self.contents[file.path]
+            state.update(b"\0%s\0%d\0" % (os.fsencode(file.name), len(data)) + data)
+        return state.hexdigest()
 
     def _plan(self, files: Mapping[str, str]) -> Plan:
-        from msggen.diagnostics import fault  # noqa: PLC0415
-        from msggen.generate.output import ForeignFileError  # noqa: PLC0415
+        from msggen.diagnostics import fault
+        from msggen.generate.output import ForeignFileError
 
         try:
             return plan_output(self.folder, files, self.record)
         except ForeignFileError as error:
-            text = "msggen did not write this file and leaves it alone: move it, or choose another --output or --package"
+            text = (
+                "msggen did not write this file and leaves it alone: move it, or choose another --output or --package"
+            )
             raise fault(error.path, "S104", text) from None
 
 
@@ -109,34 +123,14 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _fingerprint(sources: Sources, name: str) -> str:
-    """Digest all that the output depends on: the tool, its templates, the options and every input."""
-    state = sha256()
-    for part in (__version__, name, sources.release or "", str(sources.is_firmware)):
-        state.update(part.encode() + b"\0")
-    state.update(_tool_digest())
-    for file in sources.files():
-        state.update(f"\0{file.name}\0".encode(errors="surrogateescape"))
-        try:
-            with open(file.path, "rb") as stream:
-                data = stream.read()
-        except OSError:
-            return ""
-        state.update(b"%d\0" % len(data) + data)
-    return state.hexdigest()
-
-
 def _tool_digest() -> bytes:
     state = sha256()
     package = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    for root, suffix in ((package, ".py"), (resource("templates"), ".j2")):
+    for root, suffixes in ((package, (".py",)), (resource("templates"), (".py", ".j2"))):
         for folder, folders, names in os.walk(root):
             folders[:] = sorted(name for name in folders if name not in ("__pycache__", "embedded", "templates"))
             for name in sorted(names):
-                if name.endswith(suffix):
+                if name.endswith(suffixes):
                     with open(os.path.join(folder, name), "rb") as stream:
                         state.update(name.encode() + b"\0" + stream.read())
     return state.digest()
-
-
-__all__ = ["MANIFEST", "Build", "Outcome", "Record", "depfile", "write_if_changed"]

@@ -6,7 +6,6 @@ so that no comment can end the string it stands in.
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Sequence
 
 import jinja2
@@ -41,9 +40,11 @@ def documentation(text: str, indent: int, *, closed: bool = False) -> str:
     """
     safe = text.replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
     safe = safe[:-1] + '\\"' if safe.endswith('"') else safe
+    if len(safe) <= WIDTH - indent - 6 and "\n" not in safe:
+        return safe
     lines: list[str] = []
     for paragraph in _paragraphs(safe.split("\n")):
-        lines += textwrap.wrap(paragraph, WIDTH - indent - 6, break_long_words=False, break_on_hyphens=False) or [""]
+        lines += _filled(paragraph.split(" "), " ", WIDTH - indent - 6)
     margin = "\n" + " " * indent
     text = "\n".join([lines[0], *(line and " " * indent + line for line in lines[1:])])
     return text + (margin if closed and len(lines) > 1 else "")

@@ -36,6 +36,7 @@ class Plan(NamedTuple):
 
     @property
     def is_stale(self) -> bool:
+        """Whether anything would change."""
         return bool(self.written or self.removed)
 
 
@@ -48,6 +49,7 @@ class ForeignFileError(Exception):
 
 
 def digest(data: bytes) -> str:
+    """Return what a file is recognised by."""
     return sha256(data).hexdigest()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 
 from msggen.generate.environment import environment
@@ -9,13 +10,14 @@ from msggen.generate.python import message_view, module_name
 from msggen.identity import endpoints, uorb_topics
 from msggen.layout import check_fixed_size
 from msggen.model import DEFAULT_PACKAGE, Catalog, Message, Service
+from msggen.resources import resource
 
 _EXAMPLE = "SensorCombined"
 
 
 def list_package(catalog: Catalog) -> tuple[str, ...]:
     """Return the names of the files that `render_package` makes, sorted."""
-    names = ["__init__.py", "_cdr.py", "_registry.py", "py.typed", "topics.py", "msg/__init__.py"]
+    names = ["__init__.py", "cdr.py", "registry.py", "py.typed", "topics.py", "msg/__init__.py"]
     names += [f"msg/{module_name(message.name)}.py" for message in catalog.messages.values()]
     if catalog.services:
         names.append("srv/__init__.py")
@@ -42,8 +44,8 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
     about = {"name": name, "package": package, "messages": messages, "services": catalog.services}
     files = {
         "__init__.py": render("package", **about, example=example),
-        "_cdr.py": render("_cdr"),
-        "_registry.py": render("_registry"),
+        "cdr.py": _copied("cdr.py"),
+        "registry.py": _copied("registry.py"),
         "py.typed": "",
         "topics.py": render("topics", topics=uorb_topics(catalog), endpoints=endpoints(catalog)),
         "msg/__init__.py": render("folder", title="Messages", package=package, classes=_classes(messages)),
@@ -64,6 +66,12 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
             response_module=module_name(service.response.name),
         )
     return {path: files[path] for path in sorted(files)}
+
+
+def _copied(name: str) -> str:
+    """Return a file that is the same in every package."""
+    with open(os.path.join(resource("templates"), "python", name), encoding="utf-8") as stream:
+        return stream.read()
 
 
 def _classes(definitions: Sequence[Message | Service]) -> list[tuple[str, str]]:

@@ -85,13 +85,21 @@ class FieldView:
 
     @property
     def documentation(self) -> str:
+        """What the definition says: type, tags and sentences."""
         return f"{self.type} {self.comment}".strip()
 
     @property
     def description(self) -> str:
         """The arguments of its description in `__msg__`."""
-        tags = {name: getattr(self.comment, name) for name in ("unit", "range", "enum", "invalid", "frame")}
-        given = "".join(f", {name}={literal(value)}" for name, value in tags.items() if value)
+        comment = self.comment
+        tags = (
+            ("unit", comment.unit),
+            ("range", comment.range),
+            ("enum", comment.enum),
+            ("invalid", comment.invalid),
+            ("frame", comment.frame),
+        )
+        given = "".join([f", {name}={literal(value)}" for name, value in tags if value])
         return f"{literal(self.name)}, {literal(str(self.type))}, {self.offset}{given}"
 
 
@@ -115,6 +123,7 @@ class MessageView:
 
     @property
     def topics(self) -> tuple[str, ...]:
+        """The uORB topics of the message; halves of services have none."""
         return self.message.topic_names if self.message.folder == "msg" else ()
 
     @property
@@ -136,7 +145,8 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
     layout = lay_out(catalog, message)
     shadowed = {field.name for field in message.fields} & _SHADOWING
     prefix = "builtins." if shadowed else ""
-    fields = tuple(_field_view(field, layout, prefix) for field in message.fields)
+    offsets = layout.offsets()
+    fields = tuple(_field_view(field, offsets[field.name], prefix) for field in message.fields)
     return MessageView(
         message,
         tuple(_constants(message)),
@@ -168,11 +178,10 @@ def _nested_imports(catalog: Catalog, message: Message) -> Iterator[tuple[str, s
         yield f"{folder}{module_name(inner.name)}", inner.name
 
 
-def _field_view(field: Field, layout: Layout, prefix: str) -> FieldView:
+def _field_view(field: Field, offset: int, prefix: str) -> FieldView:
     annotation = _annotation(field.type, prefix)
     default, initial = _initial(field)
     parameter = f"{field.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
-    offset = layout.offset_of(field.name)
     return FieldView(field.name, field.type, offset, field.comment, annotation, parameter, initial)
 
 
@@ -197,27 +206,27 @@ def _annotation(type_: FieldType, prefix: str) -> str:
 def _initial(field: Field) -> tuple[str, str]:
     """Return the default of the parameter, and what the attribute is set to."""
     name, type_ = field.name, field.type
-    fresh = {
-        ArrayKind.SCALAR: f"{type_.name}()",
-        ArrayKind.FIXED: f"({type_.name}(),)" if type_.length == 1 else f"_cdr.fresh({type_.name}, {type_.length})",
-    }
-    if not type_.is_primitive:
-        return "None", f"{fresh[type_.array]} if {name} is None else {name}"
-    if is_large(type_):
-        zeros = f"_cdr.zeros({literal(_CODES[type_.name])}, {type_.length})"
-        if field.default is not None:
-            zeros = f"_cdr.array({literal(_CODES[type_.name])}, {field.default!r})"
-        return "None", f"{zeros} if {name} is None else {name}"
+    if not type_.is_primitive or is_large(type_):
+        return "None", f"{_fresh(field)} if {name} is None else {name}"
     if type_.array is ArrayKind.FIXED and is_bytes(type_):
-        return (f"bytes({field.default or type_.length!r})"), name
+        return f"bytes({field.default or type_.length!r})", name
     if field.default is not None:
-        return repr(field.default), name
+        return literal(field.default), name
     zero = "False" if type_.name == "bool" else "0.0" if type_.name in FLOATS else "0"
     if type_.array is ArrayKind.SCALAR:
         return zero, name
     if type_.length <= SPELLED_OUT_TO:
         return f"({', '.join([zero] * type_.length)}{',' if type_.length == 1 else ''})", name
     return f"({zero},) * {type_.length}", name
+
+
+def _fresh(field: Field) -> str:
+    """Return what makes a value that can be changed, anew for each message."""
+    type_ = field.type
+    if not type_.is_primitive:
+        return f"_cdr.fresh({type_.name}, {type_.length})" if type_.array is ArrayKind.FIXED else f"{type_.name}()"
+    code = literal(_CODES[type_.name])
+    return f"_cdr.array({code}, {field.default!r})" if field.default else f"_cdr.zeros({code}, {type_.length})"
 
 
 def is_bytes(type_: FieldType) -> bool:
@@ -284,6 +293,7 @@ class Codec:
 
     @classmethod
     def of(cls, catalog: Catalog, message: Message) -> Codec:
+        """Return the statements for `message`, with all it nests unfolded."""
         codec = cls()
         codec._message(catalog, message, "message", "self", "")
         return codec
@@ -307,8 +317,9 @@ class Codec:
             self.lengths.append((there, type_.length))
         elif is_large(type_):
             code = _CODES[type_.name]
-            self.targets.append(here)
-            self.assigned.append((here, f"_cdr.from_raw({literal(code)}, {here})"))
+            raw = self._name(f"{stem}_raw")
+            self.targets.append(raw)
+            self.assigned.append((here, f"_cdr.from_raw({literal(code)}, {raw})"))
             self.values.append(f"_cdr.to_raw({literal(code)}, {type_.length}, {there})")
         else:
             names = self._names(stem, type_.length)
@@ -342,5 +353,3 @@ class Codec:
 
 def _tuple(names: list[str]) -> str:
     return f"({', '.join(names)}{',' if len(names) == 1 else ''})"
-
-

@@ -8,6 +8,12 @@ def literal(value: object) -> str:
     if isinstance(value, float) and value in (float("inf"), float("-inf")):
         return f'float("{value}")'
     if isinstance(value, str):
+        if value.isascii() and value.isprintable() and '"' not in value and "\\" not in value:
+            return f'"{value}"'
         quoted = repr("'" + value)
-        return '"' + quoted[2:] if quoted.startswith('"') else '"' + quoted[3:-1].replace("\\'", "'").replace('"', '\\"') + '"'
+        return (
+            '"' + quoted[2:]
+            if quoted.startswith('"')
+            else '"' + quoted[3:-1].replace("\\'", "'").replace('"', '\\"') + '"'
+        )
     return repr(value)

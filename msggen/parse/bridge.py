@@ -54,11 +54,11 @@ class _Reader:
                 self.fault(node, "Y102", f"'{name}': expected a list of topics, found {_found(node)}")
                 continue
             for item in node.value:
-                entry = self.entry(item, direction, multi)
+                entry = self.entry(item, direction, multi=multi)
                 if entry:
                     yield entry
 
-    def entry(self, node: yaml.Node, direction: Direction, multi: bool) -> BridgeEntry | None:
+    def entry(self, node: yaml.Node, direction: Direction, *, multi: bool) -> BridgeEntry | None:
         faults = len(self.faults)
         values = self.mapping(node, _KEYS, "an entry")
         missing = [key for key in ("topic", "type") if key not in values]
@@ -106,9 +106,7 @@ class _Reader:
             return ""
         return str(node.value)
 
-    def number(
-        self, node: yaml.Node | None, key: str, kind: Callable[[str], float], expected: str
-    ) -> float | None:
+    def number(self, node: yaml.Node | None, key: str, kind: Callable[[str], float], expected: str) -> float | None:
         if node is None:
             return None
         if key == "rate_limit" and node.value == "unlimited":

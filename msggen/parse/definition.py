@@ -89,9 +89,7 @@ def _check_name(body: _Body, name: str) -> None:
     if not _MESSAGE_NAME.fullmatch(name):
         near = "".join(part[:1].upper() + part[1:] for part in re.split(r"[^A-Za-z0-9]+", name))
         hint = f", for example '{near}'" if _MESSAGE_NAME.fullmatch(near) else ""
-        body.fault(
-            "M201", 1, 1, f"file name {name!r}: expected a capital, then letters and digits (CamelCase){hint}"
-        )
+        body.fault("M201", 1, 1, f"file name {name!r}: expected a capital, then letters and digits (CamelCase){hint}")
     elif keyword.iskeyword(name) or name in {"DecodeError", "EncodeError"}:
         body.fault("M202", 1, 1, f"message name '{name}' is reserved in the generated package")
 
@@ -133,7 +131,8 @@ class _Body:
     def _elements(self, lines: list[str], first_line: int) -> list[_Element]:
         """Group lines into elements with their comments, as rosidl does: a block at the top of the file is the
         message's own; a block right above a node is the node's, and so is what trails it on its line or goes on
-        on indented lines below."""
+        on indented lines below.
+        """
         elements: list[_Element] = []
         above: list[str] = []
         for number, line in enumerate(lines, first_line):
@@ -160,14 +159,18 @@ class _Body:
 
     def _read_topics(self, line: str, number: int) -> None:
         if not line.startswith("# TOPICS "):
-            self.fault("M402", number, 1, "the firmware ignores this line: expected '# TOPICS ' and names, from column 1")
+            self.fault(
+                "M402", number, 1, "the firmware ignores this line: expected '# TOPICS ' and names, from column 1"
+            )
             return
         column = len("# TOPICS ") + 1
         for name in line[column - 1 :].split(" "):
             if not name:
                 self.fault("M402", number, column, "doubled space: the firmware would read a topic without a name here")
             elif not _TOPIC_NAME.fullmatch(snake_case(name)) or snake_case(name) in _RESERVED_TOPICS:
-                self.fault("M402", number, column, f"{name!r} is no topic name: expected letters, digits and underscores")
+                self.fault(
+                    "M402", number, column, f"{name!r} is no topic name: expected letters, digits and underscores"
+                )
             else:
                 self.topics.append(Topic(snake_case(name), Location(self.path, number, column)))
             column += len(name) + 1
@@ -182,16 +185,16 @@ class _Body:
         type_column, name_column = match.start("type") + 1, match.start("name") + 1
         location = Location(self.path, element.line, type_column)
         is_constant = bool(match["equals"])
-        self._check_field_name(match["name"], is_constant, element.line, name_column)
+        self._check_field_name(match["name"], element.line, name_column, is_constant=is_constant)
         try:
             type_ = parse_type(match["type"])
-        except TypeFault as wrong:
+        except TypeSpellingError as wrong:
             self.fault(wrong.code, element.line, type_column, wrong.message)
             return
         value = None
         if is_constant or match["value"]:
             try:
-                value = parse_value(type_, match["value"], is_constant)
+                value = parse_value(type_, match["value"], is_constant=is_constant)
             except ValueError as wrong:
                 value_column = match.start("value") + 1
                 self.fault("M305", element.line, value_column, f"'{match['name']}': {wrong}")
@@ -203,7 +206,7 @@ class _Body:
         else:
             self.fields.append(Field(match["name"], type_, location, name_column, value, comment))
 
-    def _check_field_name(self, name: str, is_constant: bool, line: int, column: int) -> None:
+    def _check_field_name(self, name: str, line: int, column: int, *, is_constant: bool) -> None:
         kind = "constant" if is_constant else "field"
         pattern, wanted = (_CONSTANT_NAME, "UPPER_CASE") if is_constant else (_FIELD_NAME, "lower_case")
         if not pattern.fullmatch(name):
@@ -251,7 +254,7 @@ def _text(comment: list[str]) -> str:
     return "\n".join(comment).strip()
 
 
-class TypeFault(Exception):
+class TypeSpellingError(Exception):
     """A type that cannot be read."""
 
     def __init__(self, code: str, message: str) -> None:
@@ -263,22 +266,22 @@ class TypeFault(Exception):
 def parse_type(text: str) -> FieldType:
     """Return the type that `text` spells, as `float32[3]`, `string<=10`, `EscReport[8]` or `std_msgs/Header`.
 
-    Raises TypeFault.
+    Raises TypeSpellingError.
     """
     match = _TYPE.fullmatch(text)
     if match is None:
         hint = suggestion(text, PRIMITIVES) or ": expected as 'float32', 'float32[3]' or 'package/Name'"
-        raise TypeFault("M301", f"cannot read type '{text}'{hint}")
+        raise TypeSpellingError("M301", f"cannot read type '{text}'{hint}")
     package, name = match["package"], match["name"]
     if package is None and name not in PRIMITIVES and not _MESSAGE_NAME.fullmatch(name):
         hint = f", did you mean '{_LEGACY_TYPES[name]}'?" if name in _LEGACY_TYPES else suggestion(name, PRIMITIVES)
-        raise TypeFault("M301", f"unknown type '{name}'{hint}")
+        raise TypeSpellingError("M301", f"unknown type '{name}'{hint}")
     if package is not None and not (_PACKAGE_NAME.fullmatch(package) and _MESSAGE_NAME.fullmatch(name)):
-        raise TypeFault("M301", f"unknown type '{text}': expected 'package/Name'")
+        raise TypeSpellingError("M301", f"unknown type '{text}': expected 'package/Name'")
     bound = None
     if match["bound"] is not None:
         if name not in ("string", "wstring"):
-            raise TypeFault("M303", f"'{text}': only strings take a bound")
+            raise TypeSpellingError("M303", f"'{text}': only strings take a bound")
         bound = _length(match["bound"], text, MAX_BOUND)
     if not match["array"]:
         return FieldType(name, package, string_bound=bound)
@@ -291,7 +294,7 @@ def parse_type(text: str) -> FieldType:
 
 def _length(digits: str, text: str, most: int) -> int:
     if not digits.isdecimal() or not digits.isascii():
-        raise TypeFault("M303", f"'{text}': expected a number, found {digits!r}")
+        raise TypeSpellingError("M303", f"'{text}': expected a number, found {digits!r}")
     if len(digits) > len(str(most)) or not 1 <= int(digits) <= most:
-        raise TypeFault("M303", f"'{text}': expected a length from 1 to {most}")
+        raise TypeSpellingError("M303", f"'{text}': expected a length from 1 to {most}")
     return int(digits)

@@ -11,7 +11,7 @@ _LARGEST = {"float32": 3.4028234663852886e38, "float64": 1.7976931348623157e308}
 _STRING_ITEM = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,\[\]]+?)\s*(?:,|$)""")
 
 
-def parse_value(type_: FieldType, text: str, is_constant: bool) -> Value:
+def parse_value(type_: FieldType, text: str, *, is_constant: bool) -> Value:
     """Return the value that `text` spells for `type_`.
 
     Raises ValueError, saying what was expected and what was found.

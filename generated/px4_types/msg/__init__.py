@@ -721,6 +721,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
+    if name.startswith("_"):
+        raise AttributeError(name)
     if name not in _MODULES:
         from difflib import get_close_matches
 

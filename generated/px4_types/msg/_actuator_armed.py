@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ class ActuatorArmed(_cdr.Message):
                 message.lockdown, message.kill, message.termination, message.in_esc_calibration_mode,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 22:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

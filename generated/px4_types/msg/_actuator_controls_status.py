@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class ActuatorControlsStatus(_cdr.Message):
                 header, message.timestamp, control_power_0, control_power_1, control_power_2,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.control_power = (control_power_0, control_power_1, control_power_2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class ActuatorServosTrim(_cdr.Message):
                 header, message.timestamp, trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.trim = (trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class AdcReport(_cdr.Message):
                 raw_data_11, message.resolution, message.v_ref,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 99:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.channel_id = (

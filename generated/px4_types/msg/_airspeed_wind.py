@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ class AirspeedWind(_cdr.Message):
                 message.tas_scale_validated, message.beta_innov, message.beta_innov_var, message.source,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 68:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

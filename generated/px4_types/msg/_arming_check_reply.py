@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 from ._event import Event
 
 TYPE_CHECKING = False
@@ -230,7 +230,7 @@ class ArmingCheckReply(_cdr.Message):
                 message.mode_req_manual_control,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 234:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.events = (events_0, events_1, events_2, events_3, events_4)

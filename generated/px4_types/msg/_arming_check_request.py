@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class ArmingCheckRequest(_cdr.Message):
                 header, message.timestamp, message.request_id, message.valid_registrations_mask,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
                 rate_sp_1, rate_sp_2, message.u_filt, message.y_filt, message.state,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 108:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.coeff = (coeff_0, coeff_1, coeff_2, coeff_3, coeff_4)

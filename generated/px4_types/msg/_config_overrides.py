@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class ConfigOverrides(_cdr.Message):
                 message.defer_failsafes_timeout_s, message.source_type, message.source_id,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 21:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -120,16 +120,16 @@ class ControlAllocatorStatus(_cdr.Message):
             (
                 header, message.timestamp, message.torque_setpoint_achieved, unallocated_torque_0,
                 unallocated_torque_1, unallocated_torque_2, message.thrust_setpoint_achieved,
-                unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2, message.actuator_saturation,
+                unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2, actuator_saturation_raw,
                 message.handled_motor_failure_mask, message.motor_stop_mask,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.unallocated_torque = (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2)
         message.unallocated_thrust = (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2)
-        message.actuator_saturation = _cdr.from_raw("b", message.actuator_saturation)
+        message.actuator_saturation = _cdr.from_raw("b", actuator_saturation_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -66,12 +66,12 @@ class DebugArray(_cdr.Message):
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.id, message.name, message.data) = _unpack_from(data)
+            (header, message.timestamp, message.id, message.name, data_raw) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 259:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.data = _cdr.from_raw("f", message.data)
+        message.data = _cdr.from_raw("f", data_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

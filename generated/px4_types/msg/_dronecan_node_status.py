@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class DronecanNodeStatus(_cdr.Message):
                 message.sub_mode, message.vendor_specific_status_code,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 29:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class Ekf2Timestamps(_cdr.Message):
                 message.vehicle_magnetometer_timestamp_rel, message.visual_odometry_timestamp_rel,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 29:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ class EscReport(_cdr.Message):
                 message.esc_state, message.actuator_function, message.failures, message.esc_power,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 42:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 from ._esc_report import EscReport
 
 TYPE_CHECKING = False
@@ -155,7 +155,7 @@ class EscStatus(_cdr.Message):
                 esc_7.actuator_function, esc_7.failures, esc_7.esc_power,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 338:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.esc = (esc_0, esc_1, esc_2, esc_3, esc_4, esc_5, esc_6, esc_7)

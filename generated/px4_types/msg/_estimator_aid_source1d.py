@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class EstimatorAidSource1d(_cdr.Message):
                 message.test_ratio, message.test_ratio_filtered, message.innovation_rejected, message.fused,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 69:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ class EstimatorAidSource2d(_cdr.Message):
                 message.innovation_rejected, message.fused,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 105:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.observation = (observation_0, observation_1)

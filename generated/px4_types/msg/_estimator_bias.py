@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class EstimatorBias(_cdr.Message):
                 message.bias_var, message.innov, message.innov_var, message.innov_test_ratio,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class EstimatorBias3d(_cdr.Message):
                 innov_var_1, innov_var_2, innov_test_ratio_0, innov_test_ratio_1, innov_test_ratio_2,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 87:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.bias = (bias_0, bias_1, bias_2)

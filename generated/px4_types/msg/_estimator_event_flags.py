@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ class EstimatorEventFlags(_cdr.Message):
                 message.reset_hgt_to_gps, message.reset_hgt_to_rng, message.reset_hgt_to_ev,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 44:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

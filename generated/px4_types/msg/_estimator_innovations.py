@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ class EstimatorInnovations(_cdr.Message):
                 gravity_2, drag_0, drag_1, message.airspeed, message.beta, message.hagl, message.hagl_rate,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 147:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.gps_hvel = (gps_hvel_0, gps_hvel_1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -180,7 +180,7 @@ class EstimatorSensorBias(_cdr.Message):
                 message.mag_bias_valid, message.mag_bias_stable,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 129:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.gyro_bias = (gyro_bias_0, gyro_bias_1, gyro_bias_2)

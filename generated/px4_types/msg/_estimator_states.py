@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -68,15 +68,15 @@ class EstimatorStates(_cdr.Message):
         message = _new(cls)
         try:
             (
-                header, message.timestamp, message.timestamp_sample, message.states, message.n_states,
-                message.covariances,
+                header, message.timestamp, message.timestamp_sample, states_raw, message.n_states,
+                covariances_raw,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 223:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.states = _cdr.from_raw("f", message.states)
-        message.covariances = _cdr.from_raw("f", message.covariances)
+        message.states = _cdr.from_raw("f", states_raw)
+        message.covariances = _cdr.from_raw("f", covariances_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -382,7 +382,7 @@ class EstimatorStatus(_cdr.Message):
                 message.mag_strength_ref_gs,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 143:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.output_tracking_error = (output_tracking_error_0, output_tracking_error_1, output_tracking_error_2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class FailureDetectorStatus(_cdr.Message):
                 message.imbalanced_prop_metric, message.motor_failure_mask, message.motor_stop_mask,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

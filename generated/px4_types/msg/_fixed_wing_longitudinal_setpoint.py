@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
                 message.pitch_direct, message.throttle_direct,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class FollowTargetEstimator(_cdr.Message):
                 message.fusion_count,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 103:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.pos_est = (pos_est_0, pos_est_1, pos_est_2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class FollowTargetStatus(_cdr.Message):
                 message.gimbal_pitch,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.desired_position_raw = (desired_position_raw_0, desired_position_raw_1, desired_position_raw_2)

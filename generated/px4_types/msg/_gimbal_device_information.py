@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ class GimbalDeviceInformation(_cdr.Message):
                 message.pitch_max, message.yaw_min, message.yaw_max, message.gimbal_device_id,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 156:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class GpioConfig(_cdr.Message):
                 header, message.timestamp, message.device_id, message.mask, message.state, message.config,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

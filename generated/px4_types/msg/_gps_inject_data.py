@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class GpsInjectData(_cdr.Message):
                 header, message.timestamp, message.device_id, message.len, message.flags, message.data,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 322:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class HoverThrustEstimate(_cdr.Message):
                 message.accel_innov_test_ratio, message.accel_noise_var, message.valid,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 48:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -145,14 +145,14 @@ class InputRc(_cdr.Message):
             (
                 header, message.timestamp, message.timestamp_last_signal, message.channel_count, message.rssi,
                 message.rc_failsafe, message.rc_lost, message.rc_lost_frame_count,
-                message.rc_total_frame_count, message.rc_ppm_frame_length, message.input_source,
-                message.values, message.link_quality, message.rssi_dbm,
+                message.rc_total_frame_count, message.rc_ppm_frame_length, message.input_source, values_raw,
+                message.link_quality, message.rssi_dbm,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 83:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.values = _cdr.from_raw("H", message.values)
+        message.values = _cdr.from_raw("H", values_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ class LandingTargetPose(_cdr.Message):
                 message.abs_pos_valid, message.x_abs, message.y_abs, message.z_abs,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ class MagnetometerBiasEstimate(_cdr.Message):
                 valid_3, stable_0, stable_1, stable_2, stable_3,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.bias_x = (bias_x_0, bias_x_1, bias_x_2, bias_x_3)

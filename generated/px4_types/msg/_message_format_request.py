@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class MessageFormatRequest(_cdr.Message):
         try:
             (header, message.timestamp, message.protocol_version, message.topic_name) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

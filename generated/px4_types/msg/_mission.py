@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ class Mission(_cdr.Message):
                 message.land_index, message.mission_id, message.geofence_id, message.safe_points_id,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class MountOrientation(_cdr.Message):
                 attitude_euler_angle_2,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.attitude_euler_angle = (attitude_euler_angle_0, attitude_euler_angle_1, attitude_euler_angle_2)

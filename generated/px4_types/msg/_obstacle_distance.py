@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -101,14 +101,14 @@ class ObstacleDistance(_cdr.Message):
         message = _new(cls)
         try:
             (
-                header, message.timestamp, message.frame, message.sensor_type, message.distances,
+                header, message.timestamp, message.frame, message.sensor_type, distances_raw,
                 message.increment, message.min_distance, message.max_distance, message.angle_offset,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 175:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.distances = _cdr.from_raw("H", message.distances)
+        message.distances = _cdr.from_raw("H", distances_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class OffboardControlMode(_cdr.Message):
                 message.attitude, message.body_rate, message.thrust_and_torque, message.direct_actuator,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 22:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

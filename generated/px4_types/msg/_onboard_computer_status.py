@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -217,7 +217,7 @@ class OnboardComputerStatus(_cdr.Message):
                 link_rx_max_4, link_rx_max_5,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 247:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.temperature_core = (

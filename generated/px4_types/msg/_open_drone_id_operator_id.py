@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class OpenDroneIdOperatorId(_cdr.Message):
                 header, message.timestamp, message.id_or_mac, message.operator_id_type, message.operator_id,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 56:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

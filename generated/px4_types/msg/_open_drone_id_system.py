@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class OpenDroneIdSystem(_cdr.Message):
                 message.category_eu, message.class_eu, message.operator_altitude_geo,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 from ._position_setpoint import PositionSetpoint
 
 TYPE_CHECKING = False
@@ -108,7 +108,7 @@ class PositionSetpointTriplet(_cdr.Message):
                 next.cruising_throttle,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 279:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.previous = previous

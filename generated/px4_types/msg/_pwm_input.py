@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class PwmInput(_cdr.Message):
                 header, message.timestamp, message.error_count, message.pulse_width, message.period,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

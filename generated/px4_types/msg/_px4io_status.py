@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -268,10 +268,10 @@ class Px4ioStatus(_cdr.Message):
                 pwm_disarmed_5, pwm_disarmed_6, pwm_disarmed_7, pwm_failsafe_0, pwm_failsafe_1,
                 pwm_failsafe_2, pwm_failsafe_3, pwm_failsafe_4, pwm_failsafe_5, pwm_failsafe_6,
                 pwm_failsafe_7, pwm_rate_hz_0, pwm_rate_hz_1, pwm_rate_hz_2, pwm_rate_hz_3, pwm_rate_hz_4,
-                pwm_rate_hz_5, pwm_rate_hz_6, pwm_rate_hz_7, message.raw_inputs,
+                pwm_rate_hz_5, pwm_rate_hz_6, pwm_rate_hz_7, raw_inputs_raw,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 151:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.pwm = (pwm_0, pwm_1, pwm_2, pwm_3, pwm_4, pwm_5, pwm_6, pwm_7)
@@ -287,7 +287,7 @@ class Px4ioStatus(_cdr.Message):
             pwm_rate_hz_0, pwm_rate_hz_1, pwm_rate_hz_2, pwm_rate_hz_3, pwm_rate_hz_4, pwm_rate_hz_5,
             pwm_rate_hz_6, pwm_rate_hz_7,
         )
-        message.raw_inputs = _cdr.from_raw("H", message.raw_inputs)
+        message.raw_inputs = _cdr.from_raw("H", raw_inputs_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -125,16 +125,15 @@ class RcChannels(_cdr.Message):
         message = _new(cls)
         try:
             (
-                header, message.timestamp, message.timestamp_last_valid, message.channels,
-                message.channel_count, message.function, message.rssi, message.signal_lost,
-                message.frame_drop_count,
+                header, message.timestamp, message.timestamp_last_valid, channels_raw, message.channel_count,
+                function_raw, message.rssi, message.signal_lost, message.frame_drop_count,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 135:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.channels = _cdr.from_raw("f", message.channels)
-        message.function = _cdr.from_raw("b", message.function)
+        message.channels = _cdr.from_raw("f", channels_raw)
+        message.function = _cdr.from_raw("b", function_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

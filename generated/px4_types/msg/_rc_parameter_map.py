@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ class RcParameterMap(_cdr.Message):
                 value_min_0, value_min_1, value_min_2, value_max_0, value_max_1, value_max_2,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 131:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.valid = (valid_0, valid_1, valid_2)

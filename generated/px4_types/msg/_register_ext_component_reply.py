@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class RegisterExtComponentReply(_cdr.Message):
                 message.success, message.arming_check_id, message.mode_id, message.mode_executor_id,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

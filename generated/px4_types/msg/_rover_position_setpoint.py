@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class RoverPositionSetpoint(_cdr.Message):
                 message.cruising_speed, message.arrival_speed, message.yaw,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position_ned = (position_ned_0, position_ned_1)

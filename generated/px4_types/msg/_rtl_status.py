@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class RtlStatus(_cdr.Message):
                 message.has_vtol_approach, message.rtl_type, message.safe_point_index,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class RtlTimeEstimate(_cdr.Message):
                 header, message.timestamp, message.valid, message.time_estimate, message.safe_time_estimate,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -95,15 +95,15 @@ class SensorAccelFifo(_cdr.Message):
         try:
             (
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.dt,
-                message.scale, message.samples, message.x, message.y, message.z,
+                message.scale, message.samples, x_raw, y_raw, z_raw,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 229:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.x = _cdr.from_raw("h", message.x)
-        message.y = _cdr.from_raw("h", message.y)
-        message.z = _cdr.from_raw("h", message.z)
+        message.x = _cdr.from_raw("h", x_raw)
+        message.y = _cdr.from_raw("h", y_raw)
+        message.z = _cdr.from_raw("h", z_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

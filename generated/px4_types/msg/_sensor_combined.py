@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class SensorCombined(_cdr.Message):
                 message.gyro_clipping, message.accel_calibration_count, message.gyro_calibration_count,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.gyro_rad = (gyro_rad_0, gyro_rad_1, gyro_rad_2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -241,7 +241,7 @@ class SensorCorrection(_cdr.Message):
                 message.baro_offset_1, message.baro_offset_2, message.baro_offset_3,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 303:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.accel_device_ids = (accel_device_ids_0, accel_device_ids_1, accel_device_ids_2, accel_device_ids_3)

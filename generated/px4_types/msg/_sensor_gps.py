@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -321,7 +321,7 @@ class SensorGps(_cdr.Message):
                 message.selected_rtcm_instance, message.rtcm_crc_failed, message.rtcm_msg_used,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 170:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

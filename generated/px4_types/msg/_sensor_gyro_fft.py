@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ class SensorGyroFft(_cdr.Message):
                 peak_snr_z_0, peak_snr_z_1, peak_snr_z_2,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 107:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.peak_frequencies_x = (peak_frequencies_x_0, peak_frequencies_x_1, peak_frequencies_x_2)

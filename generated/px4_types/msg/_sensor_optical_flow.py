@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ class SensorOpticalFlow(_cdr.Message):
                 message.max_ground_distance, message.mode,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 84:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.pixel_flow = (pixel_flow_0, pixel_flow_1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class SensorsStatus(_cdr.Message):
                 enabled_1, enabled_2, enabled_3, external_0, external_1, external_2, external_3,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.device_ids = (device_ids_0, device_ids_1, device_ids_2, device_ids_3)

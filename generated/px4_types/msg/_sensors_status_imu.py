@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ class SensorsStatusImu(_cdr.Message):
                 gyro_healthy_2, gyro_healthy_3, message.gyro_priority,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 103:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.accel_device_ids = (accel_device_ids_0, accel_device_ids_1, accel_device_ids_2, accel_device_ids_3)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ class SystemPower(_cdr.Message):
                 message.payload_v_valid,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 49:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.sensors3v3 = (sensors3v3_0, sensors3v3_1, sensors3v3_2, sensors3v3_3)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -304,7 +304,7 @@ class TelemetryStatus(_cdr.Message):
                 message.open_drone_id_system_healthy, message.parachute_system_healthy,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 92:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

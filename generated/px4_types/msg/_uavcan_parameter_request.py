@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class UavcanParameterRequest(_cdr.Message):
                 message.param_index, message.param_type, message.int_value, message.real_value,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class UavcanParameterValue(_cdr.Message):
                 message.param_count, message.param_type, message.int_value, message.real_value,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

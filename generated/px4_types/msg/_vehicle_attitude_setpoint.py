@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
                 thrust_body_0, thrust_body_1, thrust_body_2,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q_d = (q_d_0, q_d_1, q_d_2, q_d_3)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class VehicleCommandAck(_cdr.Message):
                 message.result_param2, message.target_system, message.target_component, message.from_external,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 32:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class VehicleImu(_cdr.Message):
                 message.accel_calibration_count, message.gyro_calibration_count,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.delta_angle = (delta_angle_0, delta_angle_1, delta_angle_2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ class VehicleImuStatus(_cdr.Message):
                 var_gyro_2, message.temperature_accel, message.temperature_gyro,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 139:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.accel_clipping = (accel_clipping_0, accel_clipping_1, accel_clipping_2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -371,7 +371,7 @@ class VehicleLocalPosition(_cdr.Message):
                 message.hagl_max_xy,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 223:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.delta_xy = (delta_xy_0, delta_xy_1)

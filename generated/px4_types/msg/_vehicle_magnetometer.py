@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class VehicleMagnetometer(_cdr.Message):
                 magnetometer_ga_1, magnetometer_ga_2, message.calibration_count,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 40:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.magnetometer_ga = (magnetometer_ga_0, magnetometer_ga_1, magnetometer_ga_2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ class VehicleOpticalFlowVel(_cdr.Message):
                 gyro_bias_2, ref_gyro_0, ref_gyro_1, ref_gyro_2,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 107:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.vel_body = (vel_body_0, vel_body_1)

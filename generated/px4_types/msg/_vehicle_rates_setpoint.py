@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class VehicleRatesSetpoint(_cdr.Message):
                 thrust_body_1, thrust_body_2, message.reset_integral,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 40:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.thrust_body = (thrust_body_0, thrust_body_1, thrust_body_2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -425,7 +425,7 @@ class VehicleStatus(_cdr.Message):
                 message.calibration_enabled, message.pre_flight_checks_pass,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 87:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

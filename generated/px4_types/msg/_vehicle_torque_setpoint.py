@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class VehicleTorqueSetpoint(_cdr.Message):
         try:
             (header, message.timestamp, message.timestamp_sample, xyz_0, xyz_1, xyz_2) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.xyz = (xyz_0, xyz_1, xyz_2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class VtolVehicleStatus(_cdr.Message):
                 header, message.timestamp, message.vehicle_vtol_state, message.fixed_wing_system_failure,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message

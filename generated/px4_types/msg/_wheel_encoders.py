@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class WheelEncoders(_cdr.Message):
                 header, message.timestamp, wheel_speed_0, wheel_speed_1, wheel_angle_0, wheel_angle_1,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.wheel_speed = (wheel_speed_0, wheel_speed_1)

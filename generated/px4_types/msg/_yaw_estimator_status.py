@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ class YawEstimatorStatus(_cdr.Message):
                 innov_ve_2, innov_ve_3, innov_ve_4, weight_0, weight_1, weight_2, weight_3, weight_4,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 115:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.yaw = (yaw_0, yaw_1, yaw_2, yaw_3, yaw_4)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 from ..msg._vehicle_command import VehicleCommand
 
 TYPE_CHECKING = False
@@ -60,7 +60,7 @@ class VehicleCommand_Request(_cdr.Message):
                 request.confirmation, request.from_external,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 63:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.request = request

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .. import _cdr
+from .. import cdr as _cdr
 from ..msg._vehicle_command_ack import VehicleCommandAck
 
 TYPE_CHECKING = False
@@ -56,7 +56,7 @@ class VehicleCommand_Response(_cdr.Message):
                 reply.result_param2, reply.target_system, reply.target_component, reply.from_external,
             ) = _unpack_from(data)
         except _cdr.StructError:
-            header = None
+            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 32:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.reply = reply

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from importlib import import_module
 
-from ._cdr import Message, _Frozen
+from .cdr import Frozen, Message
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def _message_class(name: str) -> type[Message]:
     return found
 
 
-class UorbTopic(_Frozen):
+class UorbTopic(Frozen):
     """A uORB topic: its id, the name of its message, and how many samples uORB keeps."""
 
     __slots__ = ("name", "orb_id", "message_name", "queue_length")
@@ -45,7 +45,7 @@ class UorbTopic(_Frozen):
         return _message_class(self.message_name)
 
 
-class Qos(_Frozen):
+class Qos(Frozen):
     """Quality of service of one end; a depth of 0 leaves it to the middleware."""
 
     __slots__ = ("reliability", "durability", "history", "depth")
@@ -69,7 +69,7 @@ class Qos(_Frozen):
         put(self, "depth", depth)
 
 
-class QosPair(_Frozen):
+class QosPair(Frozen):
     """The quality of service of both ends: PX4's is a fact, the application's a choice that matches it.
 
     A reader must not ask PX4 for RELIABLE: it would receive nothing. A writer may offer either.
@@ -90,7 +90,7 @@ _PX4_WRITER = Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0)
 _APPLICATION = Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10)
 
 
-class Endpoint(_Frozen):
+class Endpoint(Frozen):
     """A topic that crosses the bridge; `direction` is seen from PX4, so "out" is what PX4 publishes."""
 
     __slots__ = (

@@ -57,10 +57,10 @@ class EncodeError(CodecError):
     """A message that holds a value which its definition does not allow."""
 
 
-class _Frozen:
-    """Attributes are set once, by `__init__`."""
+class Frozen:
+    """A base for values whose attributes are set once, by `__init__`."""
 
-    __slots__ = ()
+    __slots__: tuple[str, ...] = ()
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{self.__class__.__name__}.{name} is read-only")
@@ -81,7 +81,7 @@ class _Frozen:
         return self.__class__, tuple(getattr(self, name) for name in self.__slots__)
 
 
-class Field(_Frozen):
+class Field(Frozen):
     """One field of a message: its type as the definition spells it, where it lies, and its tags ("" where it has none)."""
 
     __slots__ = ("name", "type", "offset", "unit", "range", "enum", "invalid", "frame")
@@ -132,7 +132,7 @@ class Field(_Frozen):
         return int(length[:-1]) if length else None
 
 
-class MessageInfo(_Frozen):
+class MessageInfo(Frozen):
     """What a message is to PX4, to DDS and to ROS 2."""
 
     __slots__ = (
@@ -221,22 +221,29 @@ class _DataclassFields:
         from dataclasses import field, make_dataclass
 
         zero = owner()
-        specifications = []
+        specifications: list[tuple[str, Any, Any]] = []
         for name in owner.__match_args__:
             value = getattr(zero, name)
-            if _is_mutable(value):
-                specified = field(default_factory=lambda name=name: getattr(owner(), name))
-            else:
-                specified = field(default=value)
+            specified: Any = field(default_factory=_Fresh(owner, name)) if _is_mutable(value) else field(default=value)
             specifications.append((name, owner.__annotations__.get(name, "object"), specified))
-        fields = make_dataclass(owner.__name__, specifications).__dataclass_fields__
-        owner.__dataclass_fields__ = fields
-        return fields
+        made: Any = make_dataclass(owner.__name__, specifications)
+        owner.__dataclass_fields__ = made.__dataclass_fields__
+        return owner.__dataclass_fields__
 
 
-def _is_mutable(value: object) -> bool:
+class _Fresh:
+    """Makes the zero value of one field, for fields whose values can be changed."""
+
+    def __init__(self, owner: type[Message], name: str) -> None:
+        self.owner, self.name = owner, name
+
+    def __call__(self) -> object:
+        return getattr(self.owner(), self.name)
+
+
+def _is_mutable(value: Any) -> bool:
     return isinstance(value, (array, Message)) or (
-        isinstance(value, tuple) and any(isinstance(item, Message) for item in value)
+        value.__class__ is tuple and any(isinstance(item, Message) for item in value)
     )
 
 
@@ -302,12 +309,15 @@ class Message:
         return self.__class__(**{**values, **changes})
 
 
-def _same(mine: object, theirs: object) -> bool:
+_SEQUENCES = (tuple, list, array)
+
+
+def _same(mine: Any, theirs: Any) -> bool:
     if isinstance(mine, Message):
         return mine.__class__ is theirs.__class__ and all(
             _same(getattr(mine, name, None), getattr(theirs, name, None)) for name in mine.__match_args__
         )
-    if isinstance(mine, (tuple, list, array)) and isinstance(theirs, (tuple, list, array)):
+    if mine.__class__ in _SEQUENCES and theirs.__class__ in _SEQUENCES:
         return len(mine) == len(theirs) and all(map(_same, mine, theirs))
     return bool(mine == theirs) or (mine != mine and theirs != theirs)
 
@@ -332,11 +342,12 @@ def from_raw(code: str, raw: bytes) -> array[Any]:
 
 def to_raw(code: str, length: int, values: Iterable[Any]) -> bytes:
     """Return `values` as bytes, little-endian. Raises one of ENCODE_FAILURES."""
-    if values.__class__ is not array or values.typecode != code or sys.byteorder == "big":
-        return struct.pack(f"<{length}{code}", *values)
-    if len(values) != length:
-        raise ValueError
-    return values.tobytes()
+    if values.__class__ is array and sys.byteorder == "little":
+        block: Any = values
+        if block.typecode == code and len(block) == length:
+            raw: bytes = block.tobytes()
+            return raw
+    return struct.pack(f"<{length}{code}", *values)
 
 
 def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes:
@@ -415,7 +426,7 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
     return next(filter(None, problems), "")
 
 
-def _value_problem(base: str, value: object, path: str) -> str:
+def _value_problem(base: str, value: Any, path: str) -> str:
     if base == "bool":
         return "" if _is_number(value) and value in (0, 1) else f"{path}: expected a bool, got {_given(value)}"
     if base in _LARGEST:
@@ -439,8 +450,8 @@ def _is_number(value: object) -> bool:
     return hasattr(value, "__float__") or hasattr(value, "__index__") or value.__class__.__name__ in ("bool_", "bool")
 
 
-def _given(value: object) -> str:
+def _given(value: Any) -> str:
     text = repr(value)
-    if isinstance(value, (bytes, bytearray, tuple, list, array)):
+    if value.__class__ in (bytes, bytearray, *_SEQUENCES):
         return f"{len(value)} in a {value.__class__.__name__}"
     return text if len(text) <= 60 else f"{text[:57]}..."
