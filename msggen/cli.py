@@ -53,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     build = commands.add_parser(
         "build",
         help="generate a Python package from message definitions",
-        description="Generate a Python package from message definitions; without a source, from the embedded PX4 v1.17.",
+        description="Generate a Python package from message definitions; without a source, from the embedded set.",
         epilog="Exit codes: 0 done, 1 findings (--check, --diff), 2 usage, input or I/O error. "
         "Options may stand in [tool.msggen] of pyproject.toml.",
         allow_abbrev=False,

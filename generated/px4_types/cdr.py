@@ -82,7 +82,7 @@ class Frozen:
 
 
 class Field(Frozen):
-    """One field of a message: its type as the definition spells it, where it lies, and its tags ("" where it has none)."""
+    """One field of a message: its type, where it lies, and its tags, "" where it has none."""
 
     __slots__ = ("name", "type", "offset", "unit", "range", "enum", "invalid", "frame")
 
@@ -300,7 +300,8 @@ class Message:
     def __setstate__(self, state: tuple[int, tuple[object, ...]]) -> None:
         message_hash, values = state
         if message_hash != self.__msg__.message_hash:
-            raise TypeError(f"{self.__msg__.name}: pickled from another definition, its message_hash was {message_hash}")
+            name = self.__msg__.name
+            raise TypeError(f"{name}: pickled from another definition, its message_hash was {message_hash}")
         for name, value in zip(self.__match_args__, values):
             setattr(self, name, value)
 
@@ -361,7 +362,8 @@ def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes
         raise DecodeError(f"{name}: expected an encapsulation header of 4 bytes, got {len(view)} in all")
     header, body = bytes(view[:2]), view[4:]
     if header not in _BYTE_ORDERS:
-        raise DecodeError(f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {header.hex(' ')}")
+        given = header.hex(" ")
+        raise DecodeError(f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {given}")
     order, version = _BYTE_ORDERS[header]
     words = order + (layout.words if version == 1 else layout.xcdr2)
     size = struct.calcsize(words)

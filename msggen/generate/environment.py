@@ -7,6 +7,7 @@ so that no comment can end the string it stands in.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 import jinja2
 
@@ -17,6 +18,7 @@ WIDTH = 110
 """Columns of generated source."""
 
 
+@lru_cache(maxsize=1)
 def environment() -> jinja2.Environment:
     """Return the environment that all templates are rendered in."""
     made = jinja2.Environment(

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 
 from msggen.generate.environment import environment
 from msggen.generate.python import message_view, module_name
-from msggen.identity import endpoints, uorb_topics
+from msggen.generate.source import literal
+from msggen.identity import UorbTopic, endpoints, uorb_topics
 from msggen.layout import check_fixed_size
 from msggen.model import DEFAULT_PACKAGE, Catalog, Message, Service
 from msggen.resources import resource
@@ -47,7 +48,9 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
         "cdr.py": _copied("cdr.py"),
         "registry.py": _copied("registry.py"),
         "py.typed": "",
-        "topics.py": render("topics", topics=uorb_topics(catalog), endpoints=endpoints(catalog)),
+        "topics.py": render(
+            "topics", topics=[_topic(topic) for topic in uorb_topics(catalog)], endpoints=endpoints(catalog)
+        ),
         "msg/__init__.py": render("folder", title="Messages", package=package, classes=_classes(messages)),
     }
     template = made.get_template("python/message.py.j2")
@@ -72,6 +75,12 @@ def _copied(name: str) -> str:
     """Return a file that is the same in every package."""
     with open(os.path.join(resource("templates"), "python", name), encoding="utf-8") as stream:
         return stream.read()
+
+
+def _topic(topic: UorbTopic) -> dict[str, object]:
+    queue_length = topic.message.queue_length
+    arguments = (literal(topic.name), f"ORB_ID.{topic.name}", literal(topic.message.name), str(queue_length))
+    return {"name": topic.name, "orb_id": topic.orb_id, "arguments": arguments}
 
 
 def _classes(definitions: Sequence[Message | Service]) -> list[tuple[str, str]]:

@@ -89,7 +89,7 @@ class FieldView:
         return f"{self.type} {self.comment}".strip()
 
     @property
-    def description(self) -> str:
+    def description(self) -> tuple[str, ...]:
         """The arguments of its description in `__msg__`."""
         comment = self.comment
         tags = (
@@ -99,8 +99,8 @@ class FieldView:
             ("invalid", comment.invalid),
             ("frame", comment.frame),
         )
-        given = "".join([f", {name}={literal(value)}" for name, value in tags if value])
-        return f"{literal(self.name)}, {literal(str(self.type))}, {self.offset}{given}"
+        given = [f"{name}={literal(value)}" for name, value in tags if value]
+        return (literal(self.name), literal(str(self.type)), str(self.offset), *given)
 
 
 @dataclass(frozen=True, slots=True)

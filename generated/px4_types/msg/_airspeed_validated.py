@@ -161,7 +161,9 @@ class AirspeedValidated(_cdr.Message):
             _cdr.Field("calibrated_airspeed_m_s", "float32", 12, unit="m/s", invalid="NaN"),
             _cdr.Field("true_airspeed_m_s", "float32", 16, unit="m/s", invalid="NaN"),
             _cdr.Field("airspeed_source", "int8", 20, enum="SOURCE"),
-            _cdr.Field("calibrated_ground_minus_wind_m_s", "float32", 24, unit="m/s", invalid="NaN"),
+            _cdr.Field(
+                "calibrated_ground_minus_wind_m_s", "float32", 24, unit="m/s", invalid="NaN",
+            ),
             _cdr.Field("calibraded_airspeed_synth_m_s", "float32", 28, unit="m/s", invalid="NaN"),
             _cdr.Field("airspeed_derivative_filtered", "float32", 32, unit="m/s^2"),
             _cdr.Field("throttle_filtered", "float32", 36, unit="-"),

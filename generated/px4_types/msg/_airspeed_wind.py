@@ -162,8 +162,12 @@ class AirspeedWind(_cdr.Message):
             _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
             _cdr.Field("windspeed_north", "float32", 16, unit="m/s"),
             _cdr.Field("windspeed_east", "float32", 20, unit="m/s"),
-            _cdr.Field("variance_north", "float32", 24, unit="(m/s)^2", invalid="0 if not estimated"),
-            _cdr.Field("variance_east", "float32", 28, unit="(m/s)^2", invalid="0 if not estimated"),
+            _cdr.Field(
+                "variance_north", "float32", 24, unit="(m/s)^2", invalid="0 if not estimated",
+            ),
+            _cdr.Field(
+                "variance_east", "float32", 28, unit="(m/s)^2", invalid="0 if not estimated",
+            ),
             _cdr.Field("tas_innov", "float32", 32, unit="m/s"),
             _cdr.Field("tas_innov_var", "float32", 36, unit="m/s"),
             _cdr.Field("tas_scale_raw", "float32", 40, unit="-"),

@@ -120,11 +120,21 @@ class Ekf2Timestamps(_cdr.Message):
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
             _cdr.Field("airspeed_timestamp_rel", "int16", 8, invalid="32767 No new sample"),
-            _cdr.Field("airspeed_validated_timestamp_rel", "int16", 10, invalid="32767 No new sample"),
-            _cdr.Field("distance_sensor_timestamp_rel", "int16", 12, invalid="32767 No new sample"),
+            _cdr.Field(
+                "airspeed_validated_timestamp_rel", "int16", 10, invalid="32767 No new sample",
+            ),
+            _cdr.Field(
+                "distance_sensor_timestamp_rel", "int16", 12, invalid="32767 No new sample",
+            ),
             _cdr.Field("optical_flow_timestamp_rel", "int16", 14, invalid="32767 No new sample"),
-            _cdr.Field("vehicle_air_data_timestamp_rel", "int16", 16, invalid="32767 No new sample"),
-            _cdr.Field("vehicle_magnetometer_timestamp_rel", "int16", 18, invalid="32767 No new sample"),
-            _cdr.Field("visual_odometry_timestamp_rel", "int16", 20, invalid="32767 No new sample"),
+            _cdr.Field(
+                "vehicle_air_data_timestamp_rel", "int16", 16, invalid="32767 No new sample",
+            ),
+            _cdr.Field(
+                "vehicle_magnetometer_timestamp_rel", "int16", 18, invalid="32767 No new sample",
+            ),
+            _cdr.Field(
+                "visual_odometry_timestamp_rel", "int16", 20, invalid="32767 No new sample",
+            ),
         ),
     )

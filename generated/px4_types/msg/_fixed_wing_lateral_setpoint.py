@@ -94,7 +94,11 @@ class FixedWingLateralSetpoint(_cdr.Message):
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
             _cdr.Field("course", "float32", 8, unit="rad", range="-pi, pi", invalid="NaN"),
-            _cdr.Field("airspeed_direction", "float32", 12, unit="rad", range="-pi, pi", invalid="NaN"),
-            _cdr.Field("lateral_acceleration", "float32", 16, unit="m/s^2", invalid="NaN", frame="FRD"),
+            _cdr.Field(
+                "airspeed_direction", "float32", 12, unit="rad", range="-pi, pi", invalid="NaN",
+            ),
+            _cdr.Field(
+                "lateral_acceleration", "float32", 16, unit="m/s^2", invalid="NaN", frame="FRD",
+            ),
         ),
     )

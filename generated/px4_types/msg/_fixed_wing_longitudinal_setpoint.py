@@ -110,8 +110,12 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
             _cdr.Field("altitude", "float32", 8, unit="m", invalid="NaN"),
             _cdr.Field("height_rate", "float32", 12, unit="m/s", invalid="NaN", frame="ENU"),
-            _cdr.Field("equivalent_airspeed", "float32", 16, unit="m/s", range="0, inf", invalid="NaN"),
-            _cdr.Field("pitch_direct", "float32", 20, unit="rad", range="-pi, pi", invalid="NaN", frame="FRD"),
+            _cdr.Field(
+                "equivalent_airspeed", "float32", 16, unit="m/s", range="0, inf", invalid="NaN",
+            ),
+            _cdr.Field(
+                "pitch_direct", "float32", 20, unit="rad", range="-pi, pi", invalid="NaN", frame="FRD",
+            ),
             _cdr.Field("throttle_direct", "float32", 24, unit="norm", range="0,1", invalid="NaN"),
         ),
     )

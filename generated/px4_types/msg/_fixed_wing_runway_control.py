@@ -84,6 +84,9 @@ class FixedWingRunwayControl(_cdr.Message):
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
             _cdr.Field("wheel_steering_enabled", "bool", 8),
-            _cdr.Field("wheel_steering_nudging_rate", "float32", 12, unit="norm", range="-1, 1", invalid="NaN", frame="FRD"),
+            _cdr.Field(
+                "wheel_steering_nudging_rate", "float32", 12, unit="norm", range="-1, 1", invalid="NaN",
+                frame="FRD",
+            ),
         ),
     )

@@ -130,7 +130,9 @@ class FuelTankStatus(_cdr.Message):
             _cdr.Field("maximum_fuel_capacity", "float32", 8),
             _cdr.Field("consumed_fuel", "float32", 12, invalid="NaN"),
             _cdr.Field("fuel_consumption_rate", "float32", 16, invalid="NaN"),
-            _cdr.Field("percent_remaining", "uint8", 20, unit="%", range="0, 100", invalid="UINT8_MAX"),
+            _cdr.Field(
+                "percent_remaining", "uint8", 20, unit="%", range="0, 100", invalid="UINT8_MAX",
+            ),
             _cdr.Field("remaining_fuel", "float32", 24, invalid="NaN"),
             _cdr.Field("fuel_tank_id", "uint8", 28),
             _cdr.Field("fuel_type", "uint32", 32, enum="MAV_FUEL_TYPE"),

@@ -135,13 +135,27 @@ class LongitudinalControlConfiguration(_cdr.Message):
         topics=("longitudinal_control_configuration",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("pitch_min", "float32", 8, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MIN"),
-            _cdr.Field("pitch_max", "float32", 12, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MAX"),
-            _cdr.Field("throttle_min", "float32", 16, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MIN"),
-            _cdr.Field("throttle_max", "float32", 20, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MAX"),
-            _cdr.Field("climb_rate_target", "float32", 24, unit="m/s", invalid="NaN Uses FW_T_CLMB_R_SP"),
-            _cdr.Field("sink_rate_target", "float32", 28, unit="m/s", invalid="NaN Uses FW_T_SINK_R_SP"),
-            _cdr.Field("speed_weight", "float32", 32, range="0,2", invalid="NaN Uses FW_T_SPDWEIGHT"),
+            _cdr.Field(
+                "pitch_min", "float32", 8, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MIN",
+            ),
+            _cdr.Field(
+                "pitch_max", "float32", 12, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MAX",
+            ),
+            _cdr.Field(
+                "throttle_min", "float32", 16, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MIN",
+            ),
+            _cdr.Field(
+                "throttle_max", "float32", 20, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MAX",
+            ),
+            _cdr.Field(
+                "climb_rate_target", "float32", 24, unit="m/s", invalid="NaN Uses FW_T_CLMB_R_SP",
+            ),
+            _cdr.Field(
+                "sink_rate_target", "float32", 28, unit="m/s", invalid="NaN Uses FW_T_SINK_R_SP",
+            ),
+            _cdr.Field(
+                "speed_weight", "float32", 32, range="0,2", invalid="NaN Uses FW_T_SPDWEIGHT",
+            ),
             _cdr.Field("enforce_low_height_condition", "bool", 36),
             _cdr.Field("disable_underspeed_protection", "bool", 37),
         ),

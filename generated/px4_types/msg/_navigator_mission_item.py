@@ -174,7 +174,9 @@ class NavigatorMissionItem(_cdr.Message):
             _cdr.Field("time_inside", "float32", 20, unit="s"),
             _cdr.Field("acceptance_radius", "float32", 24, unit="m"),
             _cdr.Field("loiter_radius", "float32", 28, unit="m"),
-            _cdr.Field("yaw", "float32", 32, unit="rad", range="-pi, pi", invalid="NaN", frame="NED"),
+            _cdr.Field(
+                "yaw", "float32", 32, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
+            ),
             _cdr.Field("altitude", "float32", 36, unit="m"),
             _cdr.Field("frame", "uint8", 40),
             _cdr.Field("origin", "uint8", 41),

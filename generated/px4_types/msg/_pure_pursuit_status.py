@@ -105,8 +105,13 @@ class PurePursuitStatus(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
             _cdr.Field("lookahead_distance", "float32", 8, unit="m", range="0, inf"),
             _cdr.Field("target_bearing", "float32", 12, unit="rad", range="-pi, pi", frame="NED"),
-            _cdr.Field("crosstrack_error", "float32", 16, unit="m", range="-inf (Left of the path), inf (Right of the path)"),
+            _cdr.Field(
+                "crosstrack_error", "float32", 16, unit="m",
+                range="-inf (Left of the path), inf (Right of the path)",
+            ),
             _cdr.Field("distance_to_waypoint", "float32", 20, unit="m", range="-inf, inf"),
-            _cdr.Field("bearing_to_waypoint", "float32", 24, unit="rad", range="-pi, pi", frame="NED"),
+            _cdr.Field(
+                "bearing_to_waypoint", "float32", 24, unit="rad", range="-pi, pi", frame="NED",
+            ),
         ),
     )

@@ -76,6 +76,8 @@ class RoverAttitudeStatus(_cdr.Message):
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
             _cdr.Field("measured_yaw", "float32", 8, unit="rad", range="-pi, pi", frame="NED"),
-            _cdr.Field("adjusted_yaw_setpoint", "float32", 12, unit="rad", range="-pi, pi", frame="NED"),
+            _cdr.Field(
+                "adjusted_yaw_setpoint", "float32", 12, unit="rad", range="-pi, pi", frame="NED",
+            ),
         ),
     )

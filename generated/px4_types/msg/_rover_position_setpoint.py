@@ -104,9 +104,20 @@ class RoverPositionSetpoint(_cdr.Message):
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
             _cdr.Field("position_ned", "float32[2]", 8, unit="m", range="-inf, inf", frame="NED"),
-            _cdr.Field("start_ned", "float32[2]", 16, unit="m", range="-inf, inf", invalid="NaN Defaults to vehicle position", frame="NED"),
-            _cdr.Field("cruising_speed", "float32", 24, unit="m/s", range="0, inf", invalid="NaN Defaults to maximum speed"),
-            _cdr.Field("arrival_speed", "float32", 28, unit="m/s", range="0, inf", invalid="NaN Defaults to 0"),
-            _cdr.Field("yaw", "float32", 32, unit="rad", range="-pi,pi", invalid="NaN Defaults to vehicle yaw", frame="NED"),
+            _cdr.Field(
+                "start_ned", "float32[2]", 16, unit="m", range="-inf, inf",
+                invalid="NaN Defaults to vehicle position", frame="NED",
+            ),
+            _cdr.Field(
+                "cruising_speed", "float32", 24, unit="m/s", range="0, inf",
+                invalid="NaN Defaults to maximum speed",
+            ),
+            _cdr.Field(
+                "arrival_speed", "float32", 28, unit="m/s", range="0, inf", invalid="NaN Defaults to 0",
+            ),
+            _cdr.Field(
+                "yaw", "float32", 32, unit="rad", range="-pi,pi", invalid="NaN Defaults to vehicle yaw",
+                frame="NED",
+            ),
         ),
     )

@@ -69,6 +69,8 @@ class RoverRateSetpoint(_cdr.Message):
         topics=("rover_rate_setpoint",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("yaw_rate_setpoint", "float32", 8, unit="rad/s", range="-inf, inf", frame="NED"),
+            _cdr.Field(
+                "yaw_rate_setpoint", "float32", 8, unit="rad/s", range="-inf, inf", frame="NED",
+            ),
         ),
     )

@@ -88,8 +88,12 @@ class RoverRateStatus(_cdr.Message):
         topics=("rover_rate_status",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("measured_yaw_rate", "float32", 8, unit="rad/s", range="-inf, inf", frame="NED"),
-            _cdr.Field("adjusted_yaw_rate_setpoint", "float32", 12, unit="rad/s", range="-inf, inf", frame="NED"),
+            _cdr.Field(
+                "measured_yaw_rate", "float32", 8, unit="rad/s", range="-inf, inf", frame="NED",
+            ),
+            _cdr.Field(
+                "adjusted_yaw_rate_setpoint", "float32", 12, unit="rad/s", range="-inf, inf", frame="NED",
+            ),
             _cdr.Field("pid_yaw_rate_integral", "float32", 16, unit="-", range="-1, 1"),
         ),
     )

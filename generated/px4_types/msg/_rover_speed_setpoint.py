@@ -75,7 +75,13 @@ class RoverSpeedSetpoint(_cdr.Message):
         topics=("rover_speed_setpoint",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("speed_body_x", "float32", 8, unit="m/s", range="-inf (Backwards), inf (Forwards)", frame="Body"),
-            _cdr.Field("speed_body_y", "float32", 12, unit="m/s", range="-inf (Left), inf (Right)", invalid="NaN If not mecanum", frame="Body"),
+            _cdr.Field(
+                "speed_body_x", "float32", 8, unit="m/s", range="-inf (Backwards), inf (Forwards)",
+                frame="Body",
+            ),
+            _cdr.Field(
+                "speed_body_y", "float32", 12, unit="m/s", range="-inf (Left), inf (Right)",
+                invalid="NaN If not mecanum", frame="Body",
+            ),
         ),
     )

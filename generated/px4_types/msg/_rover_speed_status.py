@@ -112,11 +112,26 @@ class RoverSpeedStatus(_cdr.Message):
         topics=("rover_speed_status",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("measured_speed_body_x", "float32", 8, unit="m/s", range="-inf (Backwards), inf (Forwards)", frame="Body"),
-            _cdr.Field("adjusted_speed_body_x_setpoint", "float32", 12, unit="m/s", range="-inf (Backwards), inf (Forwards)", frame="Body"),
+            _cdr.Field(
+                "measured_speed_body_x", "float32", 8, unit="m/s", range="-inf (Backwards), inf (Forwards)",
+                frame="Body",
+            ),
+            _cdr.Field(
+                "adjusted_speed_body_x_setpoint", "float32", 12, unit="m/s",
+                range="-inf (Backwards), inf (Forwards)", frame="Body",
+            ),
             _cdr.Field("pid_throttle_body_x_integral", "float32", 16, unit="-", range="-1, 1"),
-            _cdr.Field("measured_speed_body_y", "float32", 20, unit="m/s", range="-inf (Left), inf (Right)", invalid="NaN If not mecanum", frame="Body"),
-            _cdr.Field("adjusted_speed_body_y_setpoint", "float32", 24, unit="m/s", range="-inf (Left), inf (Right)", invalid="NaN If not mecanum", frame="Body"),
-            _cdr.Field("pid_throttle_body_y_integral", "float32", 28, unit="-", range="-1, 1", invalid="NaN If not mecanum"),
+            _cdr.Field(
+                "measured_speed_body_y", "float32", 20, unit="m/s", range="-inf (Left), inf (Right)",
+                invalid="NaN If not mecanum", frame="Body",
+            ),
+            _cdr.Field(
+                "adjusted_speed_body_y_setpoint", "float32", 24, unit="m/s", range="-inf (Left), inf (Right)",
+                invalid="NaN If not mecanum", frame="Body",
+            ),
+            _cdr.Field(
+                "pid_throttle_body_y_integral", "float32", 28, unit="-", range="-1, 1",
+                invalid="NaN If not mecanum",
+            ),
         ),
     )

@@ -71,6 +71,9 @@ class RoverSteeringSetpoint(_cdr.Message):
         topics=("rover_steering_setpoint",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("normalized_steering_setpoint", "float32", 8, unit="-", range="-1 (Left), 1 (Right)", frame="Body"),
+            _cdr.Field(
+                "normalized_steering_setpoint", "float32", 8, unit="-", range="-1 (Left), 1 (Right)",
+                frame="Body",
+            ),
         ),
     )

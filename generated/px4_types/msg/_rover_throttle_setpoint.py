@@ -78,7 +78,12 @@ class RoverThrottleSetpoint(_cdr.Message):
         topics=("rover_throttle_setpoint",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("throttle_body_x", "float32", 8, unit="-", range="-1 (Backwards), 1 (Forwards)", frame="Body"),
-            _cdr.Field("throttle_body_y", "float32", 12, unit="-", range="-1 (Left), 1 (Right)", invalid="NaN If not mecanum", frame="Body"),
+            _cdr.Field(
+                "throttle_body_x", "float32", 8, unit="-", range="-1 (Backwards), 1 (Forwards)", frame="Body",
+            ),
+            _cdr.Field(
+                "throttle_body_y", "float32", 12, unit="-", range="-1 (Left), 1 (Right)",
+                invalid="NaN If not mecanum", frame="Body",
+            ),
         ),
     )

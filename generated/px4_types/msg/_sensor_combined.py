@@ -144,7 +144,10 @@ class SensorCombined(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
             _cdr.Field("gyro_rad", "float32[3]", 8, unit="rad/s", frame="FRD"),
             _cdr.Field("gyro_integral_dt", "uint32", 20, unit="us"),
-            _cdr.Field("accelerometer_timestamp_relative", "int32", 24, unit="us", invalid="RELATIVE_TIMESTAMP_INVALID"),
+            _cdr.Field(
+                "accelerometer_timestamp_relative", "int32", 24, unit="us",
+                invalid="RELATIVE_TIMESTAMP_INVALID",
+            ),
             _cdr.Field("accelerometer_m_s2", "float32[3]", 28, unit="m/s^2", frame="FRD"),
             _cdr.Field("accelerometer_integral_dt", "uint32", 40, unit="us"),
             _cdr.Field("accelerometer_clipping", "uint8", 44, enum="CLIPPING"),

@@ -368,8 +368,12 @@ class SensorGps(_cdr.Message):
             _cdr.Field("time_utc_usec", "uint64", 128, unit="us", invalid="0"),
             _cdr.Field("satellites_used", "uint8", 136),
             _cdr.Field("system_error", "uint32", 140, enum="SYSTEM_ERROR"),
-            _cdr.Field("heading", "float32", 144, unit="rad", range="-pi, pi", invalid="NaN", frame="NED"),
-            _cdr.Field("heading_offset", "float32", 148, unit="rad", range="-pi, pi", invalid="NaN", frame="Body"),
+            _cdr.Field(
+                "heading", "float32", 144, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
+            ),
+            _cdr.Field(
+                "heading_offset", "float32", 148, unit="rad", range="-pi, pi", invalid="NaN", frame="Body",
+            ),
             _cdr.Field("heading_accuracy", "float32", 152, unit="rad", range="0, 2pi"),
             _cdr.Field("rtcm_injection_rate", "float32", 156, unit="Hz"),
             _cdr.Field("selected_rtcm_instance", "uint8", 160),

@@ -419,7 +419,9 @@ class VehicleLocalPosition(_cdr.Message):
             _cdr.Field("az", "float32", 96, unit="m/s^2", frame="NED"),
             _cdr.Field("heading", "float32", 100, unit="rad", range="-pi, pi", frame="NED"),
             _cdr.Field("heading_var", "float32", 104, unit="rad^2"),
-            _cdr.Field("unaided_heading", "float32", 108, unit="rad", range="-pi, pi", frame="NED"),
+            _cdr.Field(
+                "unaided_heading", "float32", 108, unit="rad", range="-pi, pi", frame="NED",
+            ),
             _cdr.Field("delta_heading", "float32", 112, unit="rad"),
             _cdr.Field("heading_reset_counter", "uint8", 116),
             _cdr.Field("heading_good_for_control", "bool", 117),

@@ -137,7 +137,9 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
             _cdr.Field("vz", "float32", 28, unit="m/s", invalid="NaN", frame="NED"),
             _cdr.Field("acceleration", "float32[3]", 32, unit="m/s^2", invalid="NaN", frame="NED"),
             _cdr.Field("thrust", "float32[3]", 44, unit="-", invalid="NaN", frame="NED"),
-            _cdr.Field("yaw", "float32", 56, unit="rad", range="-pi, pi", invalid="NaN", frame="NED"),
+            _cdr.Field(
+                "yaw", "float32", 56, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
+            ),
             _cdr.Field("yawspeed", "float32", 60, unit="rad/s", invalid="NaN"),
         ),
     )

@@ -200,11 +200,21 @@ class VehicleOdometry(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, unit="us"),
             _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
             _cdr.Field("pose_frame", "uint8", 16, enum="POSE_FRAME"),
-            _cdr.Field("position", "float32[3]", 20, unit="m", invalid="NaN If invalid/unknown", frame="local frame"),
-            _cdr.Field("q", "float32[4]", 32, unit="-", invalid="NaN First value if invalid/unknown"),
+            _cdr.Field(
+                "position", "float32[3]", 20, unit="m", invalid="NaN If invalid/unknown", frame="local frame",
+            ),
+            _cdr.Field(
+                "q", "float32[4]", 32, unit="-", invalid="NaN First value if invalid/unknown",
+            ),
             _cdr.Field("velocity_frame", "uint8", 48, enum="VELOCITY_FRAME"),
-            _cdr.Field("velocity", "float32[3]", 52, unit="m/s", invalid="NaN If invalid/unknown", frame="@velocity_frame"),
-            _cdr.Field("angular_velocity", "float32[3]", 64, unit="rad/s", invalid="NaN If invalid/unknown", frame="@VELOCITY_FRAME_BODY_FRD"),
+            _cdr.Field(
+                "velocity", "float32[3]", 52, unit="m/s", invalid="NaN If invalid/unknown",
+                frame="@velocity_frame",
+            ),
+            _cdr.Field(
+                "angular_velocity", "float32[3]", 64, unit="rad/s", invalid="NaN If invalid/unknown",
+                frame="@VELOCITY_FRAME_BODY_FRD",
+            ),
             _cdr.Field("position_variance", "float32[3]", 76, unit="m^2"),
             _cdr.Field("orientation_variance", "float32[3]", 88, unit="rad^2"),
             _cdr.Field("velocity_variance", "float32[3]", 100, unit="m^2/s^2"),
