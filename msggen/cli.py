@@ -103,7 +103,7 @@ def _build(options: argparse.Namespace) -> int:
     if options.depfile and writes:
         write_if_changed(options.depfile, depfile(outcome.folder, outcome.outputs, sources))
     if outcome.plan is None or (not outcome.plan.is_stale and not writes):
-        _say(options, f"{outcome.folder} is up to date ({len(outcome.outputs)} files)")
+        _say(options, f"{outcome.summary}\n{outcome.folder} is up to date, {len(outcome.outputs)} files")
         return DONE
     plan = outcome.plan
     if options.diff:
@@ -119,12 +119,8 @@ def _build(options: argparse.Namespace) -> int:
             for name in names:
                 print(f"{verb} {os.path.join(plan.folder, name)}")
     unchanged = len(plan.files) - len(plan.written)
-    _say(options, outcome.summary)
-    _say(
-        options,
-        f"{plan.folder}: {len(plan.written)} files written, {len(plan.removed)} removed, "
-        f"{unchanged} unchanged, in {time.perf_counter() - started:.2f} s",
-    )
+    counts = f"{len(plan.written)} files written, {len(plan.removed)} removed, {unchanged} unchanged"
+    _say(options, f"{outcome.summary}\n{plan.folder}: {counts}, in {time.perf_counter() - started:.2f} s")
     return DONE
 
 

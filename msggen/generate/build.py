@@ -16,14 +16,18 @@ from msggen.firmware.source import Sources, read_files
 from msggen.generate.output import Plan, is_current, plan_output, read_record, write_output
 from msggen.resources import resource
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from msggen.model import Catalog
+
 
 class Outcome(NamedTuple):
-    """What a build found: `plan` is None where the output was current, `summary` then says nothing new."""
+    """What a build found: what the package has, and what was to do; `plan` is None where the output was current."""
 
     folder: str
+    summary: str
     outputs: tuple[str, ...]
     plan: Plan | None = None
-    summary: str = ""
 
 
 class Build:
@@ -44,21 +48,17 @@ class Build:
         cannot be written.
         """
         if is_current(self.folder, self.record, self.fingerprint):
-            return Outcome(self.folder, tuple(sorted(self.record.files)))
+            return Outcome(self.folder, self.record.summary, tuple(sorted(self.record.files)))
         from msggen.firmware.catalog import read_catalog
         from msggen.generate.package import render_package
 
         catalog = read_catalog(self.sources, self.contents)
         files = render_package(catalog, self.name)
         plan = self._plan(files)
+        summary = _summary(self.name, catalog)
         if write:
-            write_output(plan, self.record, self.fingerprint)
-        summary = (
-            f"{self.name}: {_count(len(catalog.messages), 'message')}, {_count(len(catalog.services), 'service')}, "
-            f"{_count(sum(len(message.topic_names) for message in catalog.messages.values()), 'uORB topic')}, "
-            f"{_count(len(catalog.bridge), 'endpoint')}"
-        )
-        return Outcome(self.folder, tuple(sorted(files)), plan, summary)
+            write_output(plan, self.record, self.fingerprint, summary)
+        return Outcome(self.folder, summary, tuple(sorted(files)), plan)
 
     def outputs(self) -> tuple[str, ...]:
         """Return the names of the files that a run makes, sorted. Raises InputError for faulty definitions."""
@@ -117,6 +117,17 @@ def write_if_changed(path: str, text: str) -> None:
 
 def _escaped(path: str) -> str:
     return path.replace("$", "$$").replace("#", "\\#").replace(" ", "\\ ")
+
+
+def _summary(name: str, catalog: Catalog) -> str:
+    topics = sum(len(message.topic_names) for message in catalog.messages.values())
+    counts = (
+        _count(len(catalog.messages), "message"),
+        _count(len(catalog.services), "service"),
+        _count(topics, "uORB topic"),
+        _count(len(catalog.bridge), "endpoint"),
+    )
+    return f"{name}: {', '.join(counts)}, named as in {catalog.conventions.release}"
 
 
 def _count(number: int, noun: str) -> str:

@@ -19,9 +19,10 @@ _SAFE_NAME = re.compile(r"(?:[A-Za-z0-9_]+/)*[A-Za-z0-9_.]*[A-Za-z0-9_]")
 
 
 class Record(NamedTuple):
-    """What an earlier run wrote: digests by file name, and the fingerprint of what they were made from."""
+    """What a run wrote: digests by file name, the fingerprint of what they were made from, and what it said."""
 
     fingerprint: str
+    summary: str
     files: Mapping[str, str]
 
 
@@ -59,9 +60,9 @@ def read_record(folder: str) -> Record:
         with open(os.path.join(folder, MANIFEST), encoding="utf-8") as stream:
             stored = json.load(stream)
         files = {name: value for name, value in stored["files"].items() if _SAFE_NAME.fullmatch(name)}
-        return Record(str(stored["fingerprint"]), files)
+        return Record(str(stored["fingerprint"]), str(stored["summary"]), files)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return Record("", {})
+        return Record("", "", {})
 
 
 def is_current(folder: str, record: Record, fingerprint: str) -> bool:
@@ -90,7 +91,7 @@ def plan_output(folder: str, files: Mapping[str, str], record: Record) -> Plan:
     return Plan(folder, files, tuple(written), removed, edited)
 
 
-def write_output(plan: Plan, record: Record, fingerprint: str) -> None:
+def write_output(plan: Plan, record: Record, fingerprint: str, summary: str) -> None:
     """Carry out `plan`. Raises OSError, with nothing changed, where the folder cannot be written.
 
     All files are written aside first, then the record, then they are moved into place: a run that is killed
@@ -105,12 +106,12 @@ def write_output(plan: Plan, record: Record, fingerprint: str) -> None:
             _write(os.path.join(stage, str(index)), plan.files[name])
         for folder in sorted({os.path.dirname(name) for name in plan.written}):
             os.makedirs(os.path.join(plan.folder, folder), exist_ok=True)
-        _write_record(plan.folder, stage, Record(fingerprint, during))
+        _write_record(plan.folder, stage, Record(fingerprint, summary, during))
         for index, name in enumerate(plan.written):
             os.replace(os.path.join(stage, str(index)), os.path.join(plan.folder, name))
         _remove(plan.folder, plan.removed)
         if during != digests:
-            _write_record(plan.folder, stage, Record(fingerprint, digests))
+            _write_record(plan.folder, stage, Record(fingerprint, summary, digests))
     finally:
         for leftover in os.listdir(stage):
             os.unlink(os.path.join(stage, leftover))
@@ -127,7 +128,7 @@ def _remove(folder: str, names: Iterable[str]) -> None:
 
 
 def _write_record(folder: str, stage: str, record: Record) -> None:
-    stored = {"fingerprint": record.fingerprint, "files": dict(sorted(record.files.items()))}
+    stored = {**record._asdict(), "files": dict(sorted(record.files.items()))}
     staged = os.path.join(stage, "record")
     _write(staged, json.dumps(stored, indent=1) + "\n")
     os.replace(staged, os.path.join(folder, MANIFEST))

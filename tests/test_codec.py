@@ -1,0 +1,141 @@
+"""The generated codec against the slow one of reference.py: random definitions, random values, every encoding."""
+
+from __future__ import annotations
+
+import json
+import struct
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import VECTORS, catalog_of, import_package
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from reference import HEADERS, serialize, to_object, to_values
+
+from msggen.model import INTEGER_RANGES, ArrayKind, Catalog, FieldType, Message
+
+ENCODINGS = sorted(HEADERS)
+PRIMITIVES = ("bool", *INTEGER_RANGES, "float32", "float64")
+LENGTHS = st.sampled_from([1, 2, 3, 4, 5, 8, 15, 16, 17, 33])
+
+
+@st.composite
+def definitions(draw: st.DrawFn) -> dict[str, str]:
+    """Return files of up to five messages; later ones nest earlier ones."""
+    files = {}
+    for number in range(draw(st.integers(1, 5))):
+        lines = ["uint64 timestamp"]
+        for index in range(draw(st.integers(0, 7))):
+            earlier = [f"Message{before}" for before in range(number)]
+            name = draw(st.sampled_from([*PRIMITIVES, *earlier * 3]))
+            most = st.sampled_from([1, 2, 3]) if name.startswith("Message") else LENGTHS
+            array = f"[{draw(most)}]" if draw(st.booleans()) else ""
+            lines.append(f"{name}{array} field{index}")
+        draw(st.randoms(use_true_random=False)).shuffle(lines)
+        files[f"msg/Message{number}.msg"] = "\n".join(lines) + "\n"
+    return files
+
+
+def scalar(name: str) -> st.SearchStrategy[Any]:
+    if name == "bool":
+        return st.booleans()
+    if name in INTEGER_RANGES:
+        return st.integers(*INTEGER_RANGES[name])
+    return st.floats(width=32 if name == "float32" else 64, allow_nan=True)
+
+
+def values_of(catalog: Catalog, message: Message) -> st.SearchStrategy[dict[str, Any]]:
+    def one(type_: FieldType) -> st.SearchStrategy[Any]:
+        if type_.is_primitive:
+            return scalar(type_.name)
+        return values_of(catalog, catalog.nested(message, type_))
+
+    def field(type_: FieldType) -> st.SearchStrategy[Any]:
+        if type_.array is ArrayKind.SCALAR:
+            return one(type_)
+        return st.lists(one(type_), min_size=type_.length, max_size=type_.length)
+
+    return st.fixed_dictionaries({item.name: field(item.type) for item in message.fields})
+
+
+def bits(value: Any) -> Any:
+    """Make values comparable: floats by their bits, so that NaN equals NaN and -0.0 differs from 0.0."""
+    if isinstance(value, dict):
+        return {name: bits(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [bits(item) for item in value]
+    return struct.pack("<d", value) if isinstance(value, float) else value
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@given(definitions(), st.data())
+def test_random_messages_equal_the_reference_in_every_encoding(files: dict[str, str], data: st.DataObject) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        catalog = catalog_of(Path(folder), files)
+        package = import_package(catalog, Path(folder))
+        for message in catalog.messages.values():
+            values = data.draw(values_of(catalog, message))
+            sample = to_object(package, catalog, message, values)
+            assert sample.encode() == serialize(catalog, message, values, "little", 1)
+            for order, version in ENCODINGS:
+                wire = serialize(catalog, message, values, order, version)
+                decoded = type(sample).decode(wire)
+                assert bits(to_values(catalog, message, decoded)) == bits(values), (order, version)
+                assert decoded == sample
+
+
+@pytest.mark.parametrize(("order", "version"), ENCODINGS)
+def test_every_embedded_message_decodes_from_every_encoding(
+    order: str, version: int, embedded: Catalog, px4_types: Any
+) -> None:
+    for vector in json.loads((VECTORS / "cdr.json").read_text()):
+        message = embedded.messages[f"px4_msgs/{vector['type']}"]
+        wire = serialize(embedded, message, vector["values"], order, version)
+        decoded = getattr(px4_types, message.name).decode(wire)
+        assert decoded.encode() == serialize(embedded, message, vector["values"], "little", 1)
+
+
+@pytest.mark.parametrize(("order", "version"), ENCODINGS)
+@pytest.mark.parametrize("surplus", [0, 1, 2, 3])
+def test_padding_is_ignored_whatever_stands_in_it(
+    order: str, version: int, surplus: int, embedded: Catalog, px4_types: Any
+) -> None:
+    """The firmware leaves stale memory in padding, and samples arrive rounded up (FACTS 3)."""
+    message = embedded.messages["px4_msgs/EscStatus"]
+    values = to_values(embedded, message, px4_types.EscStatus())
+    clean = serialize(embedded, message, values, order, version)
+    values["esc"][7]["timestamp"] = values["timestamp"] = 2**64 - 1
+    expected = to_object(px4_types, embedded, message, values)
+    wire = serialize(embedded, message, values, order, version)
+    padding = [index for index in range(4, len(clean)) if index in _padding(embedded, message, order, version)]
+    assert padding
+    stale = bytes(0xA5 if index in padding else byte for index, byte in enumerate(wire)) + b"\xa5" * surplus
+    assert px4_types.EscStatus.decode(stale) == expected
+
+
+def _padding(catalog: Catalog, message: Message, order: str, version: int) -> set[int]:
+    """Return the positions that are zero in a sample whose every value has no zero byte."""
+
+    def full(outer: Message) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        for field in outer.fields:
+            inner = None if field.type.is_primitive else catalog.nested(outer, field.type)
+            one = _without_zero_byte(field.type.name) if inner is None else full(inner)
+            values[field.name] = one if field.type.array is ArrayKind.SCALAR else [one] * field.type.length
+        return values
+
+    wire = serialize(catalog, message, full(message), order, version)
+    headers = {20, 21, 22, 23} if version == 2 else set()
+    return {index for index in range(4, len(wire)) if wire[index] == 0} - headers
+
+
+def _without_zero_byte(name: str) -> Any:
+    if name == "bool":
+        return True
+    if name in ("float32", "float64"):
+        code, size = {"float32": ("<f", 4), "float64": ("<d", 8)}[name]
+        return struct.unpack(code, b"\x41" * size)[0]
+    low, high = INTEGER_RANGES[name]
+    return -1 if low < 0 else high

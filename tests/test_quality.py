@@ -1,0 +1,118 @@
+"""The checks that a reviewer would run by hand: linters, type checkers, and that the committed output is current."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+from msggen.firmware.catalog import read_catalog
+from msggen.firmware.source import find_sources
+from msggen.generate.package import render_package
+
+PACKAGE = ROOT / "generated" / "px4_types"
+
+
+def run(*command: str, cwd: Path = ROOT) -> None:
+    """Run a module of this environment; fail with what it printed."""
+    done = subprocess.run([sys.executable, "-m", *command], cwd=cwd, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_committed_package_is_what_the_tool_makes() -> None:
+    expected = render_package(read_catalog(find_sources(None)), "px4_types")
+    found = {str(path.relative_to(PACKAGE)): path for path in PACKAGE.rglob("*") if path.suffix in (".py", ".typed")}
+    assert sorted(found) == sorted(expected)
+    stale = [name for name, path in found.items() if path.read_text(encoding="utf-8") != expected[name]]
+    assert stale == [], "run `msggen build` and commit what it wrote"
+
+
+@pytest.mark.parametrize("command", [["check", "."], ["format", "--check", "."]], ids=["check", "format"])
+def test_ruff_is_content(command: list[str]) -> None:
+    run("ruff", *command)
+
+
+def test_ruff_is_content_with_the_generated_package() -> None:
+    rules = "E,F,W,B,C4,PLE,SIM,UP"
+    run(
+        "ruff",
+        "check",
+        "--isolated",
+        "--target-version=py310",
+        f"--select={rules}",
+        "--ignore=B905,UP007",
+        "--line-length=130",
+        "generated",
+    )
+
+
+def test_mypy_is_content() -> None:
+    run("mypy")
+
+
+def test_mypy_is_content_with_the_generated_package() -> None:
+    run("mypy", "--strict", "--python-version=3.10", "generated/px4_types")
+
+
+def test_pyright_is_content_with_the_generated_package(tmp_path: Path) -> None:
+    settings = {"include": [str(PACKAGE)], "typeCheckingMode": "strict", "pythonVersion": "3.10"}
+    (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
+    run("basedpyright", "--level", "error", "-p", str(tmp_path))
+
+
+APPLICATION = """
+import dataclasses
+from px4_types import DecodeError, EscReport, EscStatus, SensorCombined, VehicleStatus, topics
+
+sample: bytes = SensorCombined(timestamp=1, gyro_rad=(0.0, 0.1, 0.2)).encode()
+message: SensorCombined = SensorCombined.decode(memoryview(sample))
+rate: tuple[float, float, float] = message.gyro_rad
+reports: tuple[EscReport, ...] = EscStatus().esc
+later: SensorCombined = dataclasses.replace(message, timestamp=2)
+names: list[str] = [field.name for field in dataclasses.fields(SensorCombined)]
+size: int = SensorCombined.__msg__.cdr_size
+number: topics.ORB_ID = topics.ORB_ID.vehicle_odometry
+depth: int = topics.endpoint("/fmu/out/vehicle_status_v1").qos.reader.depth
+match VehicleStatus():
+    case VehicleStatus(arming_state=VehicleStatus.ARMING_STATE_ARMED):
+        pass
+    case _:
+        pass
+"""
+MISTAKES = """
+from px4_types import SensorCombined
+
+SensorCombined(timestamp="1")
+SensorCombined(gyro_rad=(0.0, 0.1))
+SensorCombined().gyro = (0.0, 0.0, 0.0)
+SensorCombined.CLIPPING_X = 2
+"""
+
+
+def check_application(source: str, folder: Path) -> list[str]:
+    (folder / "application.py").write_text(source)
+    command = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--strict",
+        "--no-error-summary",
+        "--python-version=3.10",
+        "application.py",
+    ]
+    environment = {"MYPYPATH": str(PACKAGE.parent), "PATH": ""}
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment)
+    return [line for line in done.stdout.splitlines() if line.startswith("application.py")]
+
+
+def test_an_application_is_typed_throughout(tmp_path: Path) -> None:
+    assert check_application(APPLICATION, tmp_path) == []
+
+
+def test_the_types_catch_mistakes(tmp_path: Path) -> None:
+    lines = {int(line.split(":")[1]) for line in check_application(MISTAKES, tmp_path)}
+    assert lines == {4, 5, 6, 7}
