@@ -502,14 +502,17 @@ __all__ = [
 ]
 
 
+def _load(module: str) -> object:
+    """Import and return a module: importlib.import_module, but importing importlib takes longer than a message."""
+    return __import__(f"{__name__}.{module}", fromlist=["__name__"])
+
+
 def __getattr__(name: str) -> object:
     if name.startswith("_"):
         raise AttributeError(name)
-    from importlib import import_module
-
     if name in _MODULES:
-        return import_module(f"{__name__}.{name}")
-    found: object = getattr(import_module(f"{__name__}.{'cdr' if name in _ERRORS else 'msg'}"), name)
+        return _load(name)
+    found: object = getattr(_load("cdr" if name in _ERRORS else "msg"), name)
     globals()[name] = found
     return found
 

@@ -127,7 +127,7 @@ def _summary(name: str, catalog: Catalog) -> str:
         _count(topics, "uORB topic"),
         _count(len(catalog.bridge), "endpoint"),
     )
-    return f"{name}: {', '.join(counts)}, named as in {catalog.conventions.release}"
+    return f"{name}: {', '.join(counts)}; DDS names as since {catalog.conventions.release}"
 
 
 def _count(number: int, noun: str) -> str:

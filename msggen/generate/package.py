@@ -18,7 +18,7 @@ _EXAMPLE = "SensorCombined"
 
 def list_package(catalog: Catalog) -> tuple[str, ...]:
     """Return the names of the files that `render_package` makes, sorted."""
-    names = ["__init__.py", "cdr.py", "registry.py", "py.typed", "topics.py", "msg/__init__.py"]
+    names = ["__init__.py", "arrays.py", "cdr.py", "registry.py", "py.typed", "topics.py", "msg/__init__.py"]
     names += [f"msg/{module_name(message.name)}.py" for message in catalog.messages.values()]
     if catalog.services:
         names.append("srv/__init__.py")
@@ -45,6 +45,7 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
     about = {"name": name, "package": package, "messages": messages, "services": catalog.services}
     files = {
         "__init__.py": render("package", **about, example=example),
+        "arrays.py": _copied("arrays.py"),
         "cdr.py": _copied("cdr.py"),
         "registry.py": _copied("registry.py"),
         "py.typed": "",

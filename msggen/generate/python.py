@@ -119,6 +119,8 @@ class MessageView:
     nested: tuple[tuple[str, str], ...]
     """Module and name of the messages it nests."""
     needs_builtins: bool
+    has_large_arrays: bool
+    """Its own, or in what it nests: the codec unfolds that."""
     needs_sequence: bool
 
     @property
@@ -159,7 +161,8 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
         tuple(_nested_imports(catalog, message)),
         bool(shadowed),
-        any("Sequence[" in field.annotation for field in fields),
+        any(is_large(leaf.type) for leaf in layout.leaves),
+        any(is_large(field.type) for field in message.fields),
     )
 
 
@@ -226,7 +229,7 @@ def _fresh(field: Field) -> str:
     if not type_.is_primitive:
         return f"_cdr.fresh({type_.name}, {type_.length})" if type_.array is ArrayKind.FIXED else f"{type_.name}()"
     code = literal(_CODES[type_.name])
-    return f"_cdr.array({code}, {field.default!r})" if field.default else f"_cdr.zeros({code}, {type_.length})"
+    return f"_arrays.array({code}, {field.default!r})" if field.default else f"_arrays.zeros({code}, {type_.length})"
 
 
 def is_bytes(type_: FieldType) -> bool:
@@ -319,8 +322,8 @@ class Codec:
             code = _CODES[type_.name]
             raw = self._name(f"{stem}_raw")
             self.targets.append(raw)
-            self.assigned.append((here, f"_cdr.from_raw({literal(code)}, {raw})"))
-            self.values.append(f"_cdr.to_raw({literal(code)}, {type_.length}, {there})")
+            self.assigned.append((here, f"_arrays.from_raw({literal(code)}, {raw})"))
+            self.values.append(f"_arrays.to_raw({literal(code)}, {type_.length}, {there})")
         else:
             names = self._names(stem, type_.length)
             self.targets += names

@@ -720,6 +720,11 @@ __all__ = [
 ]
 
 
+def _load(module: str) -> object:
+    """Import and return a module: importlib.import_module, but importing importlib takes longer than a message."""
+    return __import__(f"{__name__}.{module}", fromlist=["__name__"])
+
+
 def __getattr__(name: str) -> object:
     if name.startswith("_"):
         raise AttributeError(name)
@@ -729,9 +734,7 @@ def __getattr__(name: str) -> object:
         near = get_close_matches(name, _MODULES, n=1)
         hint = f", did you mean '{near[0]}'?" if near else ""
         raise AttributeError(f"module '{__name__}' has no message '{name}'{hint}")
-    from importlib import import_module
-
-    found: object = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    found: object = getattr(_load(_MODULES[name]), name)
     globals()[name] = found
     return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .. import arrays as _arrays
 from .. import cdr as _cdr
 
 TYPE_CHECKING = False
@@ -44,12 +45,14 @@ class ActuatorOutputs(_cdr.Message):
     ) -> None:
         self.timestamp = timestamp
         self.noutputs = noutputs
-        self.output = _cdr.zeros("f", 16) if output is None else output
+        self.output = _arrays.zeros("f", 16) if output is None else output
 
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
         try:
-            return _pack(_USUAL, self.timestamp, self.noutputs, _cdr.to_raw("f", 16, self.output))
+            return _pack(
+                _USUAL, self.timestamp, self.noutputs, _arrays.to_raw("f", 16, self.output),
+            )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
@@ -63,7 +66,7 @@ class ActuatorOutputs(_cdr.Message):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 83:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.output = _cdr.from_raw("f", output_raw)
+        message.output = _arrays.from_raw("f", output_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .. import arrays as _arrays
 from .. import cdr as _cdr
 
 TYPE_CHECKING = False
@@ -91,7 +92,7 @@ class ControlAllocatorStatus(_cdr.Message):
         self.unallocated_torque = unallocated_torque
         self.thrust_setpoint_achieved = thrust_setpoint_achieved
         self.unallocated_thrust = unallocated_thrust
-        self.actuator_saturation = _cdr.zeros("b", 16) if actuator_saturation is None else actuator_saturation
+        self.actuator_saturation = _arrays.zeros("b", 16) if actuator_saturation is None else actuator_saturation
         self.handled_motor_failure_mask = handled_motor_failure_mask
         self.motor_stop_mask = motor_stop_mask
 
@@ -106,7 +107,7 @@ class ControlAllocatorStatus(_cdr.Message):
                 _USUAL, self.timestamp, self.torque_setpoint_achieved, unallocated_torque_0,
                 unallocated_torque_1, unallocated_torque_2, self.thrust_setpoint_achieved,
                 unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2,
-                _cdr.to_raw("b", 16, self.actuator_saturation), self.handled_motor_failure_mask,
+                _arrays.to_raw("b", 16, self.actuator_saturation), self.handled_motor_failure_mask,
                 self.motor_stop_mask,
             )
         except _cdr.ENCODE_FAILURES as error:
@@ -129,7 +130,7 @@ class ControlAllocatorStatus(_cdr.Message):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.unallocated_torque = (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2)
         message.unallocated_thrust = (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2)
-        message.actuator_saturation = _cdr.from_raw("b", actuator_saturation_raw)
+        message.actuator_saturation = _arrays.from_raw("b", actuator_saturation_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .. import arrays as _arrays
 from .. import cdr as _cdr
 
 TYPE_CHECKING = False
@@ -48,7 +49,7 @@ class DebugArray(_cdr.Message):
         self.timestamp = timestamp
         self.id = id
         self.name = name
-        self.data = _cdr.zeros("f", 58) if data is None else data
+        self.data = _arrays.zeros("f", 58) if data is None else data
 
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 252 of values."""
@@ -56,7 +57,7 @@ class DebugArray(_cdr.Message):
             if len(self.name) != 10:
                 raise ValueError
             return _pack(
-                _USUAL, self.timestamp, self.id, self.name, _cdr.to_raw("f", 58, self.data),
+                _USUAL, self.timestamp, self.id, self.name, _arrays.to_raw("f", 58, self.data),
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -71,7 +72,7 @@ class DebugArray(_cdr.Message):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 259:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.data = _cdr.from_raw("f", data_raw)
+        message.data = _arrays.from_raw("f", data_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

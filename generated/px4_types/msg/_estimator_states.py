@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .. import arrays as _arrays
 from .. import cdr as _cdr
 
 TYPE_CHECKING = False
@@ -48,16 +49,16 @@ class EstimatorStates(_cdr.Message):
     ) -> None:
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
-        self.states = _cdr.zeros("f", 25) if states is None else states
+        self.states = _arrays.zeros("f", 25) if states is None else states
         self.n_states = n_states
-        self.covariances = _cdr.zeros("f", 24) if covariances is None else covariances
+        self.covariances = _arrays.zeros("f", 24) if covariances is None else covariances
 
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 216 of values."""
         try:
             return _pack(
-                _USUAL, self.timestamp, self.timestamp_sample, _cdr.to_raw("f", 25, self.states),
-                self.n_states, _cdr.to_raw("f", 24, self.covariances),
+                _USUAL, self.timestamp, self.timestamp_sample, _arrays.to_raw("f", 25, self.states),
+                self.n_states, _arrays.to_raw("f", 24, self.covariances),
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -75,8 +76,8 @@ class EstimatorStates(_cdr.Message):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 223:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.states = _cdr.from_raw("f", states_raw)
-        message.covariances = _cdr.from_raw("f", covariances_raw)
+        message.states = _arrays.from_raw("f", states_raw)
+        message.covariances = _arrays.from_raw("f", covariances_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

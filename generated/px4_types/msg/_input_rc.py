@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .. import arrays as _arrays
 from .. import cdr as _cdr
 
 TYPE_CHECKING = False
@@ -119,7 +120,7 @@ class InputRc(_cdr.Message):
         self.rc_total_frame_count = rc_total_frame_count
         self.rc_ppm_frame_length = rc_ppm_frame_length
         self.input_source = input_source
-        self.values = _cdr.zeros("H", 18) if values is None else values
+        self.values = _arrays.zeros("H", 18) if values is None else values
         self.link_quality = link_quality
         self.rssi_dbm = rssi_dbm
 
@@ -131,7 +132,7 @@ class InputRc(_cdr.Message):
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_last_signal, self.channel_count, self.rssi,
                 self.rc_failsafe, self.rc_lost, self.rc_lost_frame_count, self.rc_total_frame_count,
-                self.rc_ppm_frame_length, self.input_source, _cdr.to_raw("H", 18, self.values),
+                self.rc_ppm_frame_length, self.input_source, _arrays.to_raw("H", 18, self.values),
                 self.link_quality, self.rssi_dbm,
             )
         except _cdr.ENCODE_FAILURES as error:
@@ -152,7 +153,7 @@ class InputRc(_cdr.Message):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 83:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.values = _cdr.from_raw("H", values_raw)
+        message.values = _arrays.from_raw("H", values_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .. import arrays as _arrays
 from .. import cdr as _cdr
 
 TYPE_CHECKING = False
@@ -79,7 +80,7 @@ class ObstacleDistance(_cdr.Message):
         self.timestamp = timestamp
         self.frame = frame
         self.sensor_type = sensor_type
-        self.distances = _cdr.zeros("H", 72) if distances is None else distances
+        self.distances = _arrays.zeros("H", 72) if distances is None else distances
         self.increment = increment
         self.min_distance = min_distance
         self.max_distance = max_distance
@@ -89,7 +90,7 @@ class ObstacleDistance(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 168 of values."""
         try:
             return _pack(
-                _USUAL, self.timestamp, self.frame, self.sensor_type, _cdr.to_raw("H", 72, self.distances),
+                _USUAL, self.timestamp, self.frame, self.sensor_type, _arrays.to_raw("H", 72, self.distances),
                 self.increment, self.min_distance, self.max_distance, self.angle_offset,
             )
         except _cdr.ENCODE_FAILURES as error:
@@ -108,7 +109,7 @@ class ObstacleDistance(_cdr.Message):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 175:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.distances = _cdr.from_raw("H", distances_raw)
+        message.distances = _arrays.from_raw("H", distances_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

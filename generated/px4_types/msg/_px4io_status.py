@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .. import arrays as _arrays
 from .. import cdr as _cdr
 
 TYPE_CHECKING = False
@@ -202,7 +203,7 @@ class Px4ioStatus(_cdr.Message):
         self.pwm_disarmed = pwm_disarmed
         self.pwm_failsafe = pwm_failsafe
         self.pwm_rate_hz = pwm_rate_hz
-        self.raw_inputs = _cdr.zeros("H", 18) if raw_inputs is None else raw_inputs
+        self.raw_inputs = _arrays.zeros("H", 18) if raw_inputs is None else raw_inputs
 
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 144 of values."""
@@ -244,7 +245,7 @@ class Px4ioStatus(_cdr.Message):
                 pwm_failsafe_1, pwm_failsafe_2, pwm_failsafe_3, pwm_failsafe_4, pwm_failsafe_5,
                 pwm_failsafe_6, pwm_failsafe_7, pwm_rate_hz_0, pwm_rate_hz_1, pwm_rate_hz_2, pwm_rate_hz_3,
                 pwm_rate_hz_4, pwm_rate_hz_5, pwm_rate_hz_6, pwm_rate_hz_7,
-                _cdr.to_raw("H", 18, self.raw_inputs),
+                _arrays.to_raw("H", 18, self.raw_inputs),
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -287,7 +288,7 @@ class Px4ioStatus(_cdr.Message):
             pwm_rate_hz_0, pwm_rate_hz_1, pwm_rate_hz_2, pwm_rate_hz_3, pwm_rate_hz_4, pwm_rate_hz_5,
             pwm_rate_hz_6, pwm_rate_hz_7,
         )
-        message.raw_inputs = _cdr.from_raw("H", raw_inputs_raw)
+        message.raw_inputs = _arrays.from_raw("H", raw_inputs_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

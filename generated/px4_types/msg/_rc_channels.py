@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .. import arrays as _arrays
 from .. import cdr as _cdr
 
 TYPE_CHECKING = False
@@ -99,9 +100,9 @@ class RcChannels(_cdr.Message):
     ) -> None:
         self.timestamp = timestamp
         self.timestamp_last_valid = timestamp_last_valid
-        self.channels = _cdr.zeros("f", 18) if channels is None else channels
+        self.channels = _arrays.zeros("f", 18) if channels is None else channels
         self.channel_count = channel_count
-        self.function = _cdr.zeros("b", 30) if function is None else function
+        self.function = _arrays.zeros("b", 30) if function is None else function
         self.rssi = rssi
         self.signal_lost = signal_lost
         self.frame_drop_count = frame_drop_count
@@ -112,8 +113,8 @@ class RcChannels(_cdr.Message):
             if (self.signal_lost) not in (0, 1):
                 raise ValueError
             return _pack(
-                _USUAL, self.timestamp, self.timestamp_last_valid, _cdr.to_raw("f", 18, self.channels),
-                self.channel_count, _cdr.to_raw("b", 30, self.function), self.rssi, self.signal_lost,
+                _USUAL, self.timestamp, self.timestamp_last_valid, _arrays.to_raw("f", 18, self.channels),
+                self.channel_count, _arrays.to_raw("b", 30, self.function), self.rssi, self.signal_lost,
                 self.frame_drop_count,
             )
         except _cdr.ENCODE_FAILURES as error:
@@ -132,8 +133,8 @@ class RcChannels(_cdr.Message):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 135:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.channels = _cdr.from_raw("f", channels_raw)
-        message.function = _cdr.from_raw("b", function_raw)
+        message.channels = _arrays.from_raw("f", channels_raw)
+        message.function = _arrays.from_raw("b", function_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .. import arrays as _arrays
 from .. import cdr as _cdr
 
 TYPE_CHECKING = False
@@ -75,17 +76,17 @@ class SensorGyroFifo(_cdr.Message):
         self.dt = dt
         self.scale = scale
         self.samples = samples
-        self.x = _cdr.zeros("h", 32) if x is None else x
-        self.y = _cdr.zeros("h", 32) if y is None else y
-        self.z = _cdr.zeros("h", 32) if z is None else z
+        self.x = _arrays.zeros("h", 32) if x is None else x
+        self.y = _arrays.zeros("h", 32) if y is None else y
+        self.z = _arrays.zeros("h", 32) if z is None else z
 
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 222 of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, self.dt, self.scale,
-                self.samples, _cdr.to_raw("h", 32, self.x), _cdr.to_raw("h", 32, self.y),
-                _cdr.to_raw("h", 32, self.z),
+                self.samples, _arrays.to_raw("h", 32, self.x), _arrays.to_raw("h", 32, self.y),
+                _arrays.to_raw("h", 32, self.z),
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -103,9 +104,9 @@ class SensorGyroFifo(_cdr.Message):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or len(data) > 229:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.x = _cdr.from_raw("h", x_raw)
-        message.y = _cdr.from_raw("h", y_raw)
-        message.z = _cdr.from_raw("h", z_raw)
+        message.x = _arrays.from_raw("h", x_raw)
+        message.y = _arrays.from_raw("h", y_raw)
+        message.z = _arrays.from_raw("h", z_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
