@@ -20,6 +20,7 @@ GENERATED = Path(__file__).resolve().parent.parent / "generated"
 
 
 def main() -> None:
+    """Run all rounds and print the table."""
     with tempfile.TemporaryDirectory() as folder:
         build = [sys.executable, "-m", "msggen", "build", "--quiet", "--output"]
         importing = f"import sys; sys.path.insert(0, {str(GENERATED)!r}); "
@@ -27,7 +28,11 @@ def main() -> None:
             "bare interpreter": [sys.executable, "-c", "pass"],
             "build, all of v1.17": [*build, f"{folder}/ROUND"],
             "build, nothing to do": [*build, f"{folder}/same"],
-            "from px4_types import SensorCombined": [sys.executable, "-c", f"{importing}from px4_types import SensorCombined"],
+            "from px4_types import SensorCombined": [
+                sys.executable,
+                "-c",
+                f"{importing}from px4_types import SensorCombined",
+            ],
             "from px4_types import *": [sys.executable, "-c", f"{importing}from px4_types import *"],
             "from px4_types import topics": [sys.executable, "-c", f"{importing}from px4_types import topics"],
         }

@@ -19,7 +19,9 @@ for field in about.fields[:3]:
     print(f"field     {field.name}: {field.type} [{field.unit}] at byte {field.offset}")
 
 endpoint = topics.endpoint("/fmu/out/vehicle_status_v1")
-print(f"endpoint  {endpoint.ros_name}: {endpoint.message.__name__}, id {endpoint.object_id}, {endpoint.rate_limit_hz} Hz")
+print(
+    f"endpoint  {endpoint.ros_name}: {endpoint.message.__name__}, id {endpoint.object_id}, {endpoint.rate_limit_hz} Hz"
+)
 print(f"qos       subscribe with {endpoint.qos.reader.reliability}, {endpoint.qos.reader.durability}")
 
 for wrong in (lambda: SensorCombined.decode(sample[:40]), lambda: topics.endpoint("/fmu/out/vehicle_status")):

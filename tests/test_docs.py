@@ -1,0 +1,52 @@
+"""The documentation shows what really happens."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+README = (ROOT / "README.md").read_text()
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text())
+    assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+def test_every_page_is_listed_in_the_readme() -> None:
+    assert [page.name for page in PAGES[1:] if f"docs/{page.name}" not in README] == []
+
+
+def test_ci_runs_the_test_command_of_the_readme() -> None:
+    command = next(line for line in README.splitlines() if line.startswith("$ ") and line.endswith("pytest"))
+    assert command.removeprefix("$ ") in (ROOT / ".ci" / "run").read_text().splitlines()
+
+
+def test_the_tour_prints_what_the_readme_shows() -> None:
+    done = subprocess.run([sys.executable, "examples/tour.py"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout in README
+
+
+def test_the_interactive_examples_are_real() -> None:
+    page = ROOT / "docs" / "package.md"
+    sys.path.insert(0, str(ROOT / "generated"))
+    blocks = re.findall(r"```pycon\n(.*?)```", page.read_text(), re.DOTALL)
+    source = "\n".join(blocks).replace("EncodeError: ", "Traceback (most recent call last):\nEncodeError: ")
+    parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=doctest.IGNORE_EXCEPTION_DETAIL)
+    names = {"SensorCombined": __import__("px4_types").SensorCombined}
+    results = runner.run(parser.get_doctest(source, names, page.name, str(page), 0))
+    assert (results.failed, results.attempted) == (0, source.count(">>> "))
+
+
+def test_the_picture_of_the_layout_is_current() -> None:
+    draw = runpy.run_path(str(ROOT / "docs" / "draw_layout.py"))["draw"]
+    assert draw("SensorCombined") == (ROOT / "docs" / "sensor_combined.svg").read_text()
