@@ -102,6 +102,23 @@ def uorb_topics(catalog: Catalog) -> tuple[UorbTopic, ...]:
 
 
 @dataclass(frozen=True, slots=True)
+class Qos:
+    """Quality of service of one end, in DDS's words; a depth of 0 leaves it to the middleware."""
+
+    reliability: str
+    durability: str
+    history: str
+    depth: int
+
+
+PX4_WRITER = Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0)
+"""What PX4 publishes with, whatever the topic."""
+
+APPLICATION = Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10)
+"""What matches PX4 at the other end. A reader must not ask for RELIABLE; a writer may offer either."""
+
+
+@dataclass(frozen=True, slots=True)
 class Endpoint:
     """A topic that crosses the bridge, as DDS and ROS 2 know it. `object_id` is the XRCE client's."""
 
@@ -114,6 +131,18 @@ class Endpoint:
     def dds_name(self) -> str:
         """The name of the DDS topic: ROS 2 puts `rt` before its own."""
         return f"rt{self.ros_name}"
+
+    @property
+    def writer_qos(self) -> Qos:
+        """PX4's on the way out, the application's on the way in."""
+        return PX4_WRITER if self.entry.direction is Direction.OUT else APPLICATION
+
+    @property
+    def reader_qos(self) -> Qos:
+        """The application's on the way out; on the way in PX4's, which keeps twice what uORB does."""
+        if self.entry.direction is Direction.OUT:
+            return APPLICATION
+        return Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2 * self.message.queue_length)
 
 
 def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:

@@ -1,4 +1,4 @@
-"""docs/cmake.md holds what it promises: its snippet, copied as it stands, builds, rebuilds and rests in a real CMake."""
+"""docs/cmake.md holds what it promises: its snippet, copied as it stands, builds, rebuilds and rests in real builds."""
 
 from __future__ import annotations
 
@@ -59,7 +59,12 @@ class Project:
     def attempt(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}
         return subprocess.run(
-            ["cmake", *arguments], cwd=self.source, env=environment, capture_output=True, text=True, check=False
+            [shutil.which("cmake") or "cmake", *arguments],
+            cwd=self.source,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
         )
 
     def generated(self) -> int:

@@ -862,7 +862,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=205,
         rate_limit_hz=None,
         instance=None,
-        queue_length=2,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -871,7 +874,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=16,
         rate_limit_hz=5.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -880,7 +886,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=157,
         rate_limit_hz=50.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -889,7 +898,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=20,
         rate_limit_hz=1.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -898,7 +910,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=27,
         rate_limit_hz=50.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -907,7 +922,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=85,
         rate_limit_hz=5.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -916,7 +934,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=91,
         rate_limit_hz=5.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -925,7 +946,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=148,
         rate_limit_hz=25.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -934,7 +958,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=154,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -943,7 +970,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=192,
         rate_limit_hz=5.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -952,7 +982,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=225,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -961,7 +994,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=249,
         rate_limit_hz=10.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -970,7 +1006,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=252,
         rate_limit_hz=None,
         instance=None,
-        queue_length=16,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -979,7 +1018,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=277,
         rate_limit_hz=5.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -988,7 +1030,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=264,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -997,7 +1042,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=271,
         rate_limit_hz=50.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -1006,7 +1054,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=268,
         rate_limit_hz=None,
         instance=None,
-        queue_length=4,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -1015,7 +1066,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=272,
         rate_limit_hz=50.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -1024,7 +1078,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=274,
         rate_limit_hz=50.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -1033,7 +1090,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=278,
         rate_limit_hz=50.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -1042,7 +1102,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=283,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -1051,7 +1114,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=288,
         rate_limit_hz=5.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -1060,7 +1126,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=13,
         rate_limit_hz=50.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -1069,7 +1138,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=297,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -1078,7 +1150,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=128,
         rate_limit_hz=5.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -1087,7 +1162,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=299,
         rate_limit_hz=1.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "out",
@@ -1096,7 +1174,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=110,
         rate_limit_hz=20.0,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+        ),
     ),
     Endpoint(
         "in",
@@ -1105,7 +1186,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2048,
         rate_limit_hz=None,
         instance=None,
-        queue_length=2,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 4),
+        ),
     ),
     Endpoint(
         "in",
@@ -1114,7 +1198,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2049,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1123,7 +1210,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2050,
         rate_limit_hz=None,
         instance=None,
-        queue_length=4,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 8),
+        ),
     ),
     Endpoint(
         "in",
@@ -1132,7 +1222,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2051,
         rate_limit_hz=None,
         instance=None,
-        queue_length=4,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 8),
+        ),
     ),
     Endpoint(
         "in",
@@ -1141,7 +1234,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2052,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1150,7 +1246,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2053,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1159,7 +1258,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2054,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1168,7 +1270,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2055,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1177,7 +1282,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2056,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1186,7 +1294,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2057,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1195,7 +1306,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2058,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1204,7 +1318,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2059,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1213,7 +1330,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2060,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1222,7 +1342,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2061,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1231,7 +1354,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2062,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1240,7 +1366,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2063,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1249,7 +1378,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2064,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1258,7 +1390,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2065,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1267,7 +1402,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2066,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1276,7 +1414,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2067,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1285,7 +1426,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2068,
         rate_limit_hz=None,
         instance=None,
-        queue_length=8,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 16),
+        ),
     ),
     Endpoint(
         "in",
@@ -1294,7 +1438,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2069,
         rate_limit_hz=None,
         instance=None,
-        queue_length=8,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 16),
+        ),
     ),
     Endpoint(
         "in",
@@ -1303,7 +1450,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2070,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1312,7 +1462,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2071,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1321,7 +1474,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2072,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1330,7 +1486,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2073,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1339,7 +1498,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2074,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1348,7 +1510,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2075,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1357,7 +1522,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2076,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1366,7 +1534,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2077,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1375,7 +1546,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2078,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1384,7 +1558,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2079,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1393,7 +1570,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2080,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1402,7 +1582,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2081,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1411,7 +1594,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2082,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1420,7 +1606,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2083,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1429,7 +1618,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2084,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1438,7 +1630,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2085,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
     Endpoint(
         "in",
@@ -1447,7 +1642,10 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         object_id=2086,
         rate_limit_hz=None,
         instance=None,
-        queue_length=1,
+        qos=QosPair(
+            writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
+            reader=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2),
+        ),
     ),
 )
 """What crosses the bridge, in the order of dds_topics.yaml: first out of PX4, then into it."""

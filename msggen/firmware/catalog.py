@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from types import MappingProxyType
 
 from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
 from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_uorb
@@ -35,7 +36,7 @@ def read_catalog(sources: Sources, contents: Mapping[str, bytes] | None = None) 
         raise InputError(faults)
     by_key = {message.key: message for message in sorted(messages, key=lambda message: message.key)}
     services.sort(key=lambda service: service.name)
-    return Catalog(by_key, tuple(services), bridge, _conventions(sources, messages, bridge))
+    return Catalog(MappingProxyType(by_key), tuple(services), bridge, _conventions(sources, messages, bridge))
 
 
 def _conventions(sources: Sources, messages: list[Message], bridge: tuple[BridgeEntry, ...]) -> Conventions:

@@ -7,7 +7,9 @@ so that no comment can end the string it stands in.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from functools import lru_cache
+from typing import Any
 
 import jinja2
 
@@ -30,7 +32,7 @@ def environment() -> jinja2.Environment:
         auto_reload=False,
         autoescape=False,  # noqa: S701 - the output is source, not HTML
     )
-    filters = (literal, documentation, wrapped, wrapped_tuple, joined_by)
+    filters = (arguments, literal, documentation, wrapped, wrapped_tuple, joined_by)
     made.filters.update({function.__name__: function for function in filters})
     return made
 
@@ -64,6 +66,11 @@ def _paragraphs(lines: list[str]) -> list[str]:
             paragraphs.append(line)
         joinable = running
     return paragraphs
+
+
+def arguments(value: Any) -> str:
+    """Return the fields of a dataclass as positional arguments."""
+    return ", ".join(literal(getattr(value, field.name)) for field in fields(value))
 
 
 def wrapped(items: Iterable[str], indent: int, kind: str = "") -> str:

@@ -40,8 +40,9 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
     def render(template: str, **context: object) -> str:
         return made.get_template(f"python/{template}.py.j2").render(context)
 
-    package = messages[0].package if messages else DEFAULT_PACKAGE
-    example = _EXAMPLE if any(message.name == _EXAMPLE for message in messages) else messages[0].name
+    package = next((definition.package for definition in [*messages, *halves]), DEFAULT_PACKAGE)
+    names = [message.name for message in messages]
+    example = _EXAMPLE if _EXAMPLE in names else "".join(names[:1])
     about = {"name": name, "package": package, "messages": messages, "services": catalog.services}
     files = {
         "__init__.py": render("package", **about, example=example),

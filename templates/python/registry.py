@@ -86,10 +86,6 @@ class QosPair(Frozen):
         put(self, "reader", reader)
 
 
-_PX4_WRITER = Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0)
-_APPLICATION = Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10)
-
-
 class Endpoint(Frozen):
     """A topic that crosses the bridge; `direction` is seen from PX4, so "out" is what PX4 publishes."""
 
@@ -100,7 +96,7 @@ class Endpoint(Frozen):
         "object_id",
         "rate_limit_hz",
         "instance",
-        "queue_length",
+        "qos",
     )
 
     direction: Literal["in", "out"]
@@ -113,8 +109,8 @@ class Endpoint(Frozen):
     """None where the bridge's YAML says nothing: the firmware then sends at most 100 Hz. 0.0: no limit."""
     instance: int | None
     """The uORB instance, where the YAML names one."""
-    queue_length: int
-    """How many samples uORB keeps."""
+    qos: QosPair
+    """What PX4 uses at its end, and what works at the other."""
 
     def __init__(
         self,
@@ -124,7 +120,7 @@ class Endpoint(Frozen):
         object_id: int,
         rate_limit_hz: float | None,
         instance: int | None,
-        queue_length: int,
+        qos: QosPair,
     ) -> None:
         put = object.__setattr__
         put(self, "direction", direction)
@@ -133,7 +129,7 @@ class Endpoint(Frozen):
         put(self, "object_id", object_id)
         put(self, "rate_limit_hz", rate_limit_hz)
         put(self, "instance", instance)
-        put(self, "queue_length", queue_length)
+        put(self, "qos", qos)
 
     @property
     def dds_name(self) -> str:
@@ -144,14 +140,6 @@ class Endpoint(Frozen):
     def message(self) -> type[Message]:
         """The class of the message."""
         return _message_class(self.message_name)
-
-    @property
-    def qos(self) -> QosPair:
-        """What PX4 uses at its end, and what works at the other."""
-        if self.direction == "out":
-            return QosPair(writer=_PX4_WRITER, reader=_APPLICATION)
-        reader = Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2 * self.queue_length)
-        return QosPair(writer=_APPLICATION, reader=reader)
 
 
 class _UnknownEndpoint(KeyError):
@@ -186,7 +174,7 @@ def in_namespace(endpoints: Sequence[Endpoint], namespace: str) -> tuple[Endpoin
             object_id=endpoint.object_id,
             rate_limit_hz=endpoint.rate_limit_hz,
             instance=endpoint.instance,
-            queue_length=endpoint.queue_length,
+            qos=endpoint.qos,
         )
         for endpoint in endpoints
     )
