@@ -130,7 +130,7 @@ def _check_package_name(name: str) -> None:
     if not (name.isidentifier() and name.isascii()) or keyword.iskeyword(name):
         from msggen.diagnostics import fault
 
-        raise fault("--package", "S103", f"'{name}' cannot be imported: expected a Python name such as 'px4_types'")
+        raise fault("--package", "S103", f"'{name}' cannot be imported: expected a name such as 'px4_types'", line=0)
 
 
 def _say(options: argparse.Namespace, text: str) -> None:

@@ -8,6 +8,9 @@ from difflib import get_close_matches
 
 from msggen.model import Location
 
+_SHORTEST = 4
+"""The beginning of a name is near it from so many letters on, where nothing is nearer."""
+
 CODES: dict[str, str] = {
     "M101": "a line that is neither a field, a constant nor a comment",
     "M102": "a file that is not UTF-8, or has a byte order mark",
@@ -20,7 +23,7 @@ CODES: dict[str, str] = {
     "M203": "a field or constant defined twice, or twice but for case",
     "M204": "a message or service defined twice, or twice but for case",
     "M301": "an unknown type",
-    "M302": "messages that nest each other",
+    "M302": "messages that nest each other, or too deep",
     "M303": "an array length or string bound that cannot be",
     "M304": "a message that is too large",
     "M305": "a value that its type cannot hold",
@@ -78,4 +81,5 @@ def suggestion(wrong: str, known: Iterable[str]) -> str:
     """Return ", did you mean 'x'?" for the nearest of `known`, or "" when none is near."""
     by_lower_case = {name.lower(): name for name in known}
     near = get_close_matches(wrong.lower(), by_lower_case, n=1, cutoff=0.6)
+    near = near or [name for name in by_lower_case if name.startswith(wrong.lower().ljust(_SHORTEST))]
     return f", did you mean '{by_lower_case[near[0]]}'?" if near else ""

@@ -53,14 +53,15 @@ def snake_case(name: str) -> str:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Location:
-    """A place in a file; lines and columns count from 1."""
+    """A place in a file; lines and columns count from 1. Line 0 is no place in it: an option, say."""
 
     path: str
     line: int = 1
     column: int = 1
 
     def __str__(self) -> str:
-        return f"{self.path}:{self.line}:{self.column}"
+        path = self.path if self.path.isprintable() else repr(self.path)
+        return f"{path}:{self.line}:{self.column}" if self.line else path
 
 
 class ArrayKind(Enum):

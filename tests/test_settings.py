@@ -203,11 +203,15 @@ def test_the_place_is_in_our_table_even_where_others_use_the_same_word() -> None
         ("topics = {}", "'topics': expected a text, found {}"),
         ("msg-dir = 1", "'msg-dir': expected a list of folders, found 1"),
         ('msg-dir = ["mine", 1]', "'msg-dir': expected a list of folders, found ['mine', 1]"),
-        ('package = ""', "'package': "),
     ],
 )
 def test_a_value_of_the_wrong_kind_is_refused_at_its_place(line: str, said: str) -> None:
     assert refused(f"[tool.msggen]\n\n{line}\n").startswith(f"pyproject.toml:3:1: C103 {said}")
+
+
+@pytest.mark.parametrize("key", ["px4", "output", "package", "release"])
+def test_an_empty_text_is_refused_not_passed_over(key: str) -> None:
+    assert refused(f'[tool.msggen]\n{key} = ""\n').startswith(f"pyproject.toml:2:1: C103 '{key}': ")
 
 
 @pytest.mark.parametrize("text", ["[[tool.msggen]]\n", "[[tool.msggen]]\n[[tool.msggen]]\n"])

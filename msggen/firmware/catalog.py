@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
-from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_uorb
+from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_timestamps, check_topics
 from msggen.firmware.release import CONVENTIONS, recognise
 from msggen.firmware.source import File, Sources, read_files
 from msggen.model import DEFAULT_PACKAGE, BridgeEntry, Catalog, Conventions, Message, Service
@@ -23,13 +23,15 @@ def read_catalog(sources: Sources, contents: Mapping[str, bytes] | None = None) 
     messages = reader.messages()
     services = reader.services()
     bridge = reader.bridge()
-    sound = [message for message in messages if message.location.path not in reader.faulty_paths()]
+    unread = reader.paths_with("M101", "M103", "M301", "M303", "M305")
+    misread_topics = reader.paths_with("M402")
     faults = [
         *reader.faults,
         *check_names(messages),
         *check_names(services),
         *check_nesting(messages, services),
-        *check_uorb(sound),
+        *check_timestamps(message for message in messages if message.location.path not in unread),
+        *check_topics(message for message in messages if message.location.path not in misread_topics),
         *check_bridge(bridge, messages),
     ]
     if faults:
@@ -43,9 +45,8 @@ def _conventions(sources: Sources, messages: list[Message], bridge: tuple[Bridge
     if sources.release is not None:
         if sources.release not in CONVENTIONS:
             hint = suggestion(sources.release, CONVENTIONS)
-            raise fault(
-                "--release", "S105", f"unknown release '{sources.release}'{hint}: expected {', '.join(CONVENTIONS)}"
-            )
+            hint = hint or f": expected {', '.join(CONVENTIONS)}"
+            raise fault("--release", "S105", f"unknown release '{sources.release}'{hint}", line=0)
         return CONVENTIONS[sources.release]
     if not sources.is_firmware:
         return CONVENTIONS["main"]
@@ -87,8 +88,9 @@ class _Reader:
         self.faults += faults
         return entries
 
-    def faulty_paths(self) -> set[str]:
-        return {fault.location.path for fault in self.faults}
+    def paths_with(self, *codes: str) -> set[str]:
+        """Return the files in which one of the faults was found: not all that they say could be read."""
+        return {fault.location.path for fault in self.faults if fault.code in codes}
 
     def text(self, file: File) -> str:
         text, faults = decode_text(self.contents[file.path], file.path)

@@ -10,6 +10,9 @@ from msggen.model import PRIMITIVES, SIZES, BridgeEntry, Field, Location, Messag
 MAX_SIZE = 2**16 - 1
 """uORB keeps the size of a message in 16 bits."""
 
+MAX_DEPTH = 64
+"""Deepest nesting; PX4's deepest is 2."""
+
 
 def check_names(definitions: Iterable[Message | Service]) -> Iterator[Diagnostic]:
     """No name twice, nor twice but for case: that would be one file on many machines."""
@@ -43,11 +46,10 @@ def check_nesting(messages: Iterable[Message], services: Iterable[Service]) -> I
                 yield Diagnostic(largest.location, "M304", text)
 
 
-def check_uorb(messages: Iterable[Message]) -> Iterator[Diagnostic]:
-    """Every message has its `timestamp`, and no topic belongs to two."""
+def check_topics(messages: Iterable[Message]) -> Iterator[Diagnostic]:
+    """No topic belongs to two messages, or twice to one."""
     owners: dict[str, Message] = {}
     for message in messages:
-        yield from _check_timestamp(message)
         for name, location in _topics(message):
             other = owners.setdefault(name, message)
             if other is not message:
@@ -57,6 +59,18 @@ def check_uorb(messages: Iterable[Message]) -> Iterator[Diagnostic]:
         for topic in message.topics[1:]:
             if names.index(topic.name) != message.topics.index(topic):
                 yield Diagnostic(topic.location, "M403", f"topic '{topic.name}' is already declared in this file")
+
+
+def check_timestamps(messages: Iterable[Message]) -> Iterator[Diagnostic]:
+    """Every message has the field that uORB stamps."""
+    for message in messages:
+        stamps = [field for field in message.fields if field.name == "timestamp"]
+        if not stamps:
+            text = f"'{message.name}' has no timestamp: uORB expects a field 'uint64 timestamp'"
+            yield Diagnostic(message.location, "M401", text)
+        elif str(stamps[0].type) != "uint64":
+            text = f"uORB expects 'uint64 timestamp', found '{stamps[0].type} timestamp'"
+            yield Diagnostic(stamps[0].location, "M401", text)
 
 
 def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message]) -> Iterator[Diagnostic]:
@@ -70,8 +84,9 @@ def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message]) ->
             text = f"'{entry.topic}' is already bridged on line {other.location.line}"
             yield Diagnostic(entry.location, "Y204", text)
         name, topic = entry.message_name, entry.uorb_topic
-        if name not in names:
-            text = f"no message defines the type '{entry.type_name}'{suggestion(name, names)}"
+        if name not in names or entry.package != names[name].package:
+            types = [f"{message.package}::msg::{message.name}" for message in names.values()]
+            text = f"no message defines the type '{entry.type_name}'{suggestion(entry.type_name, types)}"
             yield Diagnostic(entry.type_location, "Y201", text)
         elif topic not in owners:
             declared = names[name].topic_names
@@ -118,6 +133,9 @@ def _cycles(known: Mapping[str, Message]) -> Iterator[Diagnostic]:
             if inner.key in path:
                 names = [key.split("/")[1] for key in [*path[path.index(inner.key) :], inner.key]]
                 yield Diagnostic(field.location, "M302", f"messages nest each other: {' > '.join(names)}")
+            elif len(path) == MAX_DEPTH:
+                yield Diagnostic(field.location, "M302", f"'{start.name}' nests more than {MAX_DEPTH} messages deep")
+                done.update(path)
             elif inner.key not in done:
                 path.append(inner.key)
                 stack.append(_nested(inner, known))
@@ -138,16 +156,6 @@ def _field_size(outer: Message, field: Field, known: Mapping[str, Message], size
         return SIZES[type_.name] * max(type_.length, 1)
     inner = known[f"{type_.package or outer.package}/{type_.name}"]
     return _data_size(inner, known, sizes) * max(type_.length, 1)
-
-
-def _check_timestamp(message: Message) -> Iterator[Diagnostic]:
-    stamps = [field for field in message.fields if field.name == "timestamp"]
-    if not stamps:
-        text = f"'{message.name}' has no timestamp: uORB expects a field 'uint64 timestamp'"
-        yield Diagnostic(message.location, "M401", text)
-    elif str(stamps[0].type) != "uint64":
-        text = f"uORB expects 'uint64 timestamp', found '{stamps[0].type} timestamp'"
-        yield Diagnostic(stamps[0].location, "M401", text)
 
 
 def _topics(message: Message) -> Iterator[tuple[str, Location]]:

@@ -122,7 +122,7 @@ def _bridge(root: str) -> File | None:
 
 def _fail_without_definitions(root: str) -> NoReturn:
     if not os.path.isdir(root):
-        _fail(root, "S101", "no such folder")
+        _fail(root, "S101", "not a folder" if os.path.exists(root) else "no such folder")
     parent = os.path.dirname(os.path.abspath(root))
     hint = f", did you mean '{parent}'?" if os.path.isdir(os.path.join(parent, "msg")) else ""
     _fail(root, "S102", f"no .msg file here or in msg/: expected a PX4-Autopilot tree, px4_msgs or a folder{hint}")

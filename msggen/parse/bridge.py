@@ -19,6 +19,7 @@ _LISTS = {
 _KEYS = ("topic", "type", "rate_limit", "instance", "options")
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _TYPE = re.compile(r"[a-z][a-z0-9_]*::msg::[A-Z][A-Za-z0-9]*")
+_MAX_DEPTH = 32
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -26,15 +27,26 @@ def parse_bridge(text: str, path: str) -> tuple[tuple[BridgeEntry, ...], list[Di
     """Read the `text` of `path`; return its entries, publications first, with all that is wrong with it."""
     reader = _Reader(path)
     try:
+        _check_depth(text)
         root = yaml.compose(text, Loader=_LOADER)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
         what = " ".join(str(part) for part in (error.context, error.problem) if part)
         return (), [Diagnostic(Location(path, line, column), "Y101", f"not YAML: {what}")]
-    except (yaml.YAMLError, RecursionError) as error:
+    except yaml.YAMLError as error:
         return (), [Diagnostic(Location(path), "Y101", f"not YAML: {str(error).splitlines()[0]}")]
     return (tuple(reader.entries(root)) if root else ()), reader.faults
+
+
+def _check_depth(text: str) -> None:
+    """Raise YAMLError for nesting that no bridge has, and that PyYAML's C code would end the process over."""
+    depth = 0
+    for event in yaml.parse(text, Loader=_LOADER):
+        mark: Any = event.start_mark
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _MAX_DEPTH:
+            raise yaml.MarkedYAMLError(problem=f"nested deeper than {_MAX_DEPTH}", problem_mark=mark)
 
 
 class _Reader:
@@ -59,11 +71,10 @@ class _Reader:
                     yield entry
 
     def entry(self, node: yaml.Node, direction: Direction, *, multi: bool) -> BridgeEntry | None:
-        faults = len(self.faults)
         values = self.mapping(node, _KEYS, "an entry")
-        missing = [key for key in ("topic", "type") if key not in values]
-        if missing and isinstance(node, yaml.MappingNode):
-            self.fault(node, "Y104", f"expected the key '{missing[0]}'")
+        for key in ("topic", "type"):
+            if key not in values and isinstance(node, yaml.MappingNode):
+                self.fault(node, "Y104", f"expected the key '{key}'")
         topic = self.text(values.get("topic"), "topic", _TOPIC, "a name such as '/fmu/out/vehicle_status'")
         type_name = self.text(values.get("type"), "type", _TYPE, "a type such as 'px4_msgs::msg::VehicleStatus'")
         rate_limit = self.number(values.get("rate_limit"), "rate_limit", float, "a frequency in Hz or 'unlimited'")
@@ -71,7 +82,7 @@ class _Reader:
         options = values.get("options")
         if options and not isinstance(options, yaml.MappingNode) and not _is_null(options):
             self.fault(options, "Y102", f"'options': expected a mapping, found {_found(options)}")
-        if len(self.faults) > faults:
+        if not (topic and type_name):
             return None
         return BridgeEntry(
             direction,
@@ -133,5 +144,5 @@ def _is_null(node: yaml.Node) -> bool:
 
 def _found(node: yaml.Node) -> str:
     if isinstance(node, yaml.ScalarNode):
-        return str(node.value) or "nothing"
+        return (node.value if node.value.isprintable() else repr(node.value)) or "nothing"
     return "a list" if isinstance(node, yaml.SequenceNode) else "a mapping"

@@ -32,6 +32,12 @@ def _take_tags(line: str, tags: dict[str, str]) -> str:
     if unit and not tags["unit"]:
         tags["unit"] = unit[1].strip()
         line = line[unit.end() :]
-    for tag in _TAG.finditer(line):
-        tags.setdefault(tag[1], tag[2].strip())
-    return _TAG.sub("", line).strip()
+    return _TAG.sub(lambda tag: _take_tag(tag, tags), line).strip()
+
+
+def _take_tag(tag: re.Match[str], tags: dict[str, str]) -> str:
+    """Note a tag and take it out of the text; a second one of its kind stays where it is."""
+    if tag[1] in tags:
+        return tag[0]
+    tags[tag[1]] = tag[2].strip()
+    return ""

@@ -51,7 +51,18 @@ _FIELD_NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
 _CONSTANT_NAME = re.compile(r"(?!.*__)(?!.*_$)[A-Z][A-Z0-9_]*")
 _TOPIC_NAME = re.compile(r"(?!.*__)[a-z][a-z0-9_]*")
 _RESERVED_TOPICS = frozenset({*keyword.kwlist, "mro", "name", "value"})
-_LEGACY_TYPES = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
+_QUOTED_VALUE = re.compile(r"\s*\S+\s+[^\s=]+\s*=?\s*[\"'\[]")
+_OTHER_SPELLINGS = {
+    "boolean": "bool",
+    "double": "float64",
+    "duration": "builtin_interfaces/Duration",
+    "float": "float32",
+    "int": "int32",
+    "str": "string",
+    "time": "builtin_interfaces/Time",
+    "unsigned": "uint32",
+}
+"""What these types are called elsewhere."""
 _LOOKS_LIKE_TOPICS = re.compile(r"\s*#\s*TOPICS\b")
 
 
@@ -79,7 +90,7 @@ def parse_service(text: str, path: str, name: str, package: str) -> tuple[Servic
         request.fault("M105", line, 1, f"expected one line '---' between request and response, found {len(marks)}")
     mark = marks[0] if marks else len(lines) + 1
     request.read(lines[: mark - 1], 1)
-    response.read([line for line in lines[mark:] if line.strip() != "---"], mark + 1)
+    response.read(["" if mark + index in marks else line for index, line in enumerate(lines[mark:], 1)], mark + 1)
     halves = request.message(package, "srv"), response.message(package, "srv")
     service = Service(name, package, Location(path), *halves, comment=halves[0].comment)
     return service, request.faults + response.faults
@@ -143,7 +154,7 @@ class _Body:
                 trailing = [] if remark is None else [remark]
                 if not elements and not self.comment:
                     self.comment, above = _text(above), []
-                elements.append(_Element(number, code, trailing + above))
+                elements.append(_Element(number, code, above + trailing))
                 above = []
             elif remark is None:
                 if not elements and not self.comment:
@@ -167,7 +178,9 @@ class _Body:
         for name in line[column - 1 :].split(" "):
             if not name:
                 self.fault("M402", number, column, "doubled space: the firmware would read a topic without a name here")
-            elif not _TOPIC_NAME.fullmatch(snake_case(name)) or snake_case(name) in _RESERVED_TOPICS:
+            elif snake_case(name) in _RESERVED_TOPICS:
+                self.fault("M402", number, column, f"topic name '{name}' is reserved in the generated ORB_ID")
+            elif not _TOPIC_NAME.fullmatch(snake_case(name)):
                 self.fault(
                     "M402", number, column, f"{name!r} is no topic name: expected letters, digits and underscores"
                 )
@@ -177,7 +190,7 @@ class _Body:
 
     def _read_element(self, element: _Element) -> None:
         match = _ELEMENT.fullmatch(element.code)
-        if match is None or not match["name"]:
+        if match is None or not match["name"] or match["name"].startswith("["):
             column = len(element.code) - len(element.code.lstrip()) + 1
             text = element.code.strip()
             self.fault("M101", element.line, column, f"expected 'TYPE NAME' or 'TYPE NAME = VALUE', found {text!r}")
@@ -236,7 +249,7 @@ def _split_comment(line: str) -> tuple[str, str | None]:
     code, mark, remark = line.partition("#")
     if not mark:
         return line, None
-    if '"' in code or "'" in code:
+    if _QUOTED_VALUE.match(code):
         quote = ""
         for index, character in enumerate(line):
             if quote:
@@ -271,10 +284,12 @@ def parse_type(text: str) -> FieldType:
     match = _TYPE.fullmatch(text)
     if match is None:
         hint = suggestion(text, PRIMITIVES) or ": expected as 'float32', 'float32[3]' or 'package/Name'"
+        hint = ": arrays have one dimension" if text.count("[") > 1 else hint
         raise TypeSpellingError("M301", f"cannot read type '{text}'{hint}")
     package, name = match["package"], match["name"]
     if package is None and name not in PRIMITIVES and not _MESSAGE_NAME.fullmatch(name):
-        hint = f", did you mean '{_LEGACY_TYPES[name]}'?" if name in _LEGACY_TYPES else suggestion(name, PRIMITIVES)
+        other = _OTHER_SPELLINGS.get(name)
+        hint = f", did you mean '{other}'?" if other else suggestion(name, PRIMITIVES)
         raise TypeSpellingError("M301", f"unknown type '{name}'{hint}")
     if package is not None and not (_PACKAGE_NAME.fullmatch(package) and _MESSAGE_NAME.fullmatch(name)):
         raise TypeSpellingError("M301", f"unknown type '{text}': expected 'package/Name'")

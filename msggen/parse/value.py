@@ -65,7 +65,7 @@ def _scalar(type_: FieldType, text: str) -> Value:
 def _integer(name: str, text: str) -> int:
     low, high = INTEGER_RANGES[name]
     try:
-        value = int(text, 0)
+        value = int(text, 10 if text.lstrip("+-").isdecimal() else 0)
     except ValueError:
         raise ValueError(f"expected an integer, found {text!r}") from None
     if not low <= value <= high:
@@ -85,7 +85,7 @@ def _float(name: str, text: str) -> float:
 
 def _string(type_: FieldType, text: str) -> str:
     quoted = len(text) > 1 and text[0] == text[-1] and text[0] in "\"'"
-    value = re.sub(r"\\(.)", r"\1", text[1:-1]) if quoted else text
+    value = text[1:-1].replace(f"\\{text[0]}", text[0]) if quoted else text
     if type_.string_bound is not None and len(value) > type_.string_bound:
         raise ValueError(f"expected up to {type_.string_bound} characters, found {len(value)}")
     return value

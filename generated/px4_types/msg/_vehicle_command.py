@@ -158,8 +158,8 @@ class VehicleCommand(_cdr.Message):
     """
 
     VEHICLE_CMD_CONDITION_YAW: Final = 115
-    """[@range 0,360] Turn to a heading. |[deg] Heading, 0 is north|[deg/s] Turn rate| Sense of rotation,
-    positive is clockwise|1: the angle adds to the present heading, 0: it is
+    """[@range 0,360] Turn to a heading. |[deg] Heading, 0 is north|[deg/s] Turn rate|[@range -1,1] Sense
+    of rotation, positive is clockwise|1: the angle adds to the present heading, 0: it is
     absolute|Unused|Unused|Unused|
     """
 
@@ -223,8 +223,9 @@ class VehicleCommand(_cdr.Message):
 
     VEHICLE_CMD_DO_SET_ACTUATOR: Final = 187
     """[@range -1, 1] Drive the outputs that are assigned to Peripheral via Actuator Set. | Value of output
-    1| Value of output 2| Value of output 3| Value of output 4| Value of output 5| Value of output
-    6|Which group of six, 0 is the first|
+    1|[@range -1, 1] Value of output 2|[@range -1, 1] Value of output 3|[@range -1, 1] Value of output
+    4|[@range -1, 1] Value of output 5|[@range -1, 1] Value of output 6|Which group of six, 0 is the
+    first|
     """
 
     VEHICLE_CMD_DO_LAND_START: Final = 189
@@ -399,8 +400,8 @@ class VehicleCommand(_cdr.Message):
     """Repeat the arming checks now and report the results."""
 
     VEHICLE_CMD_INJECT_FAILURE: Final = 420
-    """[@enum FAILURE_UNIT] Simulate a fault, to test how the vehicle reacts. | What fails| How it
-    fails|Which instance, 0: all|
+    """[@enum FAILURE_UNIT] Simulate a fault, to test how the vehicle reacts. | What fails|[@enum
+    FAILURE_TYPE] How it fails|Which instance, 0: all|
     """
 
     VEHICLE_CMD_START_RX_PAIR: Final = 500
