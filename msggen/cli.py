@@ -111,13 +111,16 @@ def _build(options: argparse.Namespace) -> int:
     for name in plan.edited:
         text = "was edited since msggen wrote it and is no longer needed: left in place"
         print(f"{os.path.join(plan.folder, name)}: {text}", file=sys.stderr)
+    if options.verbose:
+        for verb, names in (
+            ("wrote" if writes else "to write:", plan.written),
+            ("removed" if writes else "to remove:", plan.removed),
+        ):
+            for name in names:
+                print(f"{verb} {os.path.join(plan.folder, name)}")
     if not writes:
         _say(options, f"{plan.folder} is stale: {len(plan.written)} files to write, {len(plan.removed)} to remove")
         return FINDINGS
-    if options.verbose:
-        for verb, names in (("wrote", plan.written), ("removed", plan.removed)):
-            for name in names:
-                print(f"{verb} {os.path.join(plan.folder, name)}")
     unchanged = len(plan.files) - len(plan.written)
     counts = f"{len(plan.written)} files written, {len(plan.removed)} removed, {unchanged} unchanged"
     _say(options, f"{outcome.summary}\n{plan.folder}: {counts}, in {time.perf_counter() - started:.2f} s")

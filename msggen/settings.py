@@ -19,6 +19,10 @@ class Settings(NamedTuple):
     package: str | None = None
 
 
+_HEADER = re.compile(r"^[ \t]*\[[ \t]*tool[ \t]*\.[ \t]*[\"']?msggen[\"']?[ \t]*\]", re.MULTILINE)
+_MENTIONED = re.compile(r"\btool[\"']?\s*\.\s*[\"']?msggen\b|^\s*\[\s*tool\s*\][^\[]*^\s*[\"']?msggen\b", re.MULTILINE)
+"""All ways to spell the table in TOML; without one of them the file need not be parsed."""
+
 _PATHS = ("px4", "msg_dir", "topics", "output")
 
 
@@ -31,8 +35,9 @@ def read_settings(folder: str) -> Settings:
     while True:
         path = os.path.join(here, "pyproject.toml")
         text = _text(path)
-        if re.search(r"^\s*\[+\s*tool\s*\.\s*[\"']?msggen\b", text, re.MULTILINE):
-            return _parse(text, os.path.relpath(path, folder))
+        found = _parse(text, os.path.relpath(path, folder)) if _MENTIONED.search(text) else None
+        if found is not None:
+            return found
         parent = os.path.dirname(here)
         if parent == here:
             return Settings()
@@ -47,24 +52,28 @@ def _text(path: str) -> str:
         return ""
 
 
-def _parse(text: str, path: str) -> Settings:
+def _parse(text: str, path: str) -> Settings | None:
     if sys.version_info >= (3, 11):
         import tomllib
     else:
         import tomli as tomllib
 
     try:
-        table = tomllib.loads(text)["tool"]["msggen"]
+        document: Any = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         line, column = (int(place[1]), int(place[2])) if place else (1, 1)
         _fail(path, "C101", f"not TOML: {error}", line, column)
+    tool = document.get("tool")
+    if not isinstance(tool, dict) or "msggen" not in tool:
+        return None
+    table = tool["msggen"]
     if not isinstance(table, dict):
         _fail(path, "C103", "'tool.msggen' must be a table", *_place(text, "msggen"))
     values = {_field(key, text, path): value for key, value in table.items()}
     base = os.path.dirname(path)
     checked = {key: _value(key, value, base, text, path) for key, value in values.items()}
-    return Settings(**checked)
+    return Settings(**{"output": os.path.join(base, "generated"), **checked})
 
 
 def _field(key: str, text: str, path: str) -> str:
@@ -80,17 +89,19 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
     key = field.replace("_", "-")
     if field == "msg_dir":
         folders = [value] if isinstance(value, str) else value
-        if not isinstance(folders, list) or not all(isinstance(item, str) for item in folders):
+        if not isinstance(folders, list) or not all(item and isinstance(item, str) for item in folders):
             _fail(path, "C103", f"'{key}': expected a list of folders, found {value!r}", *_place(text, key))
         return tuple(os.path.join(base, os.path.expanduser(item)) for item in folders)
-    if not isinstance(value, str):
+    if not isinstance(value, str) or not value:
         _fail(path, "C103", f"'{key}': expected a text, found {value!r}", *_place(text, key))
     return os.path.join(base, os.path.expanduser(value)) if field in _PATHS else value
 
 
 def _place(text: str, key: str) -> tuple[int, int]:
-    found = re.search(rf"^\s*([\"']?{re.escape(key)}\b)", text[text.find("msggen") :], re.MULTILINE)
-    position = text.find("msggen") + found.start(1) if found else text.find("msggen")
+    header = _HEADER.search(text)
+    start = header.end() if header else _MENTIONED.search(text + "msggen =").start()  # type: ignore[union-attr]
+    found = re.compile(rf"[\"']?\b{re.escape(key)}\b[\"']?\s*[.=]").search(text, start)
+    position = found.start() if found else start
     return text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
 
 

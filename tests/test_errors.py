@@ -187,7 +187,7 @@ def files_below(folder: Path) -> dict[str, bytes]:
 def faults_in(message: bytes, yaml: bytes = b"", service: bytes = b"---") -> tuple[Diagnostic, ...]:
     """Return what is wrong with three files; any exception but InputError goes through."""
     sources = Sources(
-        (File(FOO, FOO),), (File(SERVICE, SERVICE),), File(YAML, YAML), (), release=None, is_firmware=False
+        (File(FOO, FOO),), (File(SERVICE, SERVICE),), File(YAML, YAML), None, release=None, is_firmware=False
     )
     try:
         read_catalog(sources, {FOO: message, YAML: yaml, SERVICE: service})
@@ -245,7 +245,7 @@ def test_all_faults_of_all_files_come_in_one_run_in_order(
         f"{SERVICE}:1:1: M301",
         f"{SERVICE}:3:7: M202",
     ]
-    assert last == "10 errors, nothing written"
+    assert last == "11 errors, nothing written"
 
 
 def test_both_missing_keys_of_an_entry_are_told() -> None:
@@ -257,7 +257,7 @@ def test_both_missing_keys_of_an_entry_are_told() -> None:
 def test_two_cycles_are_both_found() -> None:
     names = {"A": "B", "B": "A", "C": "D", "D": "E", "E": "C"}
     files = {f"{name}.msg": f"{STAMP}{inner} x\n" for name, inner in names.items()}
-    sources = Sources(tuple(File(name, name) for name in files), (), None, (), None, is_firmware=False)
+    sources = Sources(tuple(File(name, name) for name in files), (), None, None, None, is_firmware=False)
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in files.items()})
     assert [fault.message.split(": ")[1] for fault in caught.value.diagnostics] == ["A > B > A", "C > D > E > C"]
@@ -415,7 +415,7 @@ def test_a_yaml_that_nests_without_end_is_refused() -> None:
 def test_a_long_chain_of_nested_messages_is_an_error_not_a_crash() -> None:
     length = 1000
     texts = {f"M{index}.msg": f"{STAMP}M{index + 1} inner\n" for index in range(length)} | {f"M{length}.msg": STAMP}
-    sources = Sources(tuple(File(name, name) for name in texts), (), None, (), None, is_firmware=False)
+    sources = Sources(tuple(File(name, name) for name in texts), (), None, None, None, is_firmware=False)
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in texts.items()})
     assert {fault.code for fault in caught.value.diagnostics} == {"M302"}

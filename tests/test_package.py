@@ -194,14 +194,15 @@ def test_any_sequence_of_the_right_length_is_taken(px4_types: Any) -> None:
 # Equality and representation
 
 
-def test_messages_differ_when_any_value_does(px4_types: Any) -> None:
-    for name in SOME:
-        message_type = getattr(px4_types, name)
-        zero, other = message_type(), filled(px4_types, message_type)
-        for field in message_type.__msg__.fields:
-            changed = dataclasses.replace(zero, **{field.name: getattr(other, field.name)})
-            assert changed != zero, field.name
-            assert zero != changed, field.name
+@pytest.mark.parametrize("name", NAMES)
+def test_messages_differ_when_any_value_does(name: str, px4_types: Any) -> None:
+    message_type = getattr(px4_types, name)
+    zero = message_type()
+    for field in message_type.__msg__.fields:
+        data = bytearray(zero.encode())
+        data[4 + field.offset] = 1
+        assert message_type.decode(data) != zero, field.name
+        assert zero != message_type.decode(data), field.name
 
 
 @pytest.mark.parametrize(
@@ -220,7 +221,7 @@ def test_messages_differ_when_any_value_does(px4_types: Any) -> None:
         ("x", 0.0, False),
     ],
 )
-def test_floats_are_equal_when_they_are_on_the_wire(one: Any, other: Any, equal: bool, px4_types: Any) -> None:
+def test_floats_are_equal_when_they_are_on_the_wire(one: Any, other: Any, equal: Any, px4_types: Any) -> None:
     """Values that cannot be encoded compare as they are."""
     left, right = px4_types.DebugVect(x=one), px4_types.DebugVect(x=other)
     assert (left == right) is equal
@@ -344,7 +345,8 @@ def test_asdict_and_astuple_unfold_nested_messages(px4_types: Any) -> None:
 
 def test_fields_have_the_defaults_of_the_class(px4_types: Any) -> None:
     for name in SOME:
-        for field in dataclasses.fields(getattr(px4_types, name)):
+        fields: tuple[Any, ...] = dataclasses.fields(getattr(px4_types, name))
+        for field in fields:
             value = getattr(getattr(px4_types, name)(), field.name)
             if field.default is dataclasses.MISSING:
                 made, again = field.default_factory(), field.default_factory()
@@ -372,8 +374,8 @@ def test_the_base_of_all_messages_is_no_dataclass(px4_types: Any) -> None:
 
 def test_the_description_of_a_message_has_what_the_issue_names(px4_types: Any) -> None:
     info = px4_types.SensorCombined.__msg__
-    expected = "name ros_type dds_type cdr_size message_hash type_hash message_version topics fields".split()
-    assert all(hasattr(info, name) for name in expected)
+    identity = {"name", "ros_type", "dds_type", "cdr_size", "message_hash", "type_hash", "message_version"}
+    assert {*identity, "topics", "fields"} <= set(dir(info))
     assert (info.cdr_size, info.message_version, info.topics) == (48, 0, ("sensor_combined",))
     assert info.type_hash.startswith("RIHS01_")
     gyro = info.fields[1]
@@ -451,7 +453,7 @@ SHARED_MODULES = {"px4_types", "px4_types.cdr", "px4_types.msg"}
 def test_one_type_imports_one_module_and_what_it_nests(statement: str, modules: set[str]) -> None:
     found = imported_by(statement)
     assert {name for name in found if name.startswith("px4_types")} == modules
-    assert found.isdisjoint({"typing", "dataclasses", "enum", "re", "inspect", "numpy", "collections", "importlib"})
+    assert found.isdisjoint({"typing", "dataclasses", "enum", "re", "inspect", "numpy", "importlib"})
 
 
 def test_dataclasses_are_imported_for_those_who_ask() -> None:
@@ -678,9 +680,9 @@ def test_a_number_too_long_to_print_is_an_encode_error_too(field: str, everythin
     assert text.startswith(f"Everything.{field}: expected")
 
 
-@pytest.mark.parametrize("value", [3.5e38, -3.5e38, 1e308, 10**400])
+@pytest.mark.parametrize("value", [3.5e38, -3.5e38, 1e308, pytest.param(10**400, id="10**400")])
 @pytest.mark.parametrize(("kind", "length"), [("one", 1), ("few", 3), ("many", 20)])
-def test_a_float32_that_overflows_is_an_error(kind: str, length: int, value: float, everything: Any) -> None:
+def test_a_float32_that_overflows_is_an_error(kind: str, length: int, value: Any, everything: Any) -> None:
     given_ = value if kind == "one" else [value] * length
     text = encode_error(everything, everything.Everything(**{f"{kind}_float32": given_}))
     path = f"Everything.{kind}_float32" + ("" if kind == "one" else "[0]")

@@ -84,7 +84,7 @@ def test_without_a_pyproject_nothing_is_set() -> None:
 
 def test_an_empty_table_sets_nothing() -> None:
     settings_file("[tool.msggen]\n")
-    assert read_settings(".") == Settings()
+    assert read_settings(".") == Settings(output="generated")
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_the_nearest_settings_count_and_are_not_mixed_with_those_above(monkeypat
     settings_file('[tool.msggen]\npackage = "far"\nrelease = "v1.14"\n')
     settings_file('[tool.msggen]\npackage = "near"\n', "inner")
     monkeypatch.chdir("inner")
-    assert read_settings(".") == Settings(package="near")
+    assert read_settings(".") == Settings(output="generated", package="near")
 
 
 def test_relative_paths_count_from_the_file_not_from_where_the_user_stands(monkeypatch: pytest.MonkeyPatch) -> None:

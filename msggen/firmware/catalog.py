@@ -98,7 +98,7 @@ class _Reader:
         return text
 
     def _package(self) -> str | None:
-        if self.sources.is_firmware or not self.sources.manifests:
+        if self.sources.manifest is None:
             return None
-        found = re.search(r"<name>\s*([A-Za-z0-9_]+)\s*</name>", self.text(self.sources.manifests[0]))
+        found = re.search(r"<name>\s*([A-Za-z0-9_]+)\s*</name>", self.text(self.sources.manifest))
         return found[1] if found else None

@@ -24,19 +24,19 @@ class File(NamedTuple):
 
 
 class Sources(NamedTuple):
-    """The files of one catalog. `manifests` are package.xml files, the first of which names the package."""
+    """The files of one catalog. `manifest` is the package.xml that names its ROS package, unless it is the firmware."""
 
     messages: tuple[File, ...]
     services: tuple[File, ...]
     bridge: File | None
-    manifests: tuple[File, ...]
+    manifest: File | None
     release: str | None
     is_firmware: bool
 
     def files(self) -> tuple[File, ...]:
         """Return all of them, in an order that does not depend on the machine."""
-        bridge = (self.bridge,) if self.bridge else ()
-        return self.messages + self.services + bridge + self.manifests
+        others = [file for file in (self.bridge, self.manifest) if file]
+        return (*self.messages, *self.services, *others)
 
 
 def find_sources(
@@ -52,22 +52,18 @@ def find_sources(
     roots = [*([px4] if px4 is not None else []), *folders]
     messages: list[File] = []
     services: list[File] = []
-    manifests: list[File] = []
-    bridge = None
     for root in roots:
         found = len(messages) + len(services)
         messages += _definitions(root, "msg", ".msg")
         services += _definitions(root, "srv", ".srv")
         if len(messages) + len(services) == found:
             _fail_without_definitions(root)
-        if os.path.isfile(os.path.join(root, "package.xml")):
-            manifests.append(File(os.path.join(root, "package.xml"), "package.xml"))
-        if root == px4:
-            bridge = _bridge(root)
-    if topics is not None:
-        bridge = File(topics, os.path.basename(topics))
-    is_firmware = px4 is not None and not manifests
-    return Sources(tuple(messages), tuple(services), bridge, tuple(manifests), release, is_firmware)
+    bridge = File(topics, os.path.basename(topics)) if topics is not None else None
+    if bridge is None and px4 is not None:
+        bridge = _bridge(px4)
+    manifest = _manifest(roots[0])
+    is_firmware = px4 is not None and manifest is None
+    return Sources(tuple(messages), tuple(services), bridge, manifest, release, is_firmware)
 
 
 def read_files(sources: Sources) -> dict[str, bytes]:
@@ -117,6 +113,14 @@ def _bridge(root: str) -> File | None:
         path = os.path.join(root, *place.split("/"))
         if os.path.isfile(path):
             return File(path, place)
+    return None
+
+
+def _manifest(root: str) -> File | None:
+    """Return the package.xml of a ROS package; the firmware's own tree has one too, and is none."""
+    path = os.path.join(root, "package.xml")
+    if os.path.isfile(path) and not os.path.isdir(os.path.join(root, "src", "modules")):
+        return File(path, "package.xml")
     return None
 
 

@@ -94,10 +94,12 @@ class Build:
 
 
 def depfile(outcome_folder: str, outputs: tuple[str, ...], sources: Sources) -> str:
-    """Return a Makefile rule that makes the outputs depend on every file they were made from."""
-    targets = [os.path.join(outcome_folder, name) for name in outputs]
+    """Return a Makefile rule that makes the first output depend on every file that all were made from.
+
+    Only the first, because Ninja refuses a rule with outputs that it has not been told of, such as one that has gone.
+    """
     inputs = [file.path for file in sources.files()]
-    return " \\\n ".join(map(_escaped, targets)) + ": \\\n " + " \\\n ".join(map(_escaped, inputs)) + "\n"
+    return " \\\n ".join([f"{_escaped(os.path.join(outcome_folder, outputs[0]))}:", *map(_escaped, inputs)]) + "\n"
 
 
 def write_if_changed(path: str, text: str) -> None:
@@ -109,7 +111,7 @@ def write_if_changed(path: str, text: str) -> None:
     except (OSError, ValueError):
         pass
     os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
-    staged = f"{path}.{os.getpid()}"
+    staged = f"{path}.tmp"
     with open(staged, "w", encoding="utf-8") as stream:
         stream.write(text)
     os.replace(staged, path)

@@ -6,14 +6,19 @@ fingerprint of what they were made from. A run that finds both unchanged has not
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from typing import NamedTuple
 
 MANIFEST = ".msggen.json"
+
+STAGE = ".msggen-stage"
+"""Where files are written aside."""
 
 _SAFE_NAME = re.compile(r"(?:[A-Za-z0-9_]+/)*[A-Za-z0-9_.]*[A-Za-z0-9_]")
 
@@ -59,10 +64,16 @@ def read_record(folder: str) -> Record:
     try:
         with open(os.path.join(folder, MANIFEST), encoding="utf-8") as stream:
             stored = json.load(stream)
-        files = {name: value for name, value in stored["files"].items() if _SAFE_NAME.fullmatch(name)}
-        return Record(str(stored["fingerprint"]), str(stored["summary"]), files)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        files = {name: str(value) for name, value in stored["files"].items() if _SAFE_NAME.fullmatch(name)}
+        record = Record(str(stored["fingerprint"]), str(stored["summary"]), files)
+        return record if stored["seal"] == _seal(record) else record._replace(fingerprint="")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return Record("", "", {})
+
+
+def _seal(record: Record) -> str:
+    """Return what tells a record as it was written from one that was merged or edited."""
+    return digest(json.dumps([record.fingerprint, record.summary, sorted(record.files.items())]).encode())
 
 
 def is_current(folder: str, record: Record, fingerprint: str) -> bool:
@@ -94,44 +105,81 @@ def plan_output(folder: str, files: Mapping[str, str], record: Record) -> Plan:
 def write_output(plan: Plan, record: Record, fingerprint: str, summary: str) -> None:
     """Carry out `plan`. Raises OSError, with nothing changed, where the folder cannot be written.
 
-    All files are written aside first, then the record, then they are moved into place: a run that is killed
-    leaves only whole files, all of which the next run knows as its own.
+    All files are written aside first, then a record of old and new, then they are moved into place: a run that
+    is killed leaves only whole files, and the next one knows them as its own and what is left to do. Runs on
+    the same folder wait for each other.
     """
     digests = {name: digest(text.encode()) for name, text in plan.files.items()}
-    during = {**{name: record.files[name] for name in plan.removed}, **digests}
-    stage = os.path.join(plan.folder, f".msggen-{os.getpid()}")
-    os.makedirs(stage)
+    obsolete = {name: value for name, value in record.files.items() if name not in {*plan.files, *plan.edited}}
+    stage = os.path.join(plan.folder, STAGE)
+    os.makedirs(plan.folder, exist_ok=True)
+    with _locked(plan.folder):
+        _clear(stage)
+        os.makedirs(stage)
+        try:
+            _move_into_place(plan, stage, Record("", summary, {**obsolete, **digests}))
+            _remove(plan.folder, obsolete)
+        finally:
+            _clear(stage)
+        _write_record(plan.folder, Record(fingerprint, summary, digests))
+
+
+def _move_into_place(plan: Plan, stage: str, during: Record) -> None:
+    for index, name in enumerate(plan.written):
+        _write(os.path.join(stage, str(index)), plan.files[name])
+    for folder in sorted({os.path.dirname(name) for name in (*plan.written, *plan.removed)}):
+        os.makedirs(os.path.join(plan.folder, folder), exist_ok=True)
+        if not os.access(os.path.join(plan.folder, folder), os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), os.path.join(plan.folder, folder))
+    _write_record(plan.folder, during)
+    for index, name in enumerate(plan.written):
+        os.replace(os.path.join(stage, str(index)), os.path.join(plan.folder, name))
+
+
+@contextmanager
+def _locked(folder: str) -> Iterator[None]:
+    """Hold the folder against other runs, as far as the system can; the lock ends with the process."""
     try:
-        for index, name in enumerate(plan.written):
-            _write(os.path.join(stage, str(index)), plan.files[name])
-        for folder in sorted({os.path.dirname(name) for name in plan.written}):
-            os.makedirs(os.path.join(plan.folder, folder), exist_ok=True)
-        _write_record(plan.folder, stage, Record(fingerprint, summary, during))
-        for index, name in enumerate(plan.written):
-            os.replace(os.path.join(stage, str(index)), os.path.join(plan.folder, name))
-        _remove(plan.folder, plan.removed)
-        if during != digests:
-            _write_record(plan.folder, stage, Record(fingerprint, summary, digests))
+        from fcntl import LOCK_EX, flock
+    except ImportError:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):
+            flock(handle, LOCK_EX)
+        yield
     finally:
+        os.close(handle)
+
+
+def _clear(stage: str) -> None:
+    """Remove the files written aside, this run's or those of one that was killed."""
+    if os.path.isdir(stage) and not os.path.islink(stage):
         for leftover in os.listdir(stage):
             os.unlink(os.path.join(stage, leftover))
         os.rmdir(stage)
 
 
-def _remove(folder: str, names: Iterable[str]) -> None:
+def _remove(folder: str, names: Collection[str]) -> None:
+    """Remove files, those that a killed run has removed already included, and the folders that this empties."""
     for name in names:
-        os.unlink(os.path.join(folder, name))
-        parent = os.path.dirname(name)
-        while parent and not os.listdir(os.path.join(folder, parent)):
+        with suppress(FileNotFoundError):
+            os.unlink(os.path.join(folder, name))
+    for parent in {os.path.dirname(name) for name in names} - {""}:
+        with suppress(OSError):
             os.rmdir(os.path.join(folder, parent))
-            parent = os.path.dirname(parent)
 
 
-def _write_record(folder: str, stage: str, record: Record) -> None:
-    stored = {**record._asdict(), "files": dict(sorted(record.files.items()))}
-    staged = os.path.join(stage, "record")
-    _write(staged, json.dumps(stored, indent=1) + "\n")
-    os.replace(staged, os.path.join(folder, MANIFEST))
+def _write_record(folder: str, record: Record) -> None:
+    stored = {**record._asdict(), "files": dict(sorted(record.files.items())), "seal": _seal(record)}
+    staged = os.path.join(folder, f"{MANIFEST}.new")
+    try:
+        _write(staged, json.dumps(stored, indent=1) + "\n")
+        os.replace(staged, os.path.join(folder, MANIFEST))
+    except BaseException:
+        os.unlink(staged)
+        raise
 
 
 def _write(path: str, text: str) -> None:
