@@ -67,9 +67,14 @@ class Layout:
         """The delimiter headers; XCDR1 has none."""
         return tuple(item for item in self.items if isinstance(item, DelimiterHeader))
 
-    def offsets(self) -> dict[str, int]:
-        """Return where the first byte of each field lies."""
-        return {leaf.path[0][0]: leaf.offset for leaf in reversed(self.leaves)}
+    def extents(self) -> dict[str, tuple[int, int]]:
+        """Return offset and size in bytes of each field, padding inside included."""
+        extents: dict[str, tuple[int, int]] = {}
+        for leaf in self.leaves:
+            name = leaf.path[0][0]
+            offset = extents.get(name, (leaf.offset, 0))[0]
+            extents[name] = offset, leaf.offset + leaf.size * leaf.count - offset
+        return extents
 
 
 def check_fixed_size(messages: Iterable[Message]) -> None:

@@ -254,7 +254,8 @@ if TYPE_CHECKING:
     from .msg import Wind as Wind
     from .msg import YawEstimatorStatus as YawEstimatorStatus
 
-_MODULES = {"cdr", "msg", "srv", "topics"}
+_MODULES = {"arrays", "cdr", "msg", "registry", "srv", "topics"}
+_AttributeError = AttributeError  # a message may have this name
 _ERRORS = {"DecodeError", "EncodeError"}
 
 __all__ = [
@@ -509,7 +510,7 @@ def _load(module: str) -> object:
 
 def __getattr__(name: str) -> object:
     if name.startswith("_"):
-        raise AttributeError(name)
+        raise _AttributeError(name)
     if name in _MODULES:
         return _load(name)
     found: object = getattr(_load("cdr" if name in _ERRORS else "msg"), name)

@@ -6,6 +6,7 @@ so that no comment can end the string it stands in.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from functools import lru_cache
@@ -15,6 +16,8 @@ import jinja2
 
 from msggen.generate.source import literal
 from msggen.resources import resource
+
+_DANGEROUS_QUOTES = re.compile(r'"{2,}|"$')
 
 WIDTH = 110
 """Columns of generated source."""
@@ -42,8 +45,7 @@ def documentation(text: str, indent: int, *, closed: bool = False) -> str:
 
     `closed` puts the closing quotes on a line of their own where there are several lines.
     """
-    safe = text.replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
-    safe = safe[:-1] + '\\"' if safe.endswith('"') else safe
+    safe = _DANGEROUS_QUOTES.sub(lambda quotes: '\\"' * len(quotes[0]), text.replace("\\", "\\\\"))
     if len(safe) <= WIDTH - indent - 6 and "\n" not in safe:
         return safe
     lines: list[str] = []

@@ -50,7 +50,10 @@ _CODES = {
 }
 _UNSIGNED = {1: "B", 2: "H", 4: "I", 8: "Q"}
 _BYTES = ("byte", "char", "uint8")
-_CODEC_LOCALS = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error"})
+_CODEC_LOCALS = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error", "len"})
+_LARGEST_GROUP = 100
+"""Python compiles longer chains of operators by ever deeper recursion."""
+
 _SHADOWING = frozenset({"int", "float", "bool", "bytes", "tuple", "type"})
 
 
@@ -76,6 +79,7 @@ class FieldView:
     name: str
     type: FieldType
     offset: int
+    size: int
     comment: Comment
     annotation: str
     parameter: str
@@ -100,7 +104,7 @@ class FieldView:
             ("frame", comment.frame),
         )
         given = [f"{name}={literal(value)}" for name, value in tags if value]
-        return (literal(self.name), literal(str(self.type)), str(self.offset), *given)
+        return (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +122,8 @@ class MessageView:
     layout_arguments: tuple[str, ...]
     nested: tuple[tuple[str, str], ...]
     """Module and name of the messages it nests."""
-    needs_builtins: bool
+    builtins: str
+    """What stands before the names of built-in types: nothing, unless a field hides them."""
     has_large_arrays: bool
     """Its own, or in what it nests: the codec unfolds that."""
     needs_sequence: bool
@@ -147,8 +152,8 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
     layout = lay_out(catalog, message)
     shadowed = {field.name for field in message.fields} & _SHADOWING
     prefix = "builtins." if shadowed else ""
-    offsets = layout.offsets()
-    fields = tuple(_field_view(field, offsets[field.name], prefix) for field in message.fields)
+    extents = layout.extents()
+    fields = tuple(_field_view(field, *extents[field.name], prefix) for field in message.fields)
     return MessageView(
         message,
         tuple(_constants(message)),
@@ -160,7 +165,7 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         type_hash(catalog, message),
         tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
         tuple(_nested_imports(catalog, message)),
-        bool(shadowed),
+        prefix,
         any(is_large(leaf.type) for leaf in layout.leaves),
         any(is_large(field.type) for field in message.fields),
     )
@@ -181,11 +186,11 @@ def _nested_imports(catalog: Catalog, message: Message) -> Iterator[tuple[str, s
         yield f"{folder}{module_name(inner.name)}", inner.name
 
 
-def _field_view(field: Field, offset: int, prefix: str) -> FieldView:
+def _field_view(field: Field, offset: int, size: int, prefix: str) -> FieldView:
     annotation = _annotation(field.type, prefix)
     default, initial = _initial(field)
     parameter = f"{field.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
-    return FieldView(field.name, field.type, offset, field.comment, annotation, parameter, initial)
+    return FieldView(field.name, field.type, offset, size, field.comment, annotation, parameter, initial)
 
 
 def _annotation(type_: FieldType, prefix: str) -> str:
@@ -229,7 +234,11 @@ def _fresh(field: Field) -> str:
     if not type_.is_primitive:
         return f"_cdr.fresh({type_.name}, {type_.length})" if type_.array is ArrayKind.FIXED else f"{type_.name}()"
     code = literal(_CODES[type_.name])
-    return f"_arrays.array({code}, {field.default!r})" if field.default else f"_arrays.zeros({code}, {type_.length})"
+    return (
+        f"_arrays.array({code}, {literal(field.default)})"
+        if field.default
+        else f"_arrays.zeros({code}, {type_.length})"
+    )
 
 
 def is_bytes(type_: FieldType) -> bool:
@@ -292,6 +301,12 @@ class Codec:
     """Attributes of bytes, and how many there must be: `struct` would pad or cut them."""
     bools: list[str] = field(default_factory=list)
     """What must be a bool: `struct` would take any object for one."""
+
+    def groups_of_bools(self) -> list[list[str]]:
+        """Return the bools in groups that are joined by an operator, `False` first: alone it would not be applied."""
+        groups = (self.bools[index : index + _LARGEST_GROUP] for index in range(0, len(self.bools), _LARGEST_GROUP))
+        return [["False", *group] for group in groups]
+
     _locals: set[str] = field(default_factory=lambda: set(_CODEC_LOCALS))
 
     @classmethod

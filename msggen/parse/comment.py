@@ -9,7 +9,7 @@ import re
 
 from msggen.model import Comment
 
-_TAG = re.compile(r"\s*\[@(range|enum|invalid|frame)\b\s*([^\]]*)\]")
+_TAG = re.compile(r" ?\[@(range|enum|invalid|frame)\b\s*([^\]]*)\]")
 _UNIT = re.compile(r"\s*\[([^@\]\[]{1,24})\]")
 
 

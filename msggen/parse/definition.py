@@ -39,7 +39,7 @@ RESERVED_NAMES = frozenset(
 )
 """Names of fields that the generated classes need for themselves."""
 
-_ELEMENT = re.compile(r"\s*(?P<type>\S+)(?:\s+(?P<name>[^\s=]+)\s*(?P<equals>=?)\s*(?P<value>.*?)\s*)?")
+_ELEMENT = re.compile(r"\s*(?P<type>\S+)(?:\s+(?P<name>[^\s=]+)\s*(?P<equals>=?)\s*(?P<value>.*))?")
 _TYPE = re.compile(
     r"(?:(?P<package>[^\s/\[\]<=]+)/)?(?P<name>[^\s/\[\]<=]+)"
     r"(?:<=(?P<bound>\w+))?"
@@ -51,7 +51,7 @@ _FIELD_NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
 _CONSTANT_NAME = re.compile(r"(?!.*__)(?!.*_$)[A-Z][A-Z0-9_]*")
 _TOPIC_NAME = re.compile(r"(?!.*__)[a-z][a-z0-9_]*")
 _RESERVED_TOPICS = frozenset({*keyword.kwlist, "mro", "name", "value"})
-_QUOTED_VALUE = re.compile(r"\s*\S+\s+[^\s=]+\s*=?\s*[\"'\[]")
+_QUOTED_VALUE = re.compile(r"\s*\S+\s+[^\s=]+(?:\s*=)?\s*[\"'\[]")
 _OTHER_SPELLINGS = {
     "boolean": "bool",
     "double": "float64",
@@ -74,6 +74,10 @@ def parse_message(text: str, path: str, name: str, package: str) -> tuple[Messag
     body = _Body(path, name)
     _check_name(body, name)
     body.read(text.split("\n"), 1)
+    if not body.topics and snake_case(name) in _RESERVED_TOPICS:
+        body.fault(
+            "M202", 1, 1, f"the topic of '{name}' would be '{snake_case(name)}', which is reserved: see # TOPICS"
+        )
     if not (body.fields or body.constants or body.faults):
         body.fault("M103", 1, 1, f"message '{name}' is empty: expected at least one field")
     return body.message(package, "msg"), body.faults
@@ -189,7 +193,7 @@ class _Body:
             column += len(name) + 1
 
     def _read_element(self, element: _Element) -> None:
-        match = _ELEMENT.fullmatch(element.code)
+        match = _ELEMENT.fullmatch(element.code.rstrip())
         if match is None or not match["name"] or match["name"].startswith("["):
             column = len(element.code) - len(element.code.lstrip()) + 1
             text = element.code.strip()

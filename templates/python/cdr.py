@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 new = object.__new__
 StructError = struct.error
-ENCODE_FAILURES = (struct.error, TypeError, ValueError, OverflowError, AttributeError)
-"""What packing values of a wrong type, range or number raises."""
 
 HEADER = b"\x00\x01\x00\x00"
 """The encapsulation header of what `encode` writes: XCDR1, little-endian, no options."""
@@ -54,12 +52,23 @@ class EncodeError(CodecError):
     """A message that holds a value which its definition does not allow."""
 
 
+class Refused(Exception):  # noqa: N818
+    """Raised and caught inside `encode`, for what `struct` would take and the definition does not allow."""
+
+
+ENCODE_FAILURES = (Refused, struct.error, TypeError, ValueError, OverflowError, AttributeError)
+"""What packing values of a wrong type, range or number raises."""
+
+
 class Frozen:
     """A base for values whose attributes are set once, by `__init__`."""
 
     __slots__: tuple[str, ...] = ()
 
     def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{self.__class__.__name__}.{name} is read-only")
+
+    def __delattr__(self, name: str) -> None:
         raise AttributeError(f"{self.__class__.__name__}.{name} is read-only")
 
     def __repr__(self) -> str:
@@ -81,13 +90,15 @@ class Frozen:
 class Field(Frozen):
     """One field of a message: its type, where it lies, and its tags, "" where it has none."""
 
-    __slots__ = ("name", "type", "offset", "unit", "range", "enum", "invalid", "frame")
+    __slots__ = ("name", "type", "offset", "size", "unit", "range", "enum", "invalid", "frame")
 
     name: str
     type: str
     """As the definition spells it: `float32[3]`."""
     offset: int
     """Where its first byte lies in XCDR1, counted from the end of the header."""
+    size: int
+    """Bytes from its first to its last."""
     unit: str
     range: str
     enum: str
@@ -101,6 +112,7 @@ class Field(Frozen):
         name: str,
         type: str,
         offset: int,
+        size: int,
         unit: str = "",
         range: str = "",
         enum: str = "",
@@ -111,6 +123,7 @@ class Field(Frozen):
         put(self, "name", name)
         put(self, "type", type)
         put(self, "offset", offset)
+        put(self, "size", size)
         put(self, "unit", unit)
         put(self, "range", range)
         put(self, "enum", enum)
@@ -353,7 +366,7 @@ def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes
 
 
 def _field_at(cls: type[Message], position: int) -> str:
-    return "." + [field.name for field in cls.__msg__.fields if field.offset <= position][-1]
+    return "." + next(field.name for field in cls.__msg__.fields if field.offset + field.size > position)
 
 
 def _check_delimiters(name: str, layout: Layout, order: str, body: memoryview) -> None:
@@ -405,13 +418,13 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
 
 def _value_problem(base: str, value: Any, path: str) -> str:
     if base == "bool":
-        return "" if _is_number(value) and value in (0, 1) else f"{path}: expected a bool, got {_given(value)}"
+        return "" if _is_bool(value) else f"{path}: expected a bool, got {_given(value)}"
     if base in _LARGEST:
         if not _is_number(value):
             return f"{path}: expected {base}, got {_given(value)}"
         try:
             struct.pack("<f" if base == "float32" else "<d", value)
-        except OverflowError:
+        except (OverflowError, struct.error):
             return f"{path}: expected {base}, up to {_LARGEST[base]}, got {_given(value)}"
         return ""
     if base in _RANGES:
@@ -423,12 +436,20 @@ def _value_problem(base: str, value: Any, path: str) -> str:
     return _problem(value, path)
 
 
+def _is_bool(value: Any) -> bool:
+    of_numpy = value.__class__.__name__ in ("bool_", "bool")
+    return of_numpy or (hasattr(value, "__index__") and value.__index__() in (0, 1))
+
+
 def _is_number(value: object) -> bool:
-    return hasattr(value, "__float__") or hasattr(value, "__index__") or value.__class__.__name__ in ("bool_", "bool")
+    return hasattr(value, "__float__") or hasattr(value, "__index__")
 
 
 def _given(value: Any) -> str:
-    text = repr(value)
     if value.__class__.__name__ in ("bytes", "bytearray", *_SEQUENCES):
         return f"{len(value)} in a {value.__class__.__name__}"
+    try:
+        text = repr(value)
+    except ValueError:
+        return f"a {value.__class__.__name__} of thousands of digits"
     return text if len(text) <= 60 else f"{text[:57]}..."

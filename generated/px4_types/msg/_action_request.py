@@ -90,7 +90,7 @@ class ActionRequest(_cdr.Message):
             (header, message.timestamp, message.action, message.source, message.mode) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 18:
+        if header != _USUAL or not 15 <= len(data) <= 18:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -106,9 +106,9 @@ class ActionRequest(_cdr.Message):
         message_version=0,
         topics=("action_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("action", "uint8", 8, enum="ACTION"),
-            _cdr.Field("source", "uint8", 9, enum="SOURCE"),
-            _cdr.Field("mode", "uint8", 10),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("action", "uint8", 8, 1, enum="ACTION"),
+            _cdr.Field("source", "uint8", 9, 1, enum="SOURCE"),
+            _cdr.Field("mode", "uint8", 10, 1),
         ),
     )

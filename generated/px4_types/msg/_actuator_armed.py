@@ -77,10 +77,10 @@ class ActuatorArmed(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 15 of values."""
         try:
             if (
-                self.armed | self.prearmed | self.ready_to_arm | self.lockdown | self.kill
+                False | self.armed | self.prearmed | self.ready_to_arm | self.lockdown | self.kill
                 | self.termination | self.in_esc_calibration_mode
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.armed, self.prearmed, self.ready_to_arm, self.lockdown,
                 self.kill, self.termination, self.in_esc_calibration_mode,
@@ -99,7 +99,7 @@ class ActuatorArmed(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 22:
+        if header != _USUAL or not 19 <= len(data) <= 22:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -115,13 +115,13 @@ class ActuatorArmed(_cdr.Message):
         message_version=0,
         topics=("actuator_armed",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("armed", "bool", 8),
-            _cdr.Field("prearmed", "bool", 9),
-            _cdr.Field("ready_to_arm", "bool", 10),
-            _cdr.Field("lockdown", "bool", 11),
-            _cdr.Field("kill", "bool", 12),
-            _cdr.Field("termination", "bool", 13),
-            _cdr.Field("in_esc_calibration_mode", "bool", 14),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("armed", "bool", 8, 1),
+            _cdr.Field("prearmed", "bool", 9, 1),
+            _cdr.Field("ready_to_arm", "bool", 10, 1),
+            _cdr.Field("lockdown", "bool", 11, 1),
+            _cdr.Field("kill", "bool", 12, 1),
+            _cdr.Field("termination", "bool", 13, 1),
+            _cdr.Field("in_esc_calibration_mode", "bool", 14, 1),
         ),
     )

@@ -55,7 +55,7 @@ class ActuatorControlsStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.control_power = (control_power_0, control_power_1, control_power_2)
         return message
@@ -72,7 +72,7 @@ class ActuatorControlsStatus(_cdr.Message):
         message_version=0,
         topics=("actuator_controls_status_0", "actuator_controls_status_1"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("control_power", "float32[3]", 8, unit="-"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("control_power", "float32[3]", 8, 12, unit="-"),
         ),
     )

@@ -80,7 +80,7 @@ class ActuatorMotors(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 75:
+        if header != _USUAL or not 72 <= len(data) <= 75:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.control = (
             control_0, control_1, control_2, control_3, control_4, control_5, control_6, control_7, control_8,
@@ -100,9 +100,11 @@ class ActuatorMotors(_cdr.Message):
         message_version=0,
         topics=("actuator_motors",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("reversible_flags", "uint16", 16, unit="-"),
-            _cdr.Field("control", "float32[12]", 20, range="-1, 1", invalid="NaN Stops the motor"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("reversible_flags", "uint16", 16, 2, unit="-"),
+            _cdr.Field(
+                "control", "float32[12]", 20, 48, range="-1, 1", invalid="NaN Stops the motor",
+            ),
         ),
     )

@@ -64,7 +64,7 @@ class ActuatorOutputs(_cdr.Message):
             (header, message.timestamp, message.noutputs, output_raw) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 83:
+        if header != _USUAL or not 80 <= len(data) <= 83:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.output = _arrays.from_raw("f", output_raw)
         return message
@@ -81,8 +81,8 @@ class ActuatorOutputs(_cdr.Message):
         message_version=0,
         topics=("actuator_outputs", "actuator_outputs_sim", "actuator_outputs_debug"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("noutputs", "uint32", 8),
-            _cdr.Field("output", "float32[16]", 12),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("noutputs", "uint32", 8, 4),
+            _cdr.Field("output", "float32[16]", 12, 64),
         ),
     )

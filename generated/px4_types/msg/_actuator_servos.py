@@ -73,7 +73,7 @@ class ActuatorServos(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 55:
+        if header != _USUAL or not 52 <= len(data) <= 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.control = (
             control_0, control_1, control_2, control_3, control_4, control_5, control_6, control_7,
@@ -92,8 +92,8 @@ class ActuatorServos(_cdr.Message):
         message_version=0,
         topics=("actuator_servos",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("control", "float32[8]", 16, unit="-", range="-1, 1"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("control", "float32[8]", 16, 32, unit="-", range="-1, 1"),
         ),
     )

@@ -59,7 +59,7 @@ class ActuatorServosTrim(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.trim = (trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7)
         return message
@@ -76,7 +76,7 @@ class ActuatorServosTrim(_cdr.Message):
         message_version=0,
         topics=("actuator_servos_trim",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("trim", "float32[8]", 8, range="-1, 1"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("trim", "float32[8]", 8, 32, range="-1, 1"),
         ),
     )

@@ -82,7 +82,7 @@ class ActuatorTest(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -98,10 +98,10 @@ class ActuatorTest(_cdr.Message):
         message_version=0,
         topics=("actuator_test",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("action", "uint8", 8, enum="ACTION"),
-            _cdr.Field("function", "uint16", 10),
-            _cdr.Field("value", "float32", 12, range="-1, 1"),
-            _cdr.Field("timeout_ms", "uint32", 16, unit="ms"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("action", "uint8", 8, 1, enum="ACTION"),
+            _cdr.Field("function", "uint16", 10, 2),
+            _cdr.Field("value", "float32", 12, 4, range="-1, 1"),
+            _cdr.Field("timeout_ms", "uint32", 16, 4, unit="ms"),
         ),
     )

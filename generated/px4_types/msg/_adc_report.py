@@ -92,7 +92,7 @@ class AdcReport(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 99:
+        if header != _USUAL or not 96 <= len(data) <= 99:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.channel_id = (
             channel_id_0, channel_id_1, channel_id_2, channel_id_3, channel_id_4, channel_id_5, channel_id_6,
@@ -116,11 +116,11 @@ class AdcReport(_cdr.Message):
         message_version=0,
         topics=("adc_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("device_id", "uint32", 8),
-            _cdr.Field("channel_id", "int16[12]", 12, invalid="-1"),
-            _cdr.Field("raw_data", "int32[12]", 36, unit="-"),
-            _cdr.Field("resolution", "uint32", 84, unit="-"),
-            _cdr.Field("v_ref", "float32", 88, unit="V"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 8, 4),
+            _cdr.Field("channel_id", "int16[12]", 12, 24, invalid="-1"),
+            _cdr.Field("raw_data", "int32[12]", 36, 48, unit="-"),
+            _cdr.Field("resolution", "uint32", 84, 4, unit="-"),
+            _cdr.Field("v_ref", "float32", 88, 4, unit="V"),
         ),
     )

@@ -77,7 +77,7 @@ class Airspeed(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 35:
+        if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -93,10 +93,10 @@ class Airspeed(_cdr.Message):
         message_version=0,
         topics=("airspeed",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("indicated_airspeed_m_s", "float32", 16, unit="m/s"),
-            _cdr.Field("true_airspeed_m_s", "float32", 20, unit="m/s"),
-            _cdr.Field("confidence", "float32", 24, range="0,1"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("indicated_airspeed_m_s", "float32", 16, 4, unit="m/s"),
+            _cdr.Field("true_airspeed_m_s", "float32", 20, 4, unit="m/s"),
+            _cdr.Field("confidence", "float32", 24, 4, range="0,1"),
         ),
     )

@@ -140,7 +140,7 @@ class AirspeedValidated(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 51:
+        if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -156,17 +156,19 @@ class AirspeedValidated(_cdr.Message):
         message_version=1,
         topics=("airspeed_validated",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("indicated_airspeed_m_s", "float32", 8, unit="m/s", invalid="NaN"),
-            _cdr.Field("calibrated_airspeed_m_s", "float32", 12, unit="m/s", invalid="NaN"),
-            _cdr.Field("true_airspeed_m_s", "float32", 16, unit="m/s", invalid="NaN"),
-            _cdr.Field("airspeed_source", "int8", 20, enum="SOURCE"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("indicated_airspeed_m_s", "float32", 8, 4, unit="m/s", invalid="NaN"),
+            _cdr.Field("calibrated_airspeed_m_s", "float32", 12, 4, unit="m/s", invalid="NaN"),
+            _cdr.Field("true_airspeed_m_s", "float32", 16, 4, unit="m/s", invalid="NaN"),
+            _cdr.Field("airspeed_source", "int8", 20, 1, enum="SOURCE"),
             _cdr.Field(
-                "calibrated_ground_minus_wind_m_s", "float32", 24, unit="m/s", invalid="NaN",
+                "calibrated_ground_minus_wind_m_s", "float32", 24, 4, unit="m/s", invalid="NaN",
             ),
-            _cdr.Field("calibraded_airspeed_synth_m_s", "float32", 28, unit="m/s", invalid="NaN"),
-            _cdr.Field("airspeed_derivative_filtered", "float32", 32, unit="m/s^2"),
-            _cdr.Field("throttle_filtered", "float32", 36, unit="-"),
-            _cdr.Field("pitch_filtered", "float32", 40, unit="rad"),
+            _cdr.Field(
+                "calibraded_airspeed_synth_m_s", "float32", 28, 4, unit="m/s", invalid="NaN",
+            ),
+            _cdr.Field("airspeed_derivative_filtered", "float32", 32, 4, unit="m/s^2"),
+            _cdr.Field("throttle_filtered", "float32", 36, 4, unit="-"),
+            _cdr.Field("pitch_filtered", "float32", 40, 4, unit="rad"),
         ),
     )

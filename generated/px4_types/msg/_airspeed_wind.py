@@ -142,7 +142,7 @@ class AirspeedWind(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 68:
+        if header != _USUAL or not 65 <= len(data) <= 68:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -158,23 +158,23 @@ class AirspeedWind(_cdr.Message):
         message_version=0,
         topics=("airspeed_wind",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("windspeed_north", "float32", 16, unit="m/s"),
-            _cdr.Field("windspeed_east", "float32", 20, unit="m/s"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("windspeed_north", "float32", 16, 4, unit="m/s"),
+            _cdr.Field("windspeed_east", "float32", 20, 4, unit="m/s"),
             _cdr.Field(
-                "variance_north", "float32", 24, unit="(m/s)^2", invalid="0 if not estimated",
+                "variance_north", "float32", 24, 4, unit="(m/s)^2", invalid="0 if not estimated",
             ),
             _cdr.Field(
-                "variance_east", "float32", 28, unit="(m/s)^2", invalid="0 if not estimated",
+                "variance_east", "float32", 28, 4, unit="(m/s)^2", invalid="0 if not estimated",
             ),
-            _cdr.Field("tas_innov", "float32", 32, unit="m/s"),
-            _cdr.Field("tas_innov_var", "float32", 36, unit="m/s"),
-            _cdr.Field("tas_scale_raw", "float32", 40, unit="-"),
-            _cdr.Field("tas_scale_raw_var", "float32", 44, unit="-"),
-            _cdr.Field("tas_scale_validated", "float32", 48, unit="-"),
-            _cdr.Field("beta_innov", "float32", 52, unit="rad"),
-            _cdr.Field("beta_innov_var", "float32", 56, unit="rad^2"),
-            _cdr.Field("source", "uint8", 60, enum="SOURCE"),
+            _cdr.Field("tas_innov", "float32", 32, 4, unit="m/s"),
+            _cdr.Field("tas_innov_var", "float32", 36, 4, unit="m/s"),
+            _cdr.Field("tas_scale_raw", "float32", 40, 4, unit="-"),
+            _cdr.Field("tas_scale_raw_var", "float32", 44, 4, unit="-"),
+            _cdr.Field("tas_scale_validated", "float32", 48, 4, unit="-"),
+            _cdr.Field("beta_innov", "float32", 52, 4, unit="rad"),
+            _cdr.Field("beta_innov_var", "float32", 56, 4, unit="rad^2"),
+            _cdr.Field("source", "uint8", 60, 1, enum="SOURCE"),
         ),
     )

@@ -166,24 +166,24 @@ class ArmingCheckReply(_cdr.Message):
         try:
             (events_0, events_1, events_2, events_3, events_4) = self.events
             if len(events_0.arguments) != 25:
-                raise ValueError
+                raise _cdr.Refused
             if len(events_1.arguments) != 25:
-                raise ValueError
+                raise _cdr.Refused
             if len(events_2.arguments) != 25:
-                raise ValueError
+                raise _cdr.Refused
             if len(events_3.arguments) != 25:
-                raise ValueError
+                raise _cdr.Refused
             if len(events_4.arguments) != 25:
-                raise ValueError
+                raise _cdr.Refused
             if (
-                self.health_component_is_present | self.health_component_warning
+                False | self.health_component_is_present | self.health_component_warning
                 | self.health_component_error | self.can_arm_and_run | self.mode_req_angular_velocity
                 | self.mode_req_attitude | self.mode_req_local_alt | self.mode_req_local_position
                 | self.mode_req_local_position_relaxed | self.mode_req_global_position
                 | self.mode_req_global_position_relaxed | self.mode_req_mission | self.mode_req_home_position
                 | self.mode_req_prevent_arming | self.mode_req_manual_control
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.request_id, self.registration_id, self.health_component_index,
                 self.health_component_is_present, self.health_component_warning, self.health_component_error,
@@ -231,7 +231,7 @@ class ArmingCheckReply(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 234:
+        if header != _USUAL or not 231 <= len(data) <= 234:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.events = (events_0, events_1, events_2, events_3, events_4)
         return message
@@ -248,26 +248,26 @@ class ArmingCheckReply(_cdr.Message):
         message_version=1,
         topics=("arming_check_reply",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("request_id", "uint8", 8, unit="-"),
-            _cdr.Field("registration_id", "uint8", 9, unit="-"),
-            _cdr.Field("health_component_index", "uint8", 10, enum="HEALTH_COMPONENT_INDEX"),
-            _cdr.Field("health_component_is_present", "bool", 11),
-            _cdr.Field("health_component_warning", "bool", 12),
-            _cdr.Field("health_component_error", "bool", 13),
-            _cdr.Field("can_arm_and_run", "bool", 14),
-            _cdr.Field("num_events", "uint8", 15),
-            _cdr.Field("events", "Event[5]", 16),
-            _cdr.Field("mode_req_angular_velocity", "bool", 216),
-            _cdr.Field("mode_req_attitude", "bool", 217),
-            _cdr.Field("mode_req_local_alt", "bool", 218),
-            _cdr.Field("mode_req_local_position", "bool", 219),
-            _cdr.Field("mode_req_local_position_relaxed", "bool", 220),
-            _cdr.Field("mode_req_global_position", "bool", 221),
-            _cdr.Field("mode_req_global_position_relaxed", "bool", 222),
-            _cdr.Field("mode_req_mission", "bool", 223),
-            _cdr.Field("mode_req_home_position", "bool", 224),
-            _cdr.Field("mode_req_prevent_arming", "bool", 225),
-            _cdr.Field("mode_req_manual_control", "bool", 226),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("request_id", "uint8", 8, 1, unit="-"),
+            _cdr.Field("registration_id", "uint8", 9, 1, unit="-"),
+            _cdr.Field("health_component_index", "uint8", 10, 1, enum="HEALTH_COMPONENT_INDEX"),
+            _cdr.Field("health_component_is_present", "bool", 11, 1),
+            _cdr.Field("health_component_warning", "bool", 12, 1),
+            _cdr.Field("health_component_error", "bool", 13, 1),
+            _cdr.Field("can_arm_and_run", "bool", 14, 1),
+            _cdr.Field("num_events", "uint8", 15, 1),
+            _cdr.Field("events", "Event[5]", 16, 200),
+            _cdr.Field("mode_req_angular_velocity", "bool", 216, 1),
+            _cdr.Field("mode_req_attitude", "bool", 217, 1),
+            _cdr.Field("mode_req_local_alt", "bool", 218, 1),
+            _cdr.Field("mode_req_local_position", "bool", 219, 1),
+            _cdr.Field("mode_req_local_position_relaxed", "bool", 220, 1),
+            _cdr.Field("mode_req_global_position", "bool", 221, 1),
+            _cdr.Field("mode_req_global_position_relaxed", "bool", 222, 1),
+            _cdr.Field("mode_req_mission", "bool", 223, 1),
+            _cdr.Field("mode_req_home_position", "bool", 224, 1),
+            _cdr.Field("mode_req_prevent_arming", "bool", 225, 1),
+            _cdr.Field("mode_req_manual_control", "bool", 226, 1),
         ),
     )

@@ -62,7 +62,7 @@ class ArmingCheckRequest(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -78,8 +78,8 @@ class ArmingCheckRequest(_cdr.Message):
         message_version=1,
         topics=("arming_check_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("request_id", "uint8", 8, unit="-"),
-            _cdr.Field("valid_registrations_mask", "uint32", 12, unit="-"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("request_id", "uint8", 8, 1, unit="-"),
+            _cdr.Field("valid_registrations_mask", "uint32", 12, 4, unit="-"),
         ),
     )

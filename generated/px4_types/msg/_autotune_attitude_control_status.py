@@ -172,7 +172,7 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 108:
+        if header != _USUAL or not 105 <= len(data) <= 108:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.coeff = (coeff_0, coeff_1, coeff_2, coeff_3, coeff_4)
         message.coeff_var = (coeff_var_0, coeff_var_1, coeff_var_2, coeff_var_3, coeff_var_4)
@@ -191,20 +191,20 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
         message_version=0,
         topics=("autotune_attitude_control_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("coeff", "float32[5]", 8, unit="-"),
-            _cdr.Field("coeff_var", "float32[5]", 28, unit="-"),
-            _cdr.Field("fitness", "float32", 48, unit="-"),
-            _cdr.Field("innov", "float32", 52, unit="rad/s"),
-            _cdr.Field("dt_model", "float32", 56, unit="s"),
-            _cdr.Field("kc", "float32", 60, unit="-"),
-            _cdr.Field("ki", "float32", 64, unit="-"),
-            _cdr.Field("kd", "float32", 68, unit="-"),
-            _cdr.Field("kff", "float32", 72, unit="-"),
-            _cdr.Field("att_p", "float32", 76, unit="-"),
-            _cdr.Field("rate_sp", "float32[3]", 80, unit="rad/s"),
-            _cdr.Field("u_filt", "float32", 92, unit="-"),
-            _cdr.Field("y_filt", "float32", 96, unit="rad/s"),
-            _cdr.Field("state", "uint8", 100, enum="STATE"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("coeff", "float32[5]", 8, 20, unit="-"),
+            _cdr.Field("coeff_var", "float32[5]", 28, 20, unit="-"),
+            _cdr.Field("fitness", "float32", 48, 4, unit="-"),
+            _cdr.Field("innov", "float32", 52, 4, unit="rad/s"),
+            _cdr.Field("dt_model", "float32", 56, 4, unit="s"),
+            _cdr.Field("kc", "float32", 60, 4, unit="-"),
+            _cdr.Field("ki", "float32", 64, 4, unit="-"),
+            _cdr.Field("kd", "float32", 68, 4, unit="-"),
+            _cdr.Field("kff", "float32", 72, 4, unit="-"),
+            _cdr.Field("att_p", "float32", 76, 4, unit="-"),
+            _cdr.Field("rate_sp", "float32[3]", 80, 12, unit="rad/s"),
+            _cdr.Field("u_filt", "float32", 92, 4, unit="-"),
+            _cdr.Field("y_filt", "float32", 96, 4, unit="rad/s"),
+            _cdr.Field("state", "uint8", 100, 1, enum="STATE"),
         ),
     )

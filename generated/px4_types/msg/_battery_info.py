@@ -46,7 +46,7 @@ class BatteryInfo(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 41 of values."""
         try:
             if len(self.serial_number) != 32:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.id, self.serial_number)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -59,7 +59,7 @@ class BatteryInfo(_cdr.Message):
             (header, message.timestamp, message.id, message.serial_number) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 48:
+        if header != _USUAL or not 45 <= len(data) <= 48:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -75,8 +75,8 @@ class BatteryInfo(_cdr.Message):
         message_version=0,
         topics=("battery_info",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("id", "uint8", 8),
-            _cdr.Field("serial_number", "char[32]", 9, invalid="0 All bytes"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("id", "uint8", 8, 1),
+            _cdr.Field("serial_number", "char[32]", 9, 32, invalid="0 All bytes"),
         ),
     )

@@ -42,8 +42,8 @@ class ButtonEvent(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 9 of values."""
         try:
-            if (self.triggered) not in (0, 1):
-                raise ValueError
+            if (False | self.triggered) not in (0, 1):
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.triggered)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -56,7 +56,7 @@ class ButtonEvent(_cdr.Message):
             (header, message.timestamp, message.triggered) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 16:
+        if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -72,7 +72,7 @@ class ButtonEvent(_cdr.Message):
         message_version=0,
         topics=("button_event", "safety_button"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("triggered", "bool", 8),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("triggered", "bool", 8, 1),
         ),
     )

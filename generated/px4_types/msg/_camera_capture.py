@@ -98,7 +98,7 @@ class CameraCapture(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 72:
+        if header != _USUAL or not 69 <= len(data) <= 72:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         return message
@@ -115,14 +115,14 @@ class CameraCapture(_cdr.Message):
         message_version=0,
         topics=("camera_capture",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_utc", "uint64", 8, unit="us"),
-            _cdr.Field("seq", "uint32", 16),
-            _cdr.Field("lat", "float64", 24, unit="deg"),
-            _cdr.Field("lon", "float64", 32, unit="deg"),
-            _cdr.Field("alt", "float32", 40, unit="m"),
-            _cdr.Field("ground_distance", "float32", 44, unit="m", invalid="-1"),
-            _cdr.Field("q", "float32[4]", 48, frame="NED"),
-            _cdr.Field("result", "int8", 64),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_utc", "uint64", 8, 8, unit="us"),
+            _cdr.Field("seq", "uint32", 16, 4),
+            _cdr.Field("lat", "float64", 24, 8, unit="deg"),
+            _cdr.Field("lon", "float64", 32, 8, unit="deg"),
+            _cdr.Field("alt", "float32", 40, 4, unit="m"),
+            _cdr.Field("ground_distance", "float32", 44, 4, unit="m", invalid="-1"),
+            _cdr.Field("q", "float32[4]", 48, 16, frame="NED"),
+            _cdr.Field("result", "int8", 64, 1),
         ),
     )

@@ -57,7 +57,7 @@ class CameraStatus(_cdr.Message):
             (header, message.timestamp, message.active_sys_id, message.active_comp_id) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 17:
+        if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -73,8 +73,8 @@ class CameraStatus(_cdr.Message):
         message_version=0,
         topics=("camera_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("active_sys_id", "uint8", 8),
-            _cdr.Field("active_comp_id", "uint8", 9),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("active_sys_id", "uint8", 8, 1),
+            _cdr.Field("active_comp_id", "uint8", 9, 1),
         ),
     )

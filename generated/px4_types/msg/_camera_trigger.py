@@ -52,8 +52,8 @@ class CameraTrigger(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 21 of values."""
         try:
-            if (self.feedback) not in (0, 1):
-                raise ValueError
+            if (False | self.feedback) not in (0, 1):
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.timestamp_utc, self.seq, self.feedback)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -68,7 +68,7 @@ class CameraTrigger(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 28:
+        if header != _USUAL or not 25 <= len(data) <= 28:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -84,9 +84,9 @@ class CameraTrigger(_cdr.Message):
         message_version=0,
         topics=("camera_trigger",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_utc", "uint64", 8, unit="us"),
-            _cdr.Field("seq", "uint32", 16),
-            _cdr.Field("feedback", "bool", 20),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_utc", "uint64", 8, 8, unit="us"),
+            _cdr.Field("seq", "uint32", 16, 4),
+            _cdr.Field("feedback", "bool", 20, 1),
         ),
     )

@@ -72,7 +72,7 @@ class CanInterfaceStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -88,10 +88,10 @@ class CanInterfaceStatus(_cdr.Message):
         message_version=0,
         topics=("can_interface_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("interface", "uint8", 8),
-            _cdr.Field("io_errors", "uint64", 16),
-            _cdr.Field("frames_tx", "uint64", 24),
-            _cdr.Field("frames_rx", "uint64", 32),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("interface", "uint8", 8, 1),
+            _cdr.Field("io_errors", "uint64", 16, 8),
+            _cdr.Field("frames_tx", "uint64", 24, 8),
+            _cdr.Field("frames_rx", "uint64", 32, 8),
         ),
     )

@@ -108,7 +108,7 @@ class CellularStatus(_cdr.Message):
         self.mnc = mnc
         self.lac = lac
 
-    def encode(self) -> bytes:
+    def encode(self) -> builtins.bytes:
         """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
         try:
             return _pack(
@@ -119,7 +119,7 @@ class CellularStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> CellularStatus:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> CellularStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -129,7 +129,7 @@ class CellularStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -145,13 +145,13 @@ class CellularStatus(_cdr.Message):
         message_version=0,
         topics=("cellular_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("status", "uint16", 8, enum="STATUS_FLAG"),
-            _cdr.Field("failure_reason", "uint8", 10, enum="FAILURE_REASON"),
-            _cdr.Field("type", "uint8", 11, enum="CELLULAR_NETWORK_RADIO_TYPE"),
-            _cdr.Field("quality", "uint8", 12, unit="dBm"),
-            _cdr.Field("mcc", "uint16", 14, invalid="UINT16_MAX"),
-            _cdr.Field("mnc", "uint16", 16, invalid="UINT16_MAX"),
-            _cdr.Field("lac", "uint16", 18, invalid="0"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("status", "uint16", 8, 2, enum="STATUS_FLAG"),
+            _cdr.Field("failure_reason", "uint8", 10, 1, enum="FAILURE_REASON"),
+            _cdr.Field("type", "uint8", 11, 1, enum="CELLULAR_NETWORK_RADIO_TYPE"),
+            _cdr.Field("quality", "uint8", 12, 1, unit="dBm"),
+            _cdr.Field("mcc", "uint16", 14, 2, invalid="UINT16_MAX"),
+            _cdr.Field("mnc", "uint16", 16, 2, invalid="UINT16_MAX"),
+            _cdr.Field("lac", "uint16", 18, 2, invalid="0"),
         ),
     )

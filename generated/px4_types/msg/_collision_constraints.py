@@ -67,7 +67,7 @@ class CollisionConstraints(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 31:
+        if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.original_setpoint = (original_setpoint_0, original_setpoint_1)
         message.adapted_setpoint = (adapted_setpoint_0, adapted_setpoint_1)
@@ -85,8 +85,12 @@ class CollisionConstraints(_cdr.Message):
         message_version=0,
         topics=("collision_constraints",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("original_setpoint", "float32[2]", 8, invalid="NaN No limit", frame="NED"),
-            _cdr.Field("adapted_setpoint", "float32[2]", 16, invalid="NaN No limit", frame="NED"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field(
+                "original_setpoint", "float32[2]", 8, 8, invalid="NaN No limit", frame="NED",
+            ),
+            _cdr.Field(
+                "adapted_setpoint", "float32[2]", 16, 8, invalid="NaN No limit", frame="NED",
+            ),
         ),
     )

@@ -72,8 +72,8 @@ class ConfigOverrides(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 14 of values."""
         try:
-            if (self.disable_auto_disarm | self.defer_failsafes) not in (0, 1):
-                raise ValueError
+            if (False | self.disable_auto_disarm | self.defer_failsafes) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.disable_auto_disarm, self.defer_failsafes,
                 self.defer_failsafes_timeout_s, self.source_type, self.source_id,
@@ -92,7 +92,7 @@ class ConfigOverrides(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 21:
+        if header != _USUAL or not 18 <= len(data) <= 21:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -108,11 +108,11 @@ class ConfigOverrides(_cdr.Message):
         message_version=0,
         topics=("config_overrides", "config_overrides_request"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("disable_auto_disarm", "bool", 8),
-            _cdr.Field("defer_failsafes", "bool", 9),
-            _cdr.Field("defer_failsafes_timeout_s", "int16", 10, unit="s"),
-            _cdr.Field("source_type", "int8", 12, enum="SOURCE_TYPE"),
-            _cdr.Field("source_id", "uint8", 13),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("disable_auto_disarm", "bool", 8, 1),
+            _cdr.Field("defer_failsafes", "bool", 9, 1),
+            _cdr.Field("defer_failsafes_timeout_s", "int16", 10, 2, unit="s"),
+            _cdr.Field("source_type", "int8", 12, 1, enum="SOURCE_TYPE"),
+            _cdr.Field("source_id", "uint8", 13, 1),
         ),
     )

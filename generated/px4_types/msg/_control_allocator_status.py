@@ -101,8 +101,8 @@ class ControlAllocatorStatus(_cdr.Message):
         try:
             (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2) = self.unallocated_torque
             (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2) = self.unallocated_thrust
-            if (self.torque_setpoint_achieved | self.thrust_setpoint_achieved) not in (0, 1):
-                raise ValueError
+            if (False | self.torque_setpoint_achieved | self.thrust_setpoint_achieved) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.torque_setpoint_achieved, unallocated_torque_0,
                 unallocated_torque_1, unallocated_torque_2, self.thrust_setpoint_achieved,
@@ -126,7 +126,7 @@ class ControlAllocatorStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 67:
+        if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.unallocated_torque = (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2)
         message.unallocated_thrust = (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2)
@@ -145,13 +145,13 @@ class ControlAllocatorStatus(_cdr.Message):
         message_version=0,
         topics=("control_allocator_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("torque_setpoint_achieved", "bool", 8),
-            _cdr.Field("unallocated_torque", "float32[3]", 12, unit="-", frame="Body"),
-            _cdr.Field("thrust_setpoint_achieved", "bool", 24),
-            _cdr.Field("unallocated_thrust", "float32[3]", 28, unit="-", frame="Body"),
-            _cdr.Field("actuator_saturation", "int8[16]", 40, enum="ACTUATOR_SATURATION"),
-            _cdr.Field("handled_motor_failure_mask", "uint16", 56),
-            _cdr.Field("motor_stop_mask", "uint16", 58),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("torque_setpoint_achieved", "bool", 8, 1),
+            _cdr.Field("unallocated_torque", "float32[3]", 12, 12, unit="-", frame="Body"),
+            _cdr.Field("thrust_setpoint_achieved", "bool", 24, 1),
+            _cdr.Field("unallocated_thrust", "float32[3]", 28, 12, unit="-", frame="Body"),
+            _cdr.Field("actuator_saturation", "int8[16]", 40, 16, enum="ACTUATOR_SATURATION"),
+            _cdr.Field("handled_motor_failure_mask", "uint16", 56, 2),
+            _cdr.Field("motor_stop_mask", "uint16", 58, 2),
         ),
     )

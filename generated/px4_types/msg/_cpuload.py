@@ -56,7 +56,7 @@ class Cpuload(_cdr.Message):
             (header, message.timestamp, message.load, message.ram_usage) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -72,8 +72,8 @@ class Cpuload(_cdr.Message):
         message_version=0,
         topics=("cpuload",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("load", "float32", 8, unit="-", range="0, 1"),
-            _cdr.Field("ram_usage", "float32", 12, unit="-", range="0, 1"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("load", "float32", 8, 4, unit="-", range="0, 1"),
+            _cdr.Field("ram_usage", "float32", 12, 4, unit="-", range="0, 1"),
         ),
     )

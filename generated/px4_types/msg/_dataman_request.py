@@ -66,7 +66,7 @@ class DatamanRequest(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
         try:
             if len(self.data) != 56:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.client_id, self.request_type, self.item, self.index, self.data,
                 self.data_length,
@@ -85,7 +85,7 @@ class DatamanRequest(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 83:
+        if header != _USUAL or not 80 <= len(data) <= 83:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -101,12 +101,12 @@ class DatamanRequest(_cdr.Message):
         message_version=0,
         topics=("dataman_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("client_id", "uint8", 8),
-            _cdr.Field("request_type", "uint8", 9),
-            _cdr.Field("item", "uint8", 10),
-            _cdr.Field("index", "uint32", 12),
-            _cdr.Field("data", "uint8[56]", 16),
-            _cdr.Field("data_length", "uint32", 72, unit="bytes"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("client_id", "uint8", 8, 1),
+            _cdr.Field("request_type", "uint8", 9, 1),
+            _cdr.Field("item", "uint8", 10, 1),
+            _cdr.Field("index", "uint32", 12, 4),
+            _cdr.Field("data", "uint8[56]", 16, 56),
+            _cdr.Field("data_length", "uint32", 72, 4, unit="bytes"),
         ),
     )

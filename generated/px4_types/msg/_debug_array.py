@@ -55,7 +55,7 @@ class DebugArray(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 252 of values."""
         try:
             if len(self.name) != 10:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.id, self.name, _arrays.to_raw("f", 58, self.data),
             )
@@ -70,7 +70,7 @@ class DebugArray(_cdr.Message):
             (header, message.timestamp, message.id, message.name, data_raw) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 259:
+        if header != _USUAL or not 256 <= len(data) <= 259:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.data = _arrays.from_raw("f", data_raw)
         return message
@@ -87,9 +87,9 @@ class DebugArray(_cdr.Message):
         message_version=0,
         topics=("debug_array",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("id", "uint16", 8),
-            _cdr.Field("name", "char[10]", 10),
-            _cdr.Field("data", "float32[58]", 20),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("id", "uint16", 8, 2),
+            _cdr.Field("name", "char[10]", 10, 10),
+            _cdr.Field("data", "float32[58]", 20, 232),
         ),
     )

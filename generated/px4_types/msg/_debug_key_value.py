@@ -46,7 +46,7 @@ class DebugKeyValue(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 24 of values."""
         try:
             if len(self.key) != 10:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.key, self.value)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -59,7 +59,7 @@ class DebugKeyValue(_cdr.Message):
             (header, message.timestamp, message.key, message.value) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 31:
+        if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -75,8 +75,8 @@ class DebugKeyValue(_cdr.Message):
         message_version=0,
         topics=("debug_key_value",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("key", "char[10]", 8),
-            _cdr.Field("value", "float32", 20),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("key", "char[10]", 8, 10),
+            _cdr.Field("value", "float32", 20, 4),
         ),
     )

@@ -56,7 +56,7 @@ class DebugVect(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 32 of values."""
         try:
             if len(self.name) != 10:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.name, self.x, self.y, self.z)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -69,7 +69,7 @@ class DebugVect(_cdr.Message):
             (header, message.timestamp, message.name, message.x, message.y, message.z) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 39:
+        if header != _USUAL or not 36 <= len(data) <= 39:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -85,10 +85,10 @@ class DebugVect(_cdr.Message):
         message_version=0,
         topics=("debug_vect",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("name", "char[10]", 8),
-            _cdr.Field("x", "float32", 20),
-            _cdr.Field("y", "float32", 24),
-            _cdr.Field("z", "float32", 28),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("name", "char[10]", 8, 10),
+            _cdr.Field("x", "float32", 20, 4),
+            _cdr.Field("y", "float32", 24, 4),
+            _cdr.Field("z", "float32", 28, 4),
         ),
     )

@@ -84,7 +84,7 @@ class DifferentialPressure(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 39:
+        if header != _USUAL or not 36 <= len(data) <= 39:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -100,11 +100,11 @@ class DifferentialPressure(_cdr.Message):
         message_version=0,
         topics=("differential_pressure",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("differential_pressure_pa", "float32", 20, unit="Pa"),
-            _cdr.Field("temperature", "float32", 24, unit="degC", invalid="NaN"),
-            _cdr.Field("error_count", "uint32", 28),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("differential_pressure_pa", "float32", 20, 4, unit="Pa"),
+            _cdr.Field("temperature", "float32", 24, 4, unit="degC", invalid="NaN"),
+            _cdr.Field("error_count", "uint32", 28, 4),
         ),
     )

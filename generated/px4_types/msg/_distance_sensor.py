@@ -138,7 +138,7 @@ class DistanceSensor(_cdr.Message):
         self.orientation = orientation
         self.mode = mode
 
-    def encode(self) -> bytes:
+    def encode(self) -> builtins.bytes:
         """Return the message as a CDR sample: 4 bytes of header, 58 of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
@@ -151,7 +151,7 @@ class DistanceSensor(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> DistanceSensor:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> DistanceSensor:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -162,7 +162,7 @@ class DistanceSensor(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 65:
+        if header != _USUAL or not 62 <= len(data) <= 65:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         return message
@@ -179,18 +179,18 @@ class DistanceSensor(_cdr.Message):
         message_version=0,
         topics=("distance_sensor",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("device_id", "uint32", 8),
-            _cdr.Field("min_distance", "float32", 12, unit="m"),
-            _cdr.Field("max_distance", "float32", 16, unit="m"),
-            _cdr.Field("current_distance", "float32", 20, unit="m"),
-            _cdr.Field("variance", "float32", 24, unit="m^2", invalid="0"),
-            _cdr.Field("signal_quality", "int8", 28, unit="%", range="0, 100", invalid="-1"),
-            _cdr.Field("type", "uint8", 29, enum="MAV_DISTANCE_SENSOR"),
-            _cdr.Field("h_fov", "float32", 32, unit="rad"),
-            _cdr.Field("v_fov", "float32", 36, unit="rad"),
-            _cdr.Field("q", "float32[4]", 40),
-            _cdr.Field("orientation", "uint8", 56, enum="ROTATION"),
-            _cdr.Field("mode", "uint8", 57, enum="MODE"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 8, 4),
+            _cdr.Field("min_distance", "float32", 12, 4, unit="m"),
+            _cdr.Field("max_distance", "float32", 16, 4, unit="m"),
+            _cdr.Field("current_distance", "float32", 20, 4, unit="m"),
+            _cdr.Field("variance", "float32", 24, 4, unit="m^2", invalid="0"),
+            _cdr.Field("signal_quality", "int8", 28, 1, unit="%", range="0, 100", invalid="-1"),
+            _cdr.Field("type", "uint8", 29, 1, enum="MAV_DISTANCE_SENSOR"),
+            _cdr.Field("h_fov", "float32", 32, 4, unit="rad"),
+            _cdr.Field("v_fov", "float32", 36, 4, unit="rad"),
+            _cdr.Field("q", "float32[4]", 40, 16),
+            _cdr.Field("orientation", "uint8", 56, 1, enum="ROTATION"),
+            _cdr.Field("mode", "uint8", 57, 1, enum="MODE"),
         ),
     )

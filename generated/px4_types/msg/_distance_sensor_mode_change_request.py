@@ -55,7 +55,7 @@ class DistanceSensorModeChangeRequest(_cdr.Message):
             (header, message.timestamp, message.request_on_off) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 16:
+        if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -71,7 +71,7 @@ class DistanceSensorModeChangeRequest(_cdr.Message):
         message_version=0,
         topics=("distance_sensor_mode_change_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("request_on_off", "uint8", 8, enum="REQUEST"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("request_on_off", "uint8", 8, 1, enum="REQUEST"),
         ),
     )

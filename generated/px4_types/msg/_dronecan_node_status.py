@@ -96,7 +96,7 @@ class DronecanNodeStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 29:
+        if header != _USUAL or not 26 <= len(data) <= 29:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -112,12 +112,12 @@ class DronecanNodeStatus(_cdr.Message):
         message_version=0,
         topics=("dronecan_node_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("node_id", "uint16", 8),
-            _cdr.Field("uptime_sec", "uint32", 12, unit="s"),
-            _cdr.Field("health", "uint8", 16, enum="HEALTH"),
-            _cdr.Field("mode", "uint8", 17, enum="MODE"),
-            _cdr.Field("sub_mode", "uint8", 18),
-            _cdr.Field("vendor_specific_status_code", "uint16", 20),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("node_id", "uint16", 8, 2),
+            _cdr.Field("uptime_sec", "uint32", 12, 4, unit="s"),
+            _cdr.Field("health", "uint8", 16, 1, enum="HEALTH"),
+            _cdr.Field("mode", "uint8", 17, 1, enum="MODE"),
+            _cdr.Field("sub_mode", "uint8", 18, 1),
+            _cdr.Field("vendor_specific_status_code", "uint16", 20, 2),
         ),
     )

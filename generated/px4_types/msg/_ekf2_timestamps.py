@@ -102,7 +102,7 @@ class Ekf2Timestamps(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 29:
+        if header != _USUAL or not 26 <= len(data) <= 29:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -118,23 +118,25 @@ class Ekf2Timestamps(_cdr.Message):
         message_version=0,
         topics=("ekf2_timestamps",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("airspeed_timestamp_rel", "int16", 8, invalid="32767 No new sample"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("airspeed_timestamp_rel", "int16", 8, 2, invalid="32767 No new sample"),
             _cdr.Field(
-                "airspeed_validated_timestamp_rel", "int16", 10, invalid="32767 No new sample",
+                "airspeed_validated_timestamp_rel", "int16", 10, 2, invalid="32767 No new sample",
             ),
             _cdr.Field(
-                "distance_sensor_timestamp_rel", "int16", 12, invalid="32767 No new sample",
-            ),
-            _cdr.Field("optical_flow_timestamp_rel", "int16", 14, invalid="32767 No new sample"),
-            _cdr.Field(
-                "vehicle_air_data_timestamp_rel", "int16", 16, invalid="32767 No new sample",
+                "distance_sensor_timestamp_rel", "int16", 12, 2, invalid="32767 No new sample",
             ),
             _cdr.Field(
-                "vehicle_magnetometer_timestamp_rel", "int16", 18, invalid="32767 No new sample",
+                "optical_flow_timestamp_rel", "int16", 14, 2, invalid="32767 No new sample",
             ),
             _cdr.Field(
-                "visual_odometry_timestamp_rel", "int16", 20, invalid="32767 No new sample",
+                "vehicle_air_data_timestamp_rel", "int16", 16, 2, invalid="32767 No new sample",
+            ),
+            _cdr.Field(
+                "vehicle_magnetometer_timestamp_rel", "int16", 18, 2, invalid="32767 No new sample",
+            ),
+            _cdr.Field(
+                "visual_odometry_timestamp_rel", "int16", 20, 2, invalid="32767 No new sample",
             ),
         ),
     )

@@ -130,7 +130,7 @@ class EscReport(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 42:
+        if header != _USUAL or not 39 <= len(data) <= 42:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -146,17 +146,17 @@ class EscReport(_cdr.Message):
         message_version=0,
         topics=("esc_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("esc_errorcount", "uint32", 8),
-            _cdr.Field("esc_rpm", "int32", 12, unit="rpm"),
-            _cdr.Field("esc_voltage", "float32", 16, unit="V"),
-            _cdr.Field("esc_current", "float32", 20, unit="A"),
-            _cdr.Field("esc_temperature", "float32", 24, unit="degC"),
-            _cdr.Field("esc_address", "uint8", 28),
-            _cdr.Field("esc_cmdcount", "uint8", 29),
-            _cdr.Field("esc_state", "uint8", 30),
-            _cdr.Field("actuator_function", "uint8", 31),
-            _cdr.Field("failures", "uint16", 32, enum="FAILURE"),
-            _cdr.Field("esc_power", "int8", 34, unit="%", range="0, 100"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("esc_errorcount", "uint32", 8, 4),
+            _cdr.Field("esc_rpm", "int32", 12, 4, unit="rpm"),
+            _cdr.Field("esc_voltage", "float32", 16, 4, unit="V"),
+            _cdr.Field("esc_current", "float32", 20, 4, unit="A"),
+            _cdr.Field("esc_temperature", "float32", 24, 4, unit="degC"),
+            _cdr.Field("esc_address", "uint8", 28, 1),
+            _cdr.Field("esc_cmdcount", "uint8", 29, 1),
+            _cdr.Field("esc_state", "uint8", 30, 1),
+            _cdr.Field("actuator_function", "uint8", 31, 1),
+            _cdr.Field("failures", "uint16", 32, 2, enum="FAILURE"),
+            _cdr.Field("esc_power", "int8", 34, 1, unit="%", range="0, 100"),
         ),
     )

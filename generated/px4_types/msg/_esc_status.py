@@ -156,7 +156,7 @@ class EscStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 338:
+        if header != _USUAL or not 335 <= len(data) <= 338:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.esc = (esc_0, esc_1, esc_2, esc_3, esc_4, esc_5, esc_6, esc_7)
         return message
@@ -173,12 +173,12 @@ class EscStatus(_cdr.Message):
         message_version=0,
         topics=("esc_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("counter", "uint16", 8),
-            _cdr.Field("esc_count", "uint8", 10),
-            _cdr.Field("esc_connectiontype", "uint8", 11, enum="ESC_CONNECTION_TYPE"),
-            _cdr.Field("esc_online_flags", "uint8", 12),
-            _cdr.Field("esc_armed_flags", "uint8", 13),
-            _cdr.Field("esc", "EscReport[8]", 16),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("counter", "uint16", 8, 2),
+            _cdr.Field("esc_count", "uint8", 10, 1),
+            _cdr.Field("esc_connectiontype", "uint8", 11, 1, enum="ESC_CONNECTION_TYPE"),
+            _cdr.Field("esc_online_flags", "uint8", 12, 1),
+            _cdr.Field("esc_armed_flags", "uint8", 13, 1),
+            _cdr.Field("esc", "EscReport[8]", 16, 315),
         ),
     )

@@ -110,8 +110,8 @@ class EstimatorAidSource1d(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 62 of values."""
         try:
-            if (self.innovation_rejected | self.fused) not in (0, 1):
-                raise ValueError
+            if (False | self.innovation_rejected | self.fused) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.estimator_instance, self.device_id,
                 self.time_last_fuse, self.observation, self.observation_variance, self.innovation,
@@ -134,7 +134,7 @@ class EstimatorAidSource1d(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 69:
+        if header != _USUAL or not 66 <= len(data) <= 69:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -154,19 +154,19 @@ class EstimatorAidSource1d(_cdr.Message):
             "estimator_aid_src_fake_hgt", "estimator_aid_src_gnss_yaw", "estimator_aid_src_ev_yaw",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("estimator_instance", "uint8", 16),
-            _cdr.Field("device_id", "uint32", 20),
-            _cdr.Field("time_last_fuse", "uint64", 24, unit="us"),
-            _cdr.Field("observation", "float32", 32),
-            _cdr.Field("observation_variance", "float32", 36),
-            _cdr.Field("innovation", "float32", 40),
-            _cdr.Field("innovation_filtered", "float32", 44),
-            _cdr.Field("innovation_variance", "float32", 48),
-            _cdr.Field("test_ratio", "float32", 52, unit="-"),
-            _cdr.Field("test_ratio_filtered", "float32", 56, unit="-"),
-            _cdr.Field("innovation_rejected", "bool", 60),
-            _cdr.Field("fused", "bool", 61),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("estimator_instance", "uint8", 16, 1),
+            _cdr.Field("device_id", "uint32", 20, 4),
+            _cdr.Field("time_last_fuse", "uint64", 24, 8, unit="us"),
+            _cdr.Field("observation", "float32", 32, 4),
+            _cdr.Field("observation_variance", "float32", 36, 4),
+            _cdr.Field("innovation", "float32", 40, 4),
+            _cdr.Field("innovation_filtered", "float32", 44, 4),
+            _cdr.Field("innovation_variance", "float32", 48, 4),
+            _cdr.Field("test_ratio", "float32", 52, 4, unit="-"),
+            _cdr.Field("test_ratio_filtered", "float32", 56, 4, unit="-"),
+            _cdr.Field("innovation_rejected", "bool", 60, 1),
+            _cdr.Field("fused", "bool", 61, 1),
         ),
     )

@@ -118,8 +118,8 @@ class EstimatorAidSource2d(_cdr.Message):
             (innovation_variance_0, innovation_variance_1) = self.innovation_variance
             (test_ratio_0, test_ratio_1) = self.test_ratio
             (test_ratio_filtered_0, test_ratio_filtered_1) = self.test_ratio_filtered
-            if (self.innovation_rejected | self.fused) not in (0, 1):
-                raise ValueError
+            if (False | self.innovation_rejected | self.fused) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.estimator_instance, self.device_id,
                 self.time_last_fuse, observation_0, observation_1, observation_variance_0,
@@ -146,7 +146,7 @@ class EstimatorAidSource2d(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 105:
+        if header != _USUAL or not 102 <= len(data) <= 105:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.observation = (observation_0, observation_1)
         message.observation_variance = (observation_variance_0, observation_variance_1)
@@ -173,19 +173,19 @@ class EstimatorAidSource2d(_cdr.Message):
             "estimator_aid_src_optical_flow", "estimator_aid_src_drag",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("estimator_instance", "uint8", 16),
-            _cdr.Field("device_id", "uint32", 20),
-            _cdr.Field("time_last_fuse", "uint64", 24, unit="us"),
-            _cdr.Field("observation", "float64[2]", 32),
-            _cdr.Field("observation_variance", "float32[2]", 48),
-            _cdr.Field("innovation", "float32[2]", 56),
-            _cdr.Field("innovation_filtered", "float32[2]", 64),
-            _cdr.Field("innovation_variance", "float32[2]", 72),
-            _cdr.Field("test_ratio", "float32[2]", 80, unit="-"),
-            _cdr.Field("test_ratio_filtered", "float32[2]", 88, unit="-"),
-            _cdr.Field("innovation_rejected", "bool", 96),
-            _cdr.Field("fused", "bool", 97),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("estimator_instance", "uint8", 16, 1),
+            _cdr.Field("device_id", "uint32", 20, 4),
+            _cdr.Field("time_last_fuse", "uint64", 24, 8, unit="us"),
+            _cdr.Field("observation", "float64[2]", 32, 16),
+            _cdr.Field("observation_variance", "float32[2]", 48, 8),
+            _cdr.Field("innovation", "float32[2]", 56, 8),
+            _cdr.Field("innovation_filtered", "float32[2]", 64, 8),
+            _cdr.Field("innovation_variance", "float32[2]", 72, 8),
+            _cdr.Field("test_ratio", "float32[2]", 80, 8, unit="-"),
+            _cdr.Field("test_ratio_filtered", "float32[2]", 88, 8, unit="-"),
+            _cdr.Field("innovation_rejected", "bool", 96, 1),
+            _cdr.Field("fused", "bool", 97, 1),
         ),
     )

@@ -116,8 +116,8 @@ class EstimatorAidSource3d(_cdr.Message):
             (innovation_variance_0, innovation_variance_1, innovation_variance_2) = self.innovation_variance
             (test_ratio_0, test_ratio_1, test_ratio_2) = self.test_ratio
             (test_ratio_filtered_0, test_ratio_filtered_1, test_ratio_filtered_2) = self.test_ratio_filtered
-            if (self.innovation_rejected | self.fused) not in (0, 1):
-                raise ValueError
+            if (False | self.innovation_rejected | self.fused) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.estimator_instance, self.device_id,
                 self.time_last_fuse, observation_0, observation_1, observation_2, observation_variance_0,
@@ -146,7 +146,7 @@ class EstimatorAidSource3d(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 125:
+        if header != _USUAL or not 122 <= len(data) <= 125:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.observation = (observation_0, observation_1, observation_2)
         message.observation_variance = (observation_variance_0, observation_variance_1, observation_variance_2)
@@ -172,19 +172,19 @@ class EstimatorAidSource3d(_cdr.Message):
             "estimator_aid_src_mag",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("estimator_instance", "uint8", 16),
-            _cdr.Field("device_id", "uint32", 20),
-            _cdr.Field("time_last_fuse", "uint64", 24, unit="us"),
-            _cdr.Field("observation", "float32[3]", 32),
-            _cdr.Field("observation_variance", "float32[3]", 44),
-            _cdr.Field("innovation", "float32[3]", 56),
-            _cdr.Field("innovation_filtered", "float32[3]", 68),
-            _cdr.Field("innovation_variance", "float32[3]", 80),
-            _cdr.Field("test_ratio", "float32[3]", 92, unit="-"),
-            _cdr.Field("test_ratio_filtered", "float32[3]", 104, unit="-"),
-            _cdr.Field("innovation_rejected", "bool", 116),
-            _cdr.Field("fused", "bool", 117),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("estimator_instance", "uint8", 16, 1),
+            _cdr.Field("device_id", "uint32", 20, 4),
+            _cdr.Field("time_last_fuse", "uint64", 24, 8, unit="us"),
+            _cdr.Field("observation", "float32[3]", 32, 12),
+            _cdr.Field("observation_variance", "float32[3]", 44, 12),
+            _cdr.Field("innovation", "float32[3]", 56, 12),
+            _cdr.Field("innovation_filtered", "float32[3]", 68, 12),
+            _cdr.Field("innovation_variance", "float32[3]", 80, 12),
+            _cdr.Field("test_ratio", "float32[3]", 92, 12, unit="-"),
+            _cdr.Field("test_ratio_filtered", "float32[3]", 104, 12, unit="-"),
+            _cdr.Field("innovation_rejected", "bool", 116, 1),
+            _cdr.Field("fused", "bool", 117, 1),
         ),
     )

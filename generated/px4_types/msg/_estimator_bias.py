@@ -93,7 +93,7 @@ class EstimatorBias(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -109,13 +109,13 @@ class EstimatorBias(_cdr.Message):
         message_version=0,
         topics=("estimator_baro_bias", "estimator_gnss_hgt_bias"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("bias", "float32", 20, unit="m"),
-            _cdr.Field("bias_var", "float32", 24, unit="m^2"),
-            _cdr.Field("innov", "float32", 28, unit="m"),
-            _cdr.Field("innov_var", "float32", 32, unit="m^2"),
-            _cdr.Field("innov_test_ratio", "float32", 36, unit="-"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("bias", "float32", 20, 4, unit="m"),
+            _cdr.Field("bias_var", "float32", 24, 4, unit="m^2"),
+            _cdr.Field("innov", "float32", 28, 4, unit="m"),
+            _cdr.Field("innov_var", "float32", 32, 4, unit="m^2"),
+            _cdr.Field("innov_test_ratio", "float32", 36, 4, unit="-"),
         ),
     )

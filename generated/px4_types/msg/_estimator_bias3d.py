@@ -101,7 +101,7 @@ class EstimatorBias3d(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 87:
+        if header != _USUAL or not 84 <= len(data) <= 87:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.bias = (bias_0, bias_1, bias_2)
         message.bias_var = (bias_var_0, bias_var_1, bias_var_2)
@@ -122,13 +122,13 @@ class EstimatorBias3d(_cdr.Message):
         message_version=0,
         topics=("estimator_bias3d", "estimator_ev_pos_bias"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("bias", "float32[3]", 20, unit="m"),
-            _cdr.Field("bias_var", "float32[3]", 32, unit="m^2"),
-            _cdr.Field("innov", "float32[3]", 44, unit="m"),
-            _cdr.Field("innov_var", "float32[3]", 56, unit="m^2"),
-            _cdr.Field("innov_test_ratio", "float32[3]", 68, unit="-"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("bias", "float32[3]", 20, 12, unit="m"),
+            _cdr.Field("bias_var", "float32[3]", 32, 12, unit="m^2"),
+            _cdr.Field("innov", "float32[3]", 44, 12, unit="m"),
+            _cdr.Field("innov_var", "float32[3]", 56, 12, unit="m^2"),
+            _cdr.Field("innov_test_ratio", "float32[3]", 68, 12, unit="-"),
         ),
     )

@@ -143,14 +143,14 @@ class EstimatorEventFlags(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 37 of values."""
         try:
             if (
-                self.gps_checks_passed | self.reset_vel_to_gps | self.reset_vel_to_flow
+                False | self.gps_checks_passed | self.reset_vel_to_gps | self.reset_vel_to_flow
                 | self.reset_vel_to_vision | self.reset_vel_to_zero | self.reset_pos_to_last_known
                 | self.reset_pos_to_gps | self.reset_pos_to_vision | self.starting_gps_fusion
                 | self.starting_vision_pos_fusion | self.starting_vision_vel_fusion
                 | self.starting_vision_yaw_fusion | self.yaw_aligned_to_imu_gps | self.reset_hgt_to_baro
                 | self.reset_hgt_to_gps | self.reset_hgt_to_rng | self.reset_hgt_to_ev
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.information_event_changes,
                 self.gps_checks_passed, self.reset_vel_to_gps, self.reset_vel_to_flow,
@@ -179,7 +179,7 @@ class EstimatorEventFlags(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 44:
+        if header != _USUAL or not 41 <= len(data) <= 44:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -195,25 +195,25 @@ class EstimatorEventFlags(_cdr.Message):
         message_version=0,
         topics=("estimator_event_flags",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("information_event_changes", "uint32", 16),
-            _cdr.Field("gps_checks_passed", "bool", 20),
-            _cdr.Field("reset_vel_to_gps", "bool", 21),
-            _cdr.Field("reset_vel_to_flow", "bool", 22),
-            _cdr.Field("reset_vel_to_vision", "bool", 23),
-            _cdr.Field("reset_vel_to_zero", "bool", 24),
-            _cdr.Field("reset_pos_to_last_known", "bool", 25),
-            _cdr.Field("reset_pos_to_gps", "bool", 26),
-            _cdr.Field("reset_pos_to_vision", "bool", 27),
-            _cdr.Field("starting_gps_fusion", "bool", 28),
-            _cdr.Field("starting_vision_pos_fusion", "bool", 29),
-            _cdr.Field("starting_vision_vel_fusion", "bool", 30),
-            _cdr.Field("starting_vision_yaw_fusion", "bool", 31),
-            _cdr.Field("yaw_aligned_to_imu_gps", "bool", 32),
-            _cdr.Field("reset_hgt_to_baro", "bool", 33),
-            _cdr.Field("reset_hgt_to_gps", "bool", 34),
-            _cdr.Field("reset_hgt_to_rng", "bool", 35),
-            _cdr.Field("reset_hgt_to_ev", "bool", 36),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("information_event_changes", "uint32", 16, 4),
+            _cdr.Field("gps_checks_passed", "bool", 20, 1),
+            _cdr.Field("reset_vel_to_gps", "bool", 21, 1),
+            _cdr.Field("reset_vel_to_flow", "bool", 22, 1),
+            _cdr.Field("reset_vel_to_vision", "bool", 23, 1),
+            _cdr.Field("reset_vel_to_zero", "bool", 24, 1),
+            _cdr.Field("reset_pos_to_last_known", "bool", 25, 1),
+            _cdr.Field("reset_pos_to_gps", "bool", 26, 1),
+            _cdr.Field("reset_pos_to_vision", "bool", 27, 1),
+            _cdr.Field("starting_gps_fusion", "bool", 28, 1),
+            _cdr.Field("starting_vision_pos_fusion", "bool", 29, 1),
+            _cdr.Field("starting_vision_vel_fusion", "bool", 30, 1),
+            _cdr.Field("starting_vision_yaw_fusion", "bool", 31, 1),
+            _cdr.Field("yaw_aligned_to_imu_gps", "bool", 32, 1),
+            _cdr.Field("reset_hgt_to_baro", "bool", 33, 1),
+            _cdr.Field("reset_hgt_to_gps", "bool", 34, 1),
+            _cdr.Field("reset_hgt_to_rng", "bool", 35, 1),
+            _cdr.Field("reset_hgt_to_ev", "bool", 36, 1),
         ),
     )

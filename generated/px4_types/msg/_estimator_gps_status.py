@@ -127,13 +127,13 @@ class EstimatorGpsStatus(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
         try:
             if (
-                self.checks_passed | self.check_fail_gps_fix | self.check_fail_min_sat_count
+                False | self.checks_passed | self.check_fail_gps_fix | self.check_fail_min_sat_count
                 | self.check_fail_max_pdop | self.check_fail_max_horz_err | self.check_fail_max_vert_err
                 | self.check_fail_max_spd_err | self.check_fail_max_horz_drift
                 | self.check_fail_max_vert_drift | self.check_fail_max_horz_spd_err
                 | self.check_fail_max_vert_spd_err | self.check_fail_spoofed_gps
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.checks_passed, self.check_fail_gps_fix,
                 self.check_fail_min_sat_count, self.check_fail_max_pdop, self.check_fail_max_horz_err,
@@ -163,7 +163,7 @@ class EstimatorGpsStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -179,22 +179,22 @@ class EstimatorGpsStatus(_cdr.Message):
         message_version=0,
         topics=("estimator_gps_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("checks_passed", "bool", 16),
-            _cdr.Field("check_fail_gps_fix", "bool", 17),
-            _cdr.Field("check_fail_min_sat_count", "bool", 18),
-            _cdr.Field("check_fail_max_pdop", "bool", 19),
-            _cdr.Field("check_fail_max_horz_err", "bool", 20),
-            _cdr.Field("check_fail_max_vert_err", "bool", 21),
-            _cdr.Field("check_fail_max_spd_err", "bool", 22),
-            _cdr.Field("check_fail_max_horz_drift", "bool", 23),
-            _cdr.Field("check_fail_max_vert_drift", "bool", 24),
-            _cdr.Field("check_fail_max_horz_spd_err", "bool", 25),
-            _cdr.Field("check_fail_max_vert_spd_err", "bool", 26),
-            _cdr.Field("check_fail_spoofed_gps", "bool", 27),
-            _cdr.Field("position_drift_rate_horizontal_m_s", "float32", 28, unit="m/s"),
-            _cdr.Field("position_drift_rate_vertical_m_s", "float32", 32, unit="m/s"),
-            _cdr.Field("filtered_horizontal_speed_m_s", "float32", 36, unit="m/s"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("checks_passed", "bool", 16, 1),
+            _cdr.Field("check_fail_gps_fix", "bool", 17, 1),
+            _cdr.Field("check_fail_min_sat_count", "bool", 18, 1),
+            _cdr.Field("check_fail_max_pdop", "bool", 19, 1),
+            _cdr.Field("check_fail_max_horz_err", "bool", 20, 1),
+            _cdr.Field("check_fail_max_vert_err", "bool", 21, 1),
+            _cdr.Field("check_fail_max_spd_err", "bool", 22, 1),
+            _cdr.Field("check_fail_max_horz_drift", "bool", 23, 1),
+            _cdr.Field("check_fail_max_vert_drift", "bool", 24, 1),
+            _cdr.Field("check_fail_max_horz_spd_err", "bool", 25, 1),
+            _cdr.Field("check_fail_max_vert_spd_err", "bool", 26, 1),
+            _cdr.Field("check_fail_spoofed_gps", "bool", 27, 1),
+            _cdr.Field("position_drift_rate_horizontal_m_s", "float32", 28, 4, unit="m/s"),
+            _cdr.Field("position_drift_rate_vertical_m_s", "float32", 32, 4, unit="m/s"),
+            _cdr.Field("filtered_horizontal_speed_m_s", "float32", 36, 4, unit="m/s"),
         ),
     )

@@ -183,7 +183,7 @@ class EstimatorInnovations(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 147:
+        if header != _USUAL or not 144 <= len(data) <= 147:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.gps_hvel = (gps_hvel_0, gps_hvel_1)
         message.gps_hpos = (gps_hpos_0, gps_hpos_1)
@@ -210,27 +210,27 @@ class EstimatorInnovations(_cdr.Message):
             "estimator_innovations", "estimator_innovation_variances", "estimator_innovation_test_ratios",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("gps_hvel", "float32[2]", 16, unit="m/s"),
-            _cdr.Field("gps_vvel", "float32", 24, unit="m/s"),
-            _cdr.Field("gps_hpos", "float32[2]", 28, unit="m"),
-            _cdr.Field("gps_vpos", "float32", 36, unit="m"),
-            _cdr.Field("ev_hvel", "float32[2]", 40, unit="m/s"),
-            _cdr.Field("ev_vvel", "float32", 48, unit="m/s"),
-            _cdr.Field("ev_hpos", "float32[2]", 52, unit="m"),
-            _cdr.Field("ev_vpos", "float32", 60, unit="m"),
-            _cdr.Field("rng_vpos", "float32", 64, unit="m"),
-            _cdr.Field("baro_vpos", "float32", 68, unit="m"),
-            _cdr.Field("aux_hvel", "float32[2]", 72, unit="m/s"),
-            _cdr.Field("flow", "float32[2]", 80, unit="rad/s"),
-            _cdr.Field("heading", "float32", 88, unit="rad"),
-            _cdr.Field("mag_field", "float32[3]", 92, unit="Gs"),
-            _cdr.Field("gravity", "float32[3]", 104, unit="m/s^2"),
-            _cdr.Field("drag", "float32[2]", 116, unit="m/s^2"),
-            _cdr.Field("airspeed", "float32", 124, unit="m/s"),
-            _cdr.Field("beta", "float32", 128, unit="rad"),
-            _cdr.Field("hagl", "float32", 132, unit="m"),
-            _cdr.Field("hagl_rate", "float32", 136, unit="m/s"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("gps_hvel", "float32[2]", 16, 8, unit="m/s"),
+            _cdr.Field("gps_vvel", "float32", 24, 4, unit="m/s"),
+            _cdr.Field("gps_hpos", "float32[2]", 28, 8, unit="m"),
+            _cdr.Field("gps_vpos", "float32", 36, 4, unit="m"),
+            _cdr.Field("ev_hvel", "float32[2]", 40, 8, unit="m/s"),
+            _cdr.Field("ev_vvel", "float32", 48, 4, unit="m/s"),
+            _cdr.Field("ev_hpos", "float32[2]", 52, 8, unit="m"),
+            _cdr.Field("ev_vpos", "float32", 60, 4, unit="m"),
+            _cdr.Field("rng_vpos", "float32", 64, 4, unit="m"),
+            _cdr.Field("baro_vpos", "float32", 68, 4, unit="m"),
+            _cdr.Field("aux_hvel", "float32[2]", 72, 8, unit="m/s"),
+            _cdr.Field("flow", "float32[2]", 80, 8, unit="rad/s"),
+            _cdr.Field("heading", "float32", 88, 4, unit="rad"),
+            _cdr.Field("mag_field", "float32[3]", 92, 12, unit="Gs"),
+            _cdr.Field("gravity", "float32[3]", 104, 12, unit="m/s^2"),
+            _cdr.Field("drag", "float32[2]", 116, 8, unit="m/s^2"),
+            _cdr.Field("airspeed", "float32", 124, 4, unit="m/s"),
+            _cdr.Field("beta", "float32", 128, 4, unit="rad"),
+            _cdr.Field("hagl", "float32", 132, 4, unit="m"),
+            _cdr.Field("hagl_rate", "float32", 136, 4, unit="m/s"),
         ),
     )

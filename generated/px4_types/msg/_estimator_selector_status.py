@@ -143,10 +143,10 @@ class EstimatorSelectorStatus(_cdr.Message):
                 accumulated_accel_error_3,
             ) = self.accumulated_accel_error
             if (
-                healthy_0 | healthy_1 | healthy_2 | healthy_3 | healthy_4 | healthy_5 | healthy_6
+                False | healthy_0 | healthy_1 | healthy_2 | healthy_3 | healthy_4 | healthy_5 | healthy_6
                 | healthy_7 | healthy_8 | self.gyro_fault_detected | self.accel_fault_detected
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.primary_instance, self.instances_available,
                 self.instance_changed_count, self.last_instance_change, self.accel_device_id,
@@ -185,7 +185,7 @@ class EstimatorSelectorStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 165:
+        if header != _USUAL or not 162 <= len(data) <= 165:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.combined_test_ratio = (
             combined_test_ratio_0, combined_test_ratio_1, combined_test_ratio_2, combined_test_ratio_3,
@@ -222,21 +222,23 @@ class EstimatorSelectorStatus(_cdr.Message):
         message_version=0,
         topics=("estimator_selector_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("primary_instance", "uint8", 8, invalid="UINT8_MAX"),
-            _cdr.Field("instances_available", "uint8", 9),
-            _cdr.Field("instance_changed_count", "uint32", 12),
-            _cdr.Field("last_instance_change", "uint64", 16, unit="us"),
-            _cdr.Field("accel_device_id", "uint32", 24),
-            _cdr.Field("baro_device_id", "uint32", 28),
-            _cdr.Field("gyro_device_id", "uint32", 32),
-            _cdr.Field("mag_device_id", "uint32", 36),
-            _cdr.Field("combined_test_ratio", "float32[9]", 40, unit="-"),
-            _cdr.Field("relative_test_ratio", "float32[9]", 76, unit="-"),
-            _cdr.Field("healthy", "bool[9]", 112),
-            _cdr.Field("accumulated_gyro_error", "float32[4]", 124, unit="rad", invalid="NaN"),
-            _cdr.Field("accumulated_accel_error", "float32[4]", 140, unit="m/s", invalid="NaN"),
-            _cdr.Field("gyro_fault_detected", "bool", 156),
-            _cdr.Field("accel_fault_detected", "bool", 157),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("primary_instance", "uint8", 8, 1, invalid="UINT8_MAX"),
+            _cdr.Field("instances_available", "uint8", 9, 1),
+            _cdr.Field("instance_changed_count", "uint32", 12, 4),
+            _cdr.Field("last_instance_change", "uint64", 16, 8, unit="us"),
+            _cdr.Field("accel_device_id", "uint32", 24, 4),
+            _cdr.Field("baro_device_id", "uint32", 28, 4),
+            _cdr.Field("gyro_device_id", "uint32", 32, 4),
+            _cdr.Field("mag_device_id", "uint32", 36, 4),
+            _cdr.Field("combined_test_ratio", "float32[9]", 40, 36, unit="-"),
+            _cdr.Field("relative_test_ratio", "float32[9]", 76, 36, unit="-"),
+            _cdr.Field("healthy", "bool[9]", 112, 9),
+            _cdr.Field("accumulated_gyro_error", "float32[4]", 124, 16, unit="rad", invalid="NaN"),
+            _cdr.Field(
+                "accumulated_accel_error", "float32[4]", 140, 16, unit="m/s", invalid="NaN",
+            ),
+            _cdr.Field("gyro_fault_detected", "bool", 156, 1),
+            _cdr.Field("accel_fault_detected", "bool", 157, 1),
         ),
     )

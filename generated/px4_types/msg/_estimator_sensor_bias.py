@@ -147,10 +147,10 @@ class EstimatorSensorBias(_cdr.Message):
             (mag_bias_0, mag_bias_1, mag_bias_2) = self.mag_bias
             (mag_bias_variance_0, mag_bias_variance_1, mag_bias_variance_2) = self.mag_bias_variance
             if (
-                self.gyro_bias_valid | self.gyro_bias_stable | self.accel_bias_valid
+                False | self.gyro_bias_valid | self.gyro_bias_stable | self.accel_bias_valid
                 | self.accel_bias_stable | self.mag_bias_valid | self.mag_bias_stable
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.gyro_device_id, gyro_bias_0, gyro_bias_1,
                 gyro_bias_2, self.gyro_bias_limit, gyro_bias_variance_0, gyro_bias_variance_1,
@@ -181,7 +181,7 @@ class EstimatorSensorBias(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 129:
+        if header != _USUAL or not 126 <= len(data) <= 129:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.gyro_bias = (gyro_bias_0, gyro_bias_1, gyro_bias_2)
         message.gyro_bias_variance = (gyro_bias_variance_0, gyro_bias_variance_1, gyro_bias_variance_2)
@@ -203,25 +203,25 @@ class EstimatorSensorBias(_cdr.Message):
         message_version=0,
         topics=("estimator_sensor_bias",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("gyro_device_id", "uint32", 16),
-            _cdr.Field("gyro_bias", "float32[3]", 20, unit="rad/s", frame="Body"),
-            _cdr.Field("gyro_bias_limit", "float32", 32, unit="rad/s", frame="Body"),
-            _cdr.Field("gyro_bias_variance", "float32[3]", 36, unit="(rad/s)^2"),
-            _cdr.Field("gyro_bias_valid", "bool", 48),
-            _cdr.Field("gyro_bias_stable", "bool", 49),
-            _cdr.Field("accel_device_id", "uint32", 52),
-            _cdr.Field("accel_bias", "float32[3]", 56, unit="m/s^2", frame="Body"),
-            _cdr.Field("accel_bias_limit", "float32", 68, unit="m/s^2", frame="Body"),
-            _cdr.Field("accel_bias_variance", "float32[3]", 72, unit="(m/s^2)^2"),
-            _cdr.Field("accel_bias_valid", "bool", 84),
-            _cdr.Field("accel_bias_stable", "bool", 85),
-            _cdr.Field("mag_device_id", "uint32", 88),
-            _cdr.Field("mag_bias", "float32[3]", 92, unit="Gs", frame="Body"),
-            _cdr.Field("mag_bias_limit", "float32", 104, unit="Gs", frame="Body"),
-            _cdr.Field("mag_bias_variance", "float32[3]", 108, unit="Gs^2"),
-            _cdr.Field("mag_bias_valid", "bool", 120),
-            _cdr.Field("mag_bias_stable", "bool", 121),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("gyro_device_id", "uint32", 16, 4),
+            _cdr.Field("gyro_bias", "float32[3]", 20, 12, unit="rad/s", frame="Body"),
+            _cdr.Field("gyro_bias_limit", "float32", 32, 4, unit="rad/s", frame="Body"),
+            _cdr.Field("gyro_bias_variance", "float32[3]", 36, 12, unit="(rad/s)^2"),
+            _cdr.Field("gyro_bias_valid", "bool", 48, 1),
+            _cdr.Field("gyro_bias_stable", "bool", 49, 1),
+            _cdr.Field("accel_device_id", "uint32", 52, 4),
+            _cdr.Field("accel_bias", "float32[3]", 56, 12, unit="m/s^2", frame="Body"),
+            _cdr.Field("accel_bias_limit", "float32", 68, 4, unit="m/s^2", frame="Body"),
+            _cdr.Field("accel_bias_variance", "float32[3]", 72, 12, unit="(m/s^2)^2"),
+            _cdr.Field("accel_bias_valid", "bool", 84, 1),
+            _cdr.Field("accel_bias_stable", "bool", 85, 1),
+            _cdr.Field("mag_device_id", "uint32", 88, 4),
+            _cdr.Field("mag_bias", "float32[3]", 92, 12, unit="Gs", frame="Body"),
+            _cdr.Field("mag_bias_limit", "float32", 104, 4, unit="Gs", frame="Body"),
+            _cdr.Field("mag_bias_variance", "float32[3]", 108, 12, unit="Gs^2"),
+            _cdr.Field("mag_bias_valid", "bool", 120, 1),
+            _cdr.Field("mag_bias_stable", "bool", 121, 1),
         ),
     )

@@ -74,7 +74,7 @@ class EstimatorStates(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 223:
+        if header != _USUAL or not 220 <= len(data) <= 223:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.states = _arrays.from_raw("f", states_raw)
         message.covariances = _arrays.from_raw("f", covariances_raw)
@@ -92,10 +92,10 @@ class EstimatorStates(_cdr.Message):
         message_version=0,
         topics=("estimator_states",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("states", "float32[25]", 16),
-            _cdr.Field("n_states", "uint8", 116),
-            _cdr.Field("covariances", "float32[24]", 120),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("states", "float32[25]", 16, 100),
+            _cdr.Field("n_states", "uint8", 116, 1),
+            _cdr.Field("covariances", "float32[24]", 120, 96),
         ),
     )

@@ -336,11 +336,11 @@ class EstimatorStatus(_cdr.Message):
         try:
             (output_tracking_error_0, output_tracking_error_1, output_tracking_error_2) = self.output_tracking_error
             if (
-                self.pre_flt_fail_innov_heading | self.pre_flt_fail_innov_height
+                False | self.pre_flt_fail_innov_heading | self.pre_flt_fail_innov_height
                 | self.pre_flt_fail_innov_pos_horiz | self.pre_flt_fail_innov_vel_horiz
                 | self.pre_flt_fail_innov_vel_vert | self.pre_flt_fail_mag_field_disturbed
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, output_tracking_error_0,
                 output_tracking_error_1, output_tracking_error_2, self.gps_check_fail_flags,
@@ -383,7 +383,7 @@ class EstimatorStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 143:
+        if header != _USUAL or not 140 <= len(data) <= 143:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.output_tracking_error = (output_tracking_error_0, output_tracking_error_1, output_tracking_error_2)
         return message
@@ -400,43 +400,43 @@ class EstimatorStatus(_cdr.Message):
         message_version=0,
         topics=("estimator_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("output_tracking_error", "float32[3]", 16),
-            _cdr.Field("gps_check_fail_flags", "uint16", 28),
-            _cdr.Field("control_mode_flags", "uint64", 32),
-            _cdr.Field("filter_fault_flags", "uint32", 40),
-            _cdr.Field("pos_horiz_accuracy", "float32", 44, unit="m"),
-            _cdr.Field("pos_vert_accuracy", "float32", 48, unit="m"),
-            _cdr.Field("hdg_test_ratio", "float32", 52, unit="-"),
-            _cdr.Field("vel_test_ratio", "float32", 56, unit="-"),
-            _cdr.Field("pos_test_ratio", "float32", 60, unit="-"),
-            _cdr.Field("hgt_test_ratio", "float32", 64, unit="-"),
-            _cdr.Field("tas_test_ratio", "float32", 68, unit="-"),
-            _cdr.Field("hagl_test_ratio", "float32", 72, unit="-"),
-            _cdr.Field("beta_test_ratio", "float32", 76, unit="-"),
-            _cdr.Field("solution_status_flags", "uint16", 80),
-            _cdr.Field("reset_count_vel_ne", "uint8", 82),
-            _cdr.Field("reset_count_vel_d", "uint8", 83),
-            _cdr.Field("reset_count_pos_ne", "uint8", 84),
-            _cdr.Field("reset_count_pod_d", "uint8", 85),
-            _cdr.Field("reset_count_quat", "uint8", 86),
-            _cdr.Field("time_slip", "float32", 88, unit="s"),
-            _cdr.Field("pre_flt_fail_innov_heading", "bool", 92),
-            _cdr.Field("pre_flt_fail_innov_height", "bool", 93),
-            _cdr.Field("pre_flt_fail_innov_pos_horiz", "bool", 94),
-            _cdr.Field("pre_flt_fail_innov_vel_horiz", "bool", 95),
-            _cdr.Field("pre_flt_fail_innov_vel_vert", "bool", 96),
-            _cdr.Field("pre_flt_fail_mag_field_disturbed", "bool", 97),
-            _cdr.Field("accel_device_id", "uint32", 100),
-            _cdr.Field("gyro_device_id", "uint32", 104),
-            _cdr.Field("baro_device_id", "uint32", 108),
-            _cdr.Field("mag_device_id", "uint32", 112),
-            _cdr.Field("health_flags", "uint8", 116),
-            _cdr.Field("timeout_flags", "uint8", 117),
-            _cdr.Field("mag_inclination_deg", "float32", 120, unit="deg"),
-            _cdr.Field("mag_inclination_ref_deg", "float32", 124, unit="deg"),
-            _cdr.Field("mag_strength_gs", "float32", 128, unit="Gs"),
-            _cdr.Field("mag_strength_ref_gs", "float32", 132, unit="Gs"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("output_tracking_error", "float32[3]", 16, 12),
+            _cdr.Field("gps_check_fail_flags", "uint16", 28, 2),
+            _cdr.Field("control_mode_flags", "uint64", 32, 8),
+            _cdr.Field("filter_fault_flags", "uint32", 40, 4),
+            _cdr.Field("pos_horiz_accuracy", "float32", 44, 4, unit="m"),
+            _cdr.Field("pos_vert_accuracy", "float32", 48, 4, unit="m"),
+            _cdr.Field("hdg_test_ratio", "float32", 52, 4, unit="-"),
+            _cdr.Field("vel_test_ratio", "float32", 56, 4, unit="-"),
+            _cdr.Field("pos_test_ratio", "float32", 60, 4, unit="-"),
+            _cdr.Field("hgt_test_ratio", "float32", 64, 4, unit="-"),
+            _cdr.Field("tas_test_ratio", "float32", 68, 4, unit="-"),
+            _cdr.Field("hagl_test_ratio", "float32", 72, 4, unit="-"),
+            _cdr.Field("beta_test_ratio", "float32", 76, 4, unit="-"),
+            _cdr.Field("solution_status_flags", "uint16", 80, 2),
+            _cdr.Field("reset_count_vel_ne", "uint8", 82, 1),
+            _cdr.Field("reset_count_vel_d", "uint8", 83, 1),
+            _cdr.Field("reset_count_pos_ne", "uint8", 84, 1),
+            _cdr.Field("reset_count_pod_d", "uint8", 85, 1),
+            _cdr.Field("reset_count_quat", "uint8", 86, 1),
+            _cdr.Field("time_slip", "float32", 88, 4, unit="s"),
+            _cdr.Field("pre_flt_fail_innov_heading", "bool", 92, 1),
+            _cdr.Field("pre_flt_fail_innov_height", "bool", 93, 1),
+            _cdr.Field("pre_flt_fail_innov_pos_horiz", "bool", 94, 1),
+            _cdr.Field("pre_flt_fail_innov_vel_horiz", "bool", 95, 1),
+            _cdr.Field("pre_flt_fail_innov_vel_vert", "bool", 96, 1),
+            _cdr.Field("pre_flt_fail_mag_field_disturbed", "bool", 97, 1),
+            _cdr.Field("accel_device_id", "uint32", 100, 4),
+            _cdr.Field("gyro_device_id", "uint32", 104, 4),
+            _cdr.Field("baro_device_id", "uint32", 108, 4),
+            _cdr.Field("mag_device_id", "uint32", 112, 4),
+            _cdr.Field("health_flags", "uint8", 116, 1),
+            _cdr.Field("timeout_flags", "uint8", 117, 1),
+            _cdr.Field("mag_inclination_deg", "float32", 120, 4, unit="deg"),
+            _cdr.Field("mag_inclination_ref_deg", "float32", 124, 4, unit="deg"),
+            _cdr.Field("mag_strength_gs", "float32", 128, 4, unit="Gs"),
+            _cdr.Field("mag_strength_ref_gs", "float32", 132, 4, unit="Gs"),
         ),
     )

@@ -61,7 +61,7 @@ class Event(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
         try:
             if len(self.arguments) != 25:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.id, self.event_sequence, self.arguments, self.log_levels,
             )
@@ -79,7 +79,7 @@ class Event(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -95,10 +95,10 @@ class Event(_cdr.Message):
         message_version=1,
         topics=("event",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("id", "uint32", 8),
-            _cdr.Field("event_sequence", "uint16", 12),
-            _cdr.Field("arguments", "uint8[25]", 14),
-            _cdr.Field("log_levels", "uint8", 39),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("id", "uint32", 8, 4),
+            _cdr.Field("event_sequence", "uint16", 12, 2),
+            _cdr.Field("arguments", "uint8[25]", 14, 25),
+            _cdr.Field("log_levels", "uint8", 39, 1),
         ),
     )

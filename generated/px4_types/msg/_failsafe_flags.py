@@ -268,7 +268,7 @@ class FailsafeFlags(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 91 of values."""
         try:
             if (
-                self.angular_velocity_invalid | self.attitude_invalid | self.local_altitude_invalid
+                False | self.angular_velocity_invalid | self.attitude_invalid | self.local_altitude_invalid
                 | self.local_position_invalid | self.local_position_invalid_relaxed
                 | self.local_velocity_invalid | self.global_position_invalid
                 | self.global_position_invalid_relaxed | self.auto_mission_missing
@@ -280,7 +280,7 @@ class FailsafeFlags(_cdr.Message):
                 | self.fd_critical_failure | self.fd_esc_arming_failure | self.fd_imbalanced_prop
                 | self.fd_motor_failure
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.mode_req_angular_velocity, self.mode_req_attitude,
                 self.mode_req_local_alt, self.mode_req_local_position, self.mode_req_local_position_relaxed,
@@ -329,7 +329,7 @@ class FailsafeFlags(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 98:
+        if header != _USUAL or not 95 <= len(data) <= 98:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -345,47 +345,47 @@ class FailsafeFlags(_cdr.Message):
         message_version=0,
         topics=("failsafe_flags",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("mode_req_angular_velocity", "uint32", 8),
-            _cdr.Field("mode_req_attitude", "uint32", 12),
-            _cdr.Field("mode_req_local_alt", "uint32", 16),
-            _cdr.Field("mode_req_local_position", "uint32", 20),
-            _cdr.Field("mode_req_local_position_relaxed", "uint32", 24),
-            _cdr.Field("mode_req_global_position", "uint32", 28),
-            _cdr.Field("mode_req_global_position_relaxed", "uint32", 32),
-            _cdr.Field("mode_req_mission", "uint32", 36),
-            _cdr.Field("mode_req_offboard_signal", "uint32", 40),
-            _cdr.Field("mode_req_home_position", "uint32", 44),
-            _cdr.Field("mode_req_wind_and_flight_time_compliance", "uint32", 48),
-            _cdr.Field("mode_req_prevent_arming", "uint32", 52),
-            _cdr.Field("mode_req_manual_control", "uint32", 56),
-            _cdr.Field("mode_req_other", "uint32", 60),
-            _cdr.Field("angular_velocity_invalid", "bool", 64),
-            _cdr.Field("attitude_invalid", "bool", 65),
-            _cdr.Field("local_altitude_invalid", "bool", 66),
-            _cdr.Field("local_position_invalid", "bool", 67),
-            _cdr.Field("local_position_invalid_relaxed", "bool", 68),
-            _cdr.Field("local_velocity_invalid", "bool", 69),
-            _cdr.Field("global_position_invalid", "bool", 70),
-            _cdr.Field("global_position_invalid_relaxed", "bool", 71),
-            _cdr.Field("auto_mission_missing", "bool", 72),
-            _cdr.Field("offboard_control_signal_lost", "bool", 73),
-            _cdr.Field("home_position_invalid", "bool", 74),
-            _cdr.Field("manual_control_signal_lost", "bool", 75),
-            _cdr.Field("gcs_connection_lost", "bool", 76),
-            _cdr.Field("battery_warning", "uint8", 77),
-            _cdr.Field("battery_low_remaining_time", "bool", 78),
-            _cdr.Field("battery_unhealthy", "bool", 79),
-            _cdr.Field("geofence_breached", "bool", 80),
-            _cdr.Field("mission_failure", "bool", 81),
-            _cdr.Field("vtol_fixed_wing_system_failure", "bool", 82),
-            _cdr.Field("wind_limit_exceeded", "bool", 83),
-            _cdr.Field("flight_time_limit_exceeded", "bool", 84),
-            _cdr.Field("position_accuracy_low", "bool", 85),
-            _cdr.Field("navigator_failure", "bool", 86),
-            _cdr.Field("fd_critical_failure", "bool", 87),
-            _cdr.Field("fd_esc_arming_failure", "bool", 88),
-            _cdr.Field("fd_imbalanced_prop", "bool", 89),
-            _cdr.Field("fd_motor_failure", "bool", 90),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("mode_req_angular_velocity", "uint32", 8, 4),
+            _cdr.Field("mode_req_attitude", "uint32", 12, 4),
+            _cdr.Field("mode_req_local_alt", "uint32", 16, 4),
+            _cdr.Field("mode_req_local_position", "uint32", 20, 4),
+            _cdr.Field("mode_req_local_position_relaxed", "uint32", 24, 4),
+            _cdr.Field("mode_req_global_position", "uint32", 28, 4),
+            _cdr.Field("mode_req_global_position_relaxed", "uint32", 32, 4),
+            _cdr.Field("mode_req_mission", "uint32", 36, 4),
+            _cdr.Field("mode_req_offboard_signal", "uint32", 40, 4),
+            _cdr.Field("mode_req_home_position", "uint32", 44, 4),
+            _cdr.Field("mode_req_wind_and_flight_time_compliance", "uint32", 48, 4),
+            _cdr.Field("mode_req_prevent_arming", "uint32", 52, 4),
+            _cdr.Field("mode_req_manual_control", "uint32", 56, 4),
+            _cdr.Field("mode_req_other", "uint32", 60, 4),
+            _cdr.Field("angular_velocity_invalid", "bool", 64, 1),
+            _cdr.Field("attitude_invalid", "bool", 65, 1),
+            _cdr.Field("local_altitude_invalid", "bool", 66, 1),
+            _cdr.Field("local_position_invalid", "bool", 67, 1),
+            _cdr.Field("local_position_invalid_relaxed", "bool", 68, 1),
+            _cdr.Field("local_velocity_invalid", "bool", 69, 1),
+            _cdr.Field("global_position_invalid", "bool", 70, 1),
+            _cdr.Field("global_position_invalid_relaxed", "bool", 71, 1),
+            _cdr.Field("auto_mission_missing", "bool", 72, 1),
+            _cdr.Field("offboard_control_signal_lost", "bool", 73, 1),
+            _cdr.Field("home_position_invalid", "bool", 74, 1),
+            _cdr.Field("manual_control_signal_lost", "bool", 75, 1),
+            _cdr.Field("gcs_connection_lost", "bool", 76, 1),
+            _cdr.Field("battery_warning", "uint8", 77, 1),
+            _cdr.Field("battery_low_remaining_time", "bool", 78, 1),
+            _cdr.Field("battery_unhealthy", "bool", 79, 1),
+            _cdr.Field("geofence_breached", "bool", 80, 1),
+            _cdr.Field("mission_failure", "bool", 81, 1),
+            _cdr.Field("vtol_fixed_wing_system_failure", "bool", 82, 1),
+            _cdr.Field("wind_limit_exceeded", "bool", 83, 1),
+            _cdr.Field("flight_time_limit_exceeded", "bool", 84, 1),
+            _cdr.Field("position_accuracy_low", "bool", 85, 1),
+            _cdr.Field("navigator_failure", "bool", 86, 1),
+            _cdr.Field("fd_critical_failure", "bool", 87, 1),
+            _cdr.Field("fd_esc_arming_failure", "bool", 88, 1),
+            _cdr.Field("fd_imbalanced_prop", "bool", 89, 1),
+            _cdr.Field("fd_motor_failure", "bool", 90, 1),
         ),
     )

@@ -97,10 +97,10 @@ class FailureDetectorStatus(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 24 of values."""
         try:
             if (
-                self.fd_roll | self.fd_pitch | self.fd_alt | self.fd_ext | self.fd_arm_escs
+                False | self.fd_roll | self.fd_pitch | self.fd_alt | self.fd_ext | self.fd_arm_escs
                 | self.fd_battery | self.fd_imbalanced_prop | self.fd_motor
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.fd_roll, self.fd_pitch, self.fd_alt, self.fd_ext,
                 self.fd_arm_escs, self.fd_battery, self.fd_imbalanced_prop, self.fd_motor,
@@ -121,7 +121,7 @@ class FailureDetectorStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 31:
+        if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -137,17 +137,17 @@ class FailureDetectorStatus(_cdr.Message):
         message_version=0,
         topics=("failure_detector_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("fd_roll", "bool", 8),
-            _cdr.Field("fd_pitch", "bool", 9),
-            _cdr.Field("fd_alt", "bool", 10),
-            _cdr.Field("fd_ext", "bool", 11),
-            _cdr.Field("fd_arm_escs", "bool", 12),
-            _cdr.Field("fd_battery", "bool", 13),
-            _cdr.Field("fd_imbalanced_prop", "bool", 14),
-            _cdr.Field("fd_motor", "bool", 15),
-            _cdr.Field("imbalanced_prop_metric", "float32", 16, unit="m/s^2"),
-            _cdr.Field("motor_failure_mask", "uint16", 20),
-            _cdr.Field("motor_stop_mask", "uint16", 22),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("fd_roll", "bool", 8, 1),
+            _cdr.Field("fd_pitch", "bool", 9, 1),
+            _cdr.Field("fd_alt", "bool", 10, 1),
+            _cdr.Field("fd_ext", "bool", 11, 1),
+            _cdr.Field("fd_arm_escs", "bool", 12, 1),
+            _cdr.Field("fd_battery", "bool", 13, 1),
+            _cdr.Field("fd_imbalanced_prop", "bool", 14, 1),
+            _cdr.Field("fd_motor", "bool", 15, 1),
+            _cdr.Field("imbalanced_prop_metric", "float32", 16, 4, unit="m/s^2"),
+            _cdr.Field("motor_failure_mask", "uint16", 20, 2),
+            _cdr.Field("motor_stop_mask", "uint16", 22, 2),
         ),
     )

@@ -88,7 +88,7 @@ class FigureEightStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 43:
+        if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -104,13 +104,13 @@ class FigureEightStatus(_cdr.Message):
         message_version=0,
         topics=("figure_eight_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("major_radius", "float32", 8, unit="m"),
-            _cdr.Field("minor_radius", "float32", 12, unit="m"),
-            _cdr.Field("orientation", "float32", 16, unit="rad"),
-            _cdr.Field("frame", "uint8", 20),
-            _cdr.Field("x", "int32", 24),
-            _cdr.Field("y", "int32", 28),
-            _cdr.Field("z", "float32", 32, unit="m"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("major_radius", "float32", 8, 4, unit="m"),
+            _cdr.Field("minor_radius", "float32", 12, 4, unit="m"),
+            _cdr.Field("orientation", "float32", 16, 4, unit="rad"),
+            _cdr.Field("frame", "uint8", 20, 1),
+            _cdr.Field("x", "int32", 24, 4),
+            _cdr.Field("y", "int32", 28, 4),
+            _cdr.Field("z", "float32", 32, 4, unit="m"),
         ),
     )

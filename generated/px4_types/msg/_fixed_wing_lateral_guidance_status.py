@@ -101,7 +101,7 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 44:
+        if header != _USUAL or not 41 <= len(data) <= 44:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -117,14 +117,14 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_lateral_guidance_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("course_setpoint", "float32", 8, unit="rad", range="-pi, pi"),
-            _cdr.Field("lateral_acceleration_ff", "float32", 12, unit="m/s^2", frame="FRD"),
-            _cdr.Field("bearing_feas", "float32", 16, range="0,1"),
-            _cdr.Field("bearing_feas_on_track", "float32", 20, range="0,1"),
-            _cdr.Field("signed_track_error", "float32", 24, unit="m"),
-            _cdr.Field("track_error_bound", "float32", 28, unit="m"),
-            _cdr.Field("adapted_period", "float32", 32, unit="s"),
-            _cdr.Field("wind_est_valid", "uint8", 36),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("course_setpoint", "float32", 8, 4, unit="rad", range="-pi, pi"),
+            _cdr.Field("lateral_acceleration_ff", "float32", 12, 4, unit="m/s^2", frame="FRD"),
+            _cdr.Field("bearing_feas", "float32", 16, 4, range="0,1"),
+            _cdr.Field("bearing_feas_on_track", "float32", 20, 4, range="0,1"),
+            _cdr.Field("signed_track_error", "float32", 24, 4, unit="m"),
+            _cdr.Field("track_error_bound", "float32", 28, 4, unit="m"),
+            _cdr.Field("adapted_period", "float32", 32, 4, unit="s"),
+            _cdr.Field("wind_est_valid", "uint8", 36, 1),
         ),
     )

@@ -76,7 +76,7 @@ class FixedWingLateralSetpoint(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -92,13 +92,13 @@ class FixedWingLateralSetpoint(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_lateral_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("course", "float32", 8, unit="rad", range="-pi, pi", invalid="NaN"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("course", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN"),
             _cdr.Field(
-                "airspeed_direction", "float32", 12, unit="rad", range="-pi, pi", invalid="NaN",
+                "airspeed_direction", "float32", 12, 4, unit="rad", range="-pi, pi", invalid="NaN",
             ),
             _cdr.Field(
-                "lateral_acceleration", "float32", 16, unit="m/s^2", invalid="NaN", frame="FRD",
+                "lateral_acceleration", "float32", 16, 4, unit="m/s^2", invalid="NaN", frame="FRD",
             ),
         ),
     )

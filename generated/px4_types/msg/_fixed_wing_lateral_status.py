@@ -61,7 +61,7 @@ class FixedWingLateralStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -77,8 +77,10 @@ class FixedWingLateralStatus(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_lateral_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("lateral_acceleration_setpoint", "float32", 8, unit="m/s^2", frame="FRD"),
-            _cdr.Field("can_run_factor", "float32", 12, unit="norm", range="0, 1"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field(
+                "lateral_acceleration_setpoint", "float32", 8, 4, unit="m/s^2", frame="FRD",
+            ),
+            _cdr.Field("can_run_factor", "float32", 12, 4, unit="norm", range="0, 1"),
         ),
     )

@@ -91,7 +91,7 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 35:
+        if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -107,15 +107,17 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_longitudinal_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("altitude", "float32", 8, unit="m", invalid="NaN"),
-            _cdr.Field("height_rate", "float32", 12, unit="m/s", invalid="NaN", frame="ENU"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("altitude", "float32", 8, 4, unit="m", invalid="NaN"),
+            _cdr.Field("height_rate", "float32", 12, 4, unit="m/s", invalid="NaN", frame="ENU"),
             _cdr.Field(
-                "equivalent_airspeed", "float32", 16, unit="m/s", range="0, inf", invalid="NaN",
+                "equivalent_airspeed", "float32", 16, 4, unit="m/s", range="0, inf", invalid="NaN",
             ),
             _cdr.Field(
-                "pitch_direct", "float32", 20, unit="rad", range="-pi, pi", invalid="NaN", frame="FRD",
+                "pitch_direct", "float32", 20, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="FRD",
             ),
-            _cdr.Field("throttle_direct", "float32", 24, unit="norm", range="0,1", invalid="NaN"),
+            _cdr.Field(
+                "throttle_direct", "float32", 24, 4, unit="norm", range="0,1", invalid="NaN",
+            ),
         ),
     )

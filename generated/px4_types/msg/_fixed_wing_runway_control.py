@@ -47,8 +47,8 @@ class FixedWingRunwayControl(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
         try:
-            if (self.wheel_steering_enabled) not in (0, 1):
-                raise ValueError
+            if (False | self.wheel_steering_enabled) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.wheel_steering_enabled, self.wheel_steering_nudging_rate,
             )
@@ -66,7 +66,7 @@ class FixedWingRunwayControl(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -82,10 +82,10 @@ class FixedWingRunwayControl(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_runway_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("wheel_steering_enabled", "bool", 8),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("wheel_steering_enabled", "bool", 8, 1),
             _cdr.Field(
-                "wheel_steering_nudging_rate", "float32", 12, unit="norm", range="-1, 1", invalid="NaN",
+                "wheel_steering_nudging_rate", "float32", 12, 4, unit="norm", range="-1, 1", invalid="NaN",
                 frame="FRD",
             ),
         ),

@@ -57,7 +57,7 @@ class FlightPhaseEstimation(_cdr.Message):
             (header, message.timestamp, message.flight_phase) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 16:
+        if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -73,7 +73,7 @@ class FlightPhaseEstimation(_cdr.Message):
         message_version=0,
         topics=("flight_phase_estimation",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("flight_phase", "uint8", 8, enum="FLIGHT_PHASE"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("flight_phase", "uint8", 8, 1, enum="FLIGHT_PHASE"),
         ),
     )

@@ -87,7 +87,7 @@ class FollowTarget(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 48:
+        if header != _USUAL or not 45 <= len(data) <= 48:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -103,13 +103,13 @@ class FollowTarget(_cdr.Message):
         message_version=0,
         topics=("follow_target",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("lat", "float64", 8, unit="deg"),
-            _cdr.Field("lon", "float64", 16, unit="deg"),
-            _cdr.Field("alt", "float32", 24, unit="m"),
-            _cdr.Field("vy", "float32", 28, unit="m/s", frame="NED"),
-            _cdr.Field("vx", "float32", 32, unit="m/s", frame="NED"),
-            _cdr.Field("vz", "float32", 36, unit="m/s", frame="NED"),
-            _cdr.Field("est_cap", "uint8", 40),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("lat", "float64", 8, 8, unit="deg"),
+            _cdr.Field("lon", "float64", 16, 8, unit="deg"),
+            _cdr.Field("alt", "float32", 24, 4, unit="m"),
+            _cdr.Field("vy", "float32", 28, 4, unit="m/s", frame="NED"),
+            _cdr.Field("vx", "float32", 32, 4, unit="m/s", frame="NED"),
+            _cdr.Field("vz", "float32", 36, 4, unit="m/s", frame="NED"),
+            _cdr.Field("est_cap", "uint8", 40, 1),
         ),
     )

@@ -98,8 +98,8 @@ class FollowTargetEstimator(_cdr.Message):
             (pos_est_0, pos_est_1, pos_est_2) = self.pos_est
             (vel_est_0, vel_est_1, vel_est_2) = self.vel_est
             (acc_est_0, acc_est_1, acc_est_2) = self.acc_est
-            if (self.valid | self.stale) not in (0, 1):
-                raise ValueError
+            if (False | self.valid | self.stale) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.last_filter_reset_timestamp, self.valid, self.stale,
                 self.lat_est, self.lon_est, self.alt_est, pos_est_0, pos_est_1, pos_est_2, vel_est_0,
@@ -122,7 +122,7 @@ class FollowTargetEstimator(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 103:
+        if header != _USUAL or not 100 <= len(data) <= 103:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.pos_est = (pos_est_0, pos_est_1, pos_est_2)
         message.vel_est = (vel_est_0, vel_est_1, vel_est_2)
@@ -141,17 +141,17 @@ class FollowTargetEstimator(_cdr.Message):
         message_version=0,
         topics=("follow_target_estimator",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("last_filter_reset_timestamp", "uint64", 8, unit="us"),
-            _cdr.Field("valid", "bool", 16),
-            _cdr.Field("stale", "bool", 17),
-            _cdr.Field("lat_est", "float64", 24, unit="deg", invalid="NaN"),
-            _cdr.Field("lon_est", "float64", 32, unit="deg", invalid="NaN"),
-            _cdr.Field("alt_est", "float32", 40, unit="m", invalid="NaN"),
-            _cdr.Field("pos_est", "float32[3]", 44, unit="m", invalid="NaN", frame="NED"),
-            _cdr.Field("vel_est", "float32[3]", 56, unit="m/s", invalid="NaN", frame="NED"),
-            _cdr.Field("acc_est", "float32[3]", 68, unit="m/s^2", invalid="NaN", frame="NED"),
-            _cdr.Field("prediction_count", "uint64", 80),
-            _cdr.Field("fusion_count", "uint64", 88),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("last_filter_reset_timestamp", "uint64", 8, 8, unit="us"),
+            _cdr.Field("valid", "bool", 16, 1),
+            _cdr.Field("stale", "bool", 17, 1),
+            _cdr.Field("lat_est", "float64", 24, 8, unit="deg", invalid="NaN"),
+            _cdr.Field("lon_est", "float64", 32, 8, unit="deg", invalid="NaN"),
+            _cdr.Field("alt_est", "float32", 40, 4, unit="m", invalid="NaN"),
+            _cdr.Field("pos_est", "float32[3]", 44, 12, unit="m", invalid="NaN", frame="NED"),
+            _cdr.Field("vel_est", "float32[3]", 56, 12, unit="m/s", invalid="NaN", frame="NED"),
+            _cdr.Field("acc_est", "float32[3]", 68, 12, unit="m/s^2", invalid="NaN", frame="NED"),
+            _cdr.Field("prediction_count", "uint64", 80, 8),
+            _cdr.Field("fusion_count", "uint64", 88, 8),
         ),
     )

@@ -77,8 +77,8 @@ class FollowTargetStatus(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 44 of values."""
         try:
             (desired_position_raw_0, desired_position_raw_1, desired_position_raw_2) = self.desired_position_raw
-            if (self.in_emergency_ascent) not in (0, 1):
-                raise ValueError
+            if (False | self.in_emergency_ascent) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.tracked_target_course, self.follow_angle,
                 self.orbit_angle_setpoint, self.angular_rate_setpoint, desired_position_raw_0,
@@ -100,7 +100,7 @@ class FollowTargetStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 51:
+        if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.desired_position_raw = (desired_position_raw_0, desired_position_raw_1, desired_position_raw_2)
         return message
@@ -117,13 +117,13 @@ class FollowTargetStatus(_cdr.Message):
         message_version=0,
         topics=("follow_target_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("tracked_target_course", "float32", 8, unit="rad", frame="NED"),
-            _cdr.Field("follow_angle", "float32", 12, unit="rad"),
-            _cdr.Field("orbit_angle_setpoint", "float32", 16, unit="rad"),
-            _cdr.Field("angular_rate_setpoint", "float32", 20, unit="rad/s"),
-            _cdr.Field("desired_position_raw", "float32[3]", 24, unit="m", frame="NED"),
-            _cdr.Field("in_emergency_ascent", "bool", 36),
-            _cdr.Field("gimbal_pitch", "float32", 40, unit="rad"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("tracked_target_course", "float32", 8, 4, unit="rad", frame="NED"),
+            _cdr.Field("follow_angle", "float32", 12, 4, unit="rad"),
+            _cdr.Field("orbit_angle_setpoint", "float32", 16, 4, unit="rad"),
+            _cdr.Field("angular_rate_setpoint", "float32", 20, 4, unit="rad/s"),
+            _cdr.Field("desired_position_raw", "float32[3]", 24, 12, unit="m", frame="NED"),
+            _cdr.Field("in_emergency_ascent", "bool", 36, 1),
+            _cdr.Field("gimbal_pitch", "float32", 40, 4, unit="rad"),
         ),
     )

@@ -110,7 +110,7 @@ class FuelTankStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -126,16 +126,16 @@ class FuelTankStatus(_cdr.Message):
         message_version=0,
         topics=("fuel_tank_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("maximum_fuel_capacity", "float32", 8),
-            _cdr.Field("consumed_fuel", "float32", 12, invalid="NaN"),
-            _cdr.Field("fuel_consumption_rate", "float32", 16, invalid="NaN"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("maximum_fuel_capacity", "float32", 8, 4),
+            _cdr.Field("consumed_fuel", "float32", 12, 4, invalid="NaN"),
+            _cdr.Field("fuel_consumption_rate", "float32", 16, 4, invalid="NaN"),
             _cdr.Field(
-                "percent_remaining", "uint8", 20, unit="%", range="0, 100", invalid="UINT8_MAX",
+                "percent_remaining", "uint8", 20, 1, unit="%", range="0, 100", invalid="UINT8_MAX",
             ),
-            _cdr.Field("remaining_fuel", "float32", 24, invalid="NaN"),
-            _cdr.Field("fuel_tank_id", "uint8", 28),
-            _cdr.Field("fuel_type", "uint32", 32, enum="MAV_FUEL_TYPE"),
-            _cdr.Field("temperature", "float32", 36, unit="K", invalid="NaN"),
+            _cdr.Field("remaining_fuel", "float32", 24, 4, invalid="NaN"),
+            _cdr.Field("fuel_tank_id", "uint8", 28, 1),
+            _cdr.Field("fuel_type", "uint32", 32, 4, enum="MAV_FUEL_TYPE"),
+            _cdr.Field("temperature", "float32", 36, 4, unit="K", invalid="NaN"),
         ),
     )

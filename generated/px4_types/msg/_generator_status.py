@@ -162,7 +162,7 @@ class GeneratorStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 57:
+        if header != _USUAL or not 54 <= len(data) <= 57:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -178,17 +178,17 @@ class GeneratorStatus(_cdr.Message):
         message_version=0,
         topics=("generator_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("status", "uint64", 8, enum="STATUS_FLAG"),
-            _cdr.Field("battery_current", "float32", 16, unit="A", invalid="NaN"),
-            _cdr.Field("load_current", "float32", 20, unit="A", invalid="NaN"),
-            _cdr.Field("power_generated", "float32", 24, unit="W", invalid="NaN"),
-            _cdr.Field("bus_voltage", "float32", 28, unit="V"),
-            _cdr.Field("bat_current_setpoint", "float32", 32, unit="A", invalid="NaN"),
-            _cdr.Field("runtime", "uint32", 36, unit="s", invalid="UINT32_MAX"),
-            _cdr.Field("time_until_maintenance", "int32", 40, unit="s", invalid="INT32_MAX"),
-            _cdr.Field("generator_speed", "uint16", 44, unit="rpm", invalid="UINT16_MAX"),
-            _cdr.Field("rectifier_temperature", "int16", 46, unit="degC", invalid="INT16_MAX"),
-            _cdr.Field("generator_temperature", "int16", 48, unit="degC", invalid="INT16_MAX"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("status", "uint64", 8, 8, enum="STATUS_FLAG"),
+            _cdr.Field("battery_current", "float32", 16, 4, unit="A", invalid="NaN"),
+            _cdr.Field("load_current", "float32", 20, 4, unit="A", invalid="NaN"),
+            _cdr.Field("power_generated", "float32", 24, 4, unit="W", invalid="NaN"),
+            _cdr.Field("bus_voltage", "float32", 28, 4, unit="V"),
+            _cdr.Field("bat_current_setpoint", "float32", 32, 4, unit="A", invalid="NaN"),
+            _cdr.Field("runtime", "uint32", 36, 4, unit="s", invalid="UINT32_MAX"),
+            _cdr.Field("time_until_maintenance", "int32", 40, 4, unit="s", invalid="INT32_MAX"),
+            _cdr.Field("generator_speed", "uint16", 44, 2, unit="rpm", invalid="UINT16_MAX"),
+            _cdr.Field("rectifier_temperature", "int16", 46, 2, unit="degC", invalid="INT16_MAX"),
+            _cdr.Field("generator_temperature", "int16", 48, 2, unit="degC", invalid="INT16_MAX"),
         ),
     )

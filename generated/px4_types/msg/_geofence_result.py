@@ -78,10 +78,10 @@ class GeofenceResult(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 12 of values."""
         try:
             if (
-                self.geofence_max_dist_triggered | self.geofence_max_alt_triggered
+                False | self.geofence_max_dist_triggered | self.geofence_max_alt_triggered
                 | self.geofence_custom_fence_triggered
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.geofence_max_dist_triggered, self.geofence_max_alt_triggered,
                 self.geofence_custom_fence_triggered, self.geofence_action,
@@ -101,7 +101,7 @@ class GeofenceResult(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 19:
+        if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -117,10 +117,10 @@ class GeofenceResult(_cdr.Message):
         message_version=0,
         topics=("geofence_result",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("geofence_max_dist_triggered", "bool", 8),
-            _cdr.Field("geofence_max_alt_triggered", "bool", 9),
-            _cdr.Field("geofence_custom_fence_triggered", "bool", 10),
-            _cdr.Field("geofence_action", "uint8", 11, enum="GF_ACTION"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("geofence_max_dist_triggered", "bool", 8, 1),
+            _cdr.Field("geofence_max_alt_triggered", "bool", 9, 1),
+            _cdr.Field("geofence_custom_fence_triggered", "bool", 10, 1),
+            _cdr.Field("geofence_action", "uint8", 11, 1, enum="GF_ACTION"),
         ),
     )

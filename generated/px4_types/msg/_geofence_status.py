@@ -60,7 +60,7 @@ class GeofenceStatus(_cdr.Message):
             (header, message.timestamp, message.geofence_id, message.status) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 20:
+        if header != _USUAL or not 17 <= len(data) <= 20:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -76,8 +76,8 @@ class GeofenceStatus(_cdr.Message):
         message_version=0,
         topics=("geofence_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("geofence_id", "uint32", 8),
-            _cdr.Field("status", "uint8", 12, enum="GF_STATUS"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("geofence_id", "uint32", 8, 4),
+            _cdr.Field("status", "uint8", 12, 1, enum="GF_STATUS"),
         ),
     )

@@ -66,7 +66,7 @@ class GimbalControls(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 35:
+        if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.control = (control_0, control_1, control_2)
         return message
@@ -83,8 +83,8 @@ class GimbalControls(_cdr.Message):
         message_version=0,
         topics=("gimbal_controls",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("control", "float32[3]", 16, range="-1, 1"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("control", "float32[3]", 16, 12, range="-1, 1"),
         ),
     )

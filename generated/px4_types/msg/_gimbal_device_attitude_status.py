@@ -127,8 +127,8 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 54 of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
-            if (self.received_from_mavlink) not in (0, 1):
-                raise ValueError
+            if (False | self.received_from_mavlink) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.target_system, self.target_component, self.device_flags, q_0,
                 q_1, q_2, q_3, self.angular_velocity_x, self.angular_velocity_y, self.angular_velocity_z,
@@ -152,7 +152,7 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 61:
+        if header != _USUAL or not 58 <= len(data) <= 61:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         return message
@@ -169,18 +169,18 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
         message_version=0,
         topics=("gimbal_device_attitude_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("target_system", "uint8", 8),
-            _cdr.Field("target_component", "uint8", 9),
-            _cdr.Field("device_flags", "uint16", 10, enum="DEVICE_FLAGS"),
-            _cdr.Field("q", "float32[4]", 12),
-            _cdr.Field("angular_velocity_x", "float32", 28, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_y", "float32", 32, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_z", "float32", 36, unit="rad/s", invalid="NaN"),
-            _cdr.Field("failure_flags", "uint32", 40),
-            _cdr.Field("delta_yaw", "float32", 44, unit="rad", invalid="NaN"),
-            _cdr.Field("delta_yaw_velocity", "float32", 48, unit="rad/s", invalid="NaN"),
-            _cdr.Field("gimbal_device_id", "uint8", 52),
-            _cdr.Field("received_from_mavlink", "bool", 53),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("target_system", "uint8", 8, 1),
+            _cdr.Field("target_component", "uint8", 9, 1),
+            _cdr.Field("device_flags", "uint16", 10, 2, enum="DEVICE_FLAGS"),
+            _cdr.Field("q", "float32[4]", 12, 16),
+            _cdr.Field("angular_velocity_x", "float32", 28, 4, unit="rad/s", invalid="NaN"),
+            _cdr.Field("angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN"),
+            _cdr.Field("angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN"),
+            _cdr.Field("failure_flags", "uint32", 40, 4),
+            _cdr.Field("delta_yaw", "float32", 44, 4, unit="rad", invalid="NaN"),
+            _cdr.Field("delta_yaw_velocity", "float32", 48, 4, unit="rad/s", invalid="NaN"),
+            _cdr.Field("gimbal_device_id", "uint8", 52, 1),
+            _cdr.Field("received_from_mavlink", "bool", 53, 1),
         ),
     )

@@ -132,11 +132,11 @@ class GimbalDeviceInformation(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 149 of values."""
         try:
             if len(self.vendor_name) != 32:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.model_name) != 32:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.custom_name) != 32:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.vendor_name, self.model_name, self.custom_name,
                 self.firmware_version, self.hardware_version, self.uid, self.cap_flags, self.custom_cap_flags,
@@ -159,7 +159,7 @@ class GimbalDeviceInformation(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 156:
+        if header != _USUAL or not 153 <= len(data) <= 156:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -175,21 +175,21 @@ class GimbalDeviceInformation(_cdr.Message):
         message_version=0,
         topics=("gimbal_device_information",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("vendor_name", "uint8[32]", 8),
-            _cdr.Field("model_name", "uint8[32]", 40),
-            _cdr.Field("custom_name", "uint8[32]", 72),
-            _cdr.Field("firmware_version", "uint32", 104),
-            _cdr.Field("hardware_version", "uint32", 108),
-            _cdr.Field("uid", "uint64", 112),
-            _cdr.Field("cap_flags", "uint16", 120, enum="GIMBAL_DEVICE_CAP_FLAGS"),
-            _cdr.Field("custom_cap_flags", "uint16", 122),
-            _cdr.Field("roll_min", "float32", 124, unit="rad"),
-            _cdr.Field("roll_max", "float32", 128, unit="rad"),
-            _cdr.Field("pitch_min", "float32", 132, unit="rad"),
-            _cdr.Field("pitch_max", "float32", 136, unit="rad"),
-            _cdr.Field("yaw_min", "float32", 140, unit="rad"),
-            _cdr.Field("yaw_max", "float32", 144, unit="rad"),
-            _cdr.Field("gimbal_device_id", "uint8", 148),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("vendor_name", "uint8[32]", 8, 32),
+            _cdr.Field("model_name", "uint8[32]", 40, 32),
+            _cdr.Field("custom_name", "uint8[32]", 72, 32),
+            _cdr.Field("firmware_version", "uint32", 104, 4),
+            _cdr.Field("hardware_version", "uint32", 108, 4),
+            _cdr.Field("uid", "uint64", 112, 8),
+            _cdr.Field("cap_flags", "uint16", 120, 2, enum="GIMBAL_DEVICE_CAP_FLAGS"),
+            _cdr.Field("custom_cap_flags", "uint16", 122, 2),
+            _cdr.Field("roll_min", "float32", 124, 4, unit="rad"),
+            _cdr.Field("roll_max", "float32", 128, 4, unit="rad"),
+            _cdr.Field("pitch_min", "float32", 132, 4, unit="rad"),
+            _cdr.Field("pitch_max", "float32", 136, 4, unit="rad"),
+            _cdr.Field("yaw_min", "float32", 140, 4, unit="rad"),
+            _cdr.Field("yaw_max", "float32", 144, 4, unit="rad"),
+            _cdr.Field("gimbal_device_id", "uint8", 148, 1),
         ),
     )

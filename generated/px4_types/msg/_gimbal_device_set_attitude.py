@@ -105,7 +105,7 @@ class GimbalDeviceSetAttitude(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         return message
@@ -122,13 +122,13 @@ class GimbalDeviceSetAttitude(_cdr.Message):
         message_version=0,
         topics=("gimbal_device_set_attitude",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("target_system", "uint8", 8),
-            _cdr.Field("target_component", "uint8", 9),
-            _cdr.Field("flags", "uint16", 10, enum="GIMBAL_DEVICE_FLAGS"),
-            _cdr.Field("q", "float32[4]", 12, invalid="NaN"),
-            _cdr.Field("angular_velocity_x", "float32", 28, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_y", "float32", 32, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_z", "float32", 36, unit="rad/s", invalid="NaN"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("target_system", "uint8", 8, 1),
+            _cdr.Field("target_component", "uint8", 9, 1),
+            _cdr.Field("flags", "uint16", 10, 2, enum="GIMBAL_DEVICE_FLAGS"),
+            _cdr.Field("q", "float32[4]", 12, 16, invalid="NaN"),
+            _cdr.Field("angular_velocity_x", "float32", 28, 4, unit="rad/s", invalid="NaN"),
+            _cdr.Field("angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN"),
+            _cdr.Field("angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN"),
         ),
     )

@@ -119,7 +119,7 @@ class GimbalManagerInformation(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -135,14 +135,14 @@ class GimbalManagerInformation(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_information",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("cap_flags", "uint32", 8, enum="GIMBAL_MANAGER_CAP_FLAGS"),
-            _cdr.Field("gimbal_device_id", "uint8", 12),
-            _cdr.Field("roll_min", "float32", 16, unit="rad"),
-            _cdr.Field("roll_max", "float32", 20, unit="rad"),
-            _cdr.Field("pitch_min", "float32", 24, unit="rad"),
-            _cdr.Field("pitch_max", "float32", 28, unit="rad"),
-            _cdr.Field("yaw_min", "float32", 32, unit="rad"),
-            _cdr.Field("yaw_max", "float32", 36, unit="rad"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("cap_flags", "uint32", 8, 4, enum="GIMBAL_MANAGER_CAP_FLAGS"),
+            _cdr.Field("gimbal_device_id", "uint8", 12, 1),
+            _cdr.Field("roll_min", "float32", 16, 4, unit="rad"),
+            _cdr.Field("roll_max", "float32", 20, 4, unit="rad"),
+            _cdr.Field("pitch_min", "float32", 24, 4, unit="rad"),
+            _cdr.Field("pitch_max", "float32", 28, 4, unit="rad"),
+            _cdr.Field("yaw_min", "float32", 32, 4, unit="rad"),
+            _cdr.Field("yaw_max", "float32", 36, 4, unit="rad"),
         ),
     )

@@ -122,7 +122,7 @@ class GimbalManagerSetAttitude(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 55:
+        if header != _USUAL or not 52 <= len(data) <= 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         return message
@@ -139,16 +139,16 @@ class GimbalManagerSetAttitude(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_set_attitude",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("origin_sysid", "uint8", 8),
-            _cdr.Field("origin_compid", "uint8", 9),
-            _cdr.Field("target_system", "uint8", 10),
-            _cdr.Field("target_component", "uint8", 11),
-            _cdr.Field("flags", "uint32", 12),
-            _cdr.Field("gimbal_device_id", "uint8", 16),
-            _cdr.Field("q", "float32[4]", 20, invalid="NaN"),
-            _cdr.Field("angular_velocity_x", "float32", 36, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_y", "float32", 40, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_z", "float32", 44, unit="rad/s", invalid="NaN"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("origin_sysid", "uint8", 8, 1),
+            _cdr.Field("origin_compid", "uint8", 9, 1),
+            _cdr.Field("target_system", "uint8", 10, 1),
+            _cdr.Field("target_component", "uint8", 11, 1),
+            _cdr.Field("flags", "uint32", 12, 4),
+            _cdr.Field("gimbal_device_id", "uint8", 16, 1),
+            _cdr.Field("q", "float32[4]", 20, 16, invalid="NaN"),
+            _cdr.Field("angular_velocity_x", "float32", 36, 4, unit="rad/s", invalid="NaN"),
+            _cdr.Field("angular_velocity_y", "float32", 40, 4, unit="rad/s", invalid="NaN"),
+            _cdr.Field("angular_velocity_z", "float32", 44, 4, unit="rad/s", invalid="NaN"),
         ),
     )

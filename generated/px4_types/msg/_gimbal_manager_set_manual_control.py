@@ -117,7 +117,7 @@ class GimbalManagerSetManualControl(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 43:
+        if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -133,16 +133,16 @@ class GimbalManagerSetManualControl(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_set_manual_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("origin_sysid", "uint8", 8),
-            _cdr.Field("origin_compid", "uint8", 9),
-            _cdr.Field("target_system", "uint8", 10),
-            _cdr.Field("target_component", "uint8", 11),
-            _cdr.Field("flags", "uint32", 12, enum="GIMBAL_MANAGER_FLAGS"),
-            _cdr.Field("gimbal_device_id", "uint8", 16),
-            _cdr.Field("pitch", "float32", 20, unit="-", range="-1, 1", invalid="NaN"),
-            _cdr.Field("yaw", "float32", 24, unit="-", range="-1, 1", invalid="NaN"),
-            _cdr.Field("pitch_rate", "float32", 28, unit="-", range="-1, 1", invalid="NaN"),
-            _cdr.Field("yaw_rate", "float32", 32, unit="-", range="-1, 1", invalid="NaN"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("origin_sysid", "uint8", 8, 1),
+            _cdr.Field("origin_compid", "uint8", 9, 1),
+            _cdr.Field("target_system", "uint8", 10, 1),
+            _cdr.Field("target_component", "uint8", 11, 1),
+            _cdr.Field("flags", "uint32", 12, 4, enum="GIMBAL_MANAGER_FLAGS"),
+            _cdr.Field("gimbal_device_id", "uint8", 16, 1),
+            _cdr.Field("pitch", "float32", 20, 4, unit="-", range="-1, 1", invalid="NaN"),
+            _cdr.Field("yaw", "float32", 24, 4, unit="-", range="-1, 1", invalid="NaN"),
+            _cdr.Field("pitch_rate", "float32", 28, 4, unit="-", range="-1, 1", invalid="NaN"),
+            _cdr.Field("yaw_rate", "float32", 32, 4, unit="-", range="-1, 1", invalid="NaN"),
         ),
     )

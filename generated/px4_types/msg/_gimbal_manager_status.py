@@ -90,7 +90,7 @@ class GimbalManagerStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 24:
+        if header != _USUAL or not 21 <= len(data) <= 24:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -106,12 +106,12 @@ class GimbalManagerStatus(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("flags", "uint32", 8),
-            _cdr.Field("gimbal_device_id", "uint8", 12),
-            _cdr.Field("primary_control_sysid", "uint8", 13),
-            _cdr.Field("primary_control_compid", "uint8", 14),
-            _cdr.Field("secondary_control_sysid", "uint8", 15),
-            _cdr.Field("secondary_control_compid", "uint8", 16),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("flags", "uint32", 8, 4),
+            _cdr.Field("gimbal_device_id", "uint8", 12, 1),
+            _cdr.Field("primary_control_sysid", "uint8", 13, 1),
+            _cdr.Field("primary_control_compid", "uint8", 14, 1),
+            _cdr.Field("secondary_control_sysid", "uint8", 15, 1),
+            _cdr.Field("secondary_control_compid", "uint8", 16, 1),
         ),
     )

@@ -94,10 +94,10 @@ class GotoSetpoint(_cdr.Message):
         try:
             (position_0, position_1, position_2) = self.position
             if (
-                self.flag_control_heading | self.flag_set_max_horizontal_speed
+                False | self.flag_control_heading | self.flag_set_max_horizontal_speed
                 | self.flag_set_max_vertical_speed | self.flag_set_max_heading_rate
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, position_0, position_1, position_2, self.flag_control_heading,
                 self.heading, self.flag_set_max_horizontal_speed, self.max_horizontal_speed,
@@ -120,7 +120,7 @@ class GotoSetpoint(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 59:
+        if header != _USUAL or not 56 <= len(data) <= 59:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position = (position_0, position_1, position_2)
         return message
@@ -137,15 +137,15 @@ class GotoSetpoint(_cdr.Message):
         message_version=0,
         topics=("goto_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("position", "float32[3]", 8, unit="m", frame="NED"),
-            _cdr.Field("flag_control_heading", "bool", 20),
-            _cdr.Field("heading", "float32", 24, unit="rad", range="-pi, pi"),
-            _cdr.Field("flag_set_max_horizontal_speed", "bool", 28),
-            _cdr.Field("max_horizontal_speed", "float32", 32, unit="m/s"),
-            _cdr.Field("flag_set_max_vertical_speed", "bool", 36),
-            _cdr.Field("max_vertical_speed", "float32", 40, unit="m/s"),
-            _cdr.Field("flag_set_max_heading_rate", "bool", 44),
-            _cdr.Field("max_heading_rate", "float32", 48, unit="rad/s"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("position", "float32[3]", 8, 12, unit="m", frame="NED"),
+            _cdr.Field("flag_control_heading", "bool", 20, 1),
+            _cdr.Field("heading", "float32", 24, 4, unit="rad", range="-pi, pi"),
+            _cdr.Field("flag_set_max_horizontal_speed", "bool", 28, 1),
+            _cdr.Field("max_horizontal_speed", "float32", 32, 4, unit="m/s"),
+            _cdr.Field("flag_set_max_vertical_speed", "bool", 36, 1),
+            _cdr.Field("max_vertical_speed", "float32", 40, 4, unit="m/s"),
+            _cdr.Field("flag_set_max_heading_rate", "bool", 44, 1),
+            _cdr.Field("max_heading_rate", "float32", 48, 4, unit="rad/s"),
         ),
     )

@@ -81,7 +81,7 @@ class GpioConfig(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 31:
+        if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -97,10 +97,10 @@ class GpioConfig(_cdr.Message):
         message_version=0,
         topics=("gpio_config",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("device_id", "uint32", 8),
-            _cdr.Field("mask", "uint32", 12),
-            _cdr.Field("state", "uint32", 16),
-            _cdr.Field("config", "uint32", 20),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 8, 4),
+            _cdr.Field("mask", "uint32", 12, 4),
+            _cdr.Field("state", "uint32", 16, 4),
+            _cdr.Field("config", "uint32", 20, 4),
         ),
     )

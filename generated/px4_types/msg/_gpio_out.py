@@ -61,7 +61,7 @@ class GpioOut(_cdr.Message):
             (header, message.timestamp, message.device_id, message.mask, message.state) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -77,9 +77,9 @@ class GpioOut(_cdr.Message):
         message_version=0,
         topics=("gpio_out",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("device_id", "uint32", 8),
-            _cdr.Field("mask", "uint32", 12),
-            _cdr.Field("state", "uint32", 16),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 8, 4),
+            _cdr.Field("mask", "uint32", 12, 4),
+            _cdr.Field("state", "uint32", 16, 4),
         ),
     )

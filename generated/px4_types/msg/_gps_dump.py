@@ -55,7 +55,7 @@ class GpsDump(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 89 of values."""
         try:
             if len(self.data) != 79:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.instance, self.len, self.data)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -68,7 +68,7 @@ class GpsDump(_cdr.Message):
             (header, message.timestamp, message.instance, message.len, message.data) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 96:
+        if header != _USUAL or not 93 <= len(data) <= 96:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -84,9 +84,9 @@ class GpsDump(_cdr.Message):
         message_version=0,
         topics=("gps_dump",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("instance", "uint8", 8),
-            _cdr.Field("len", "uint8", 9),
-            _cdr.Field("data", "uint8[79]", 10),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("instance", "uint8", 8, 1),
+            _cdr.Field("len", "uint8", 9, 1),
+            _cdr.Field("data", "uint8[79]", 10, 79),
         ),
     )

@@ -59,7 +59,7 @@ class GpsInjectData(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 315 of values."""
         try:
             if len(self.data) != 300:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.device_id, self.len, self.flags, self.data)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -74,7 +74,7 @@ class GpsInjectData(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 322:
+        if header != _USUAL or not 319 <= len(data) <= 322:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -90,10 +90,10 @@ class GpsInjectData(_cdr.Message):
         message_version=0,
         topics=("gps_inject_data",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("device_id", "uint32", 8),
-            _cdr.Field("len", "uint16", 12, unit="bytes"),
-            _cdr.Field("flags", "uint8", 14),
-            _cdr.Field("data", "uint8[300]", 15),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 8, 4),
+            _cdr.Field("len", "uint16", 12, 2, unit="bytes"),
+            _cdr.Field("flags", "uint8", 14, 1),
+            _cdr.Field("data", "uint8[300]", 15, 300),
         ),
     )

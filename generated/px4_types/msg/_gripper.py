@@ -54,7 +54,7 @@ class Gripper(_cdr.Message):
             (header, message.timestamp, message.command) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 16:
+        if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -70,7 +70,7 @@ class Gripper(_cdr.Message):
         message_version=0,
         topics=("gripper",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("command", "int8", 8, enum="COMMAND"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("command", "int8", 8, 1, enum="COMMAND"),
         ),
     )

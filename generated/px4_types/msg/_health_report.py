@@ -99,7 +99,7 @@ class HealthReport(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 71:
+        if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -115,13 +115,13 @@ class HealthReport(_cdr.Message):
         message_version=0,
         topics=("health_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("can_arm_mode_flags", "uint64", 8),
-            _cdr.Field("can_run_mode_flags", "uint64", 16),
-            _cdr.Field("health_is_present_flags", "uint64", 24),
-            _cdr.Field("health_warning_flags", "uint64", 32),
-            _cdr.Field("health_error_flags", "uint64", 40),
-            _cdr.Field("arming_check_warning_flags", "uint64", 48),
-            _cdr.Field("arming_check_error_flags", "uint64", 56),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("can_arm_mode_flags", "uint64", 8, 8),
+            _cdr.Field("can_run_mode_flags", "uint64", 16, 8),
+            _cdr.Field("health_is_present_flags", "uint64", 24, 8),
+            _cdr.Field("health_warning_flags", "uint64", 32, 8),
+            _cdr.Field("health_error_flags", "uint64", 40, 8),
+            _cdr.Field("arming_check_warning_flags", "uint64", 48, 8),
+            _cdr.Field("arming_check_error_flags", "uint64", 56, 8),
         ),
     )

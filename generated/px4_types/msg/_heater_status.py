@@ -100,8 +100,8 @@ class HeaterStatus(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 45 of values."""
         try:
-            if (self.heater_on | self.temperature_target_met) not in (0, 1):
-                raise ValueError
+            if (False | self.heater_on | self.temperature_target_met) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.device_id, self.heater_on, self.temperature_target_met,
                 self.temperature_sensor, self.temperature_target, self.controller_period_usec,
@@ -124,7 +124,7 @@ class HeaterStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 52:
+        if header != _USUAL or not 49 <= len(data) <= 52:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -140,17 +140,17 @@ class HeaterStatus(_cdr.Message):
         message_version=0,
         topics=("heater_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("device_id", "uint32", 8),
-            _cdr.Field("heater_on", "bool", 12),
-            _cdr.Field("temperature_target_met", "bool", 13),
-            _cdr.Field("temperature_sensor", "float32", 16, unit="degC"),
-            _cdr.Field("temperature_target", "float32", 20, unit="degC"),
-            _cdr.Field("controller_period_usec", "uint32", 24, unit="us"),
-            _cdr.Field("controller_time_on_usec", "uint32", 28, unit="us"),
-            _cdr.Field("proportional_value", "float32", 32, unit="-"),
-            _cdr.Field("integrator_value", "float32", 36, unit="-"),
-            _cdr.Field("feed_forward_value", "float32", 40, unit="-"),
-            _cdr.Field("mode", "uint8", 44, enum="MODE"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 8, 4),
+            _cdr.Field("heater_on", "bool", 12, 1),
+            _cdr.Field("temperature_target_met", "bool", 13, 1),
+            _cdr.Field("temperature_sensor", "float32", 16, 4, unit="degC"),
+            _cdr.Field("temperature_target", "float32", 20, 4, unit="degC"),
+            _cdr.Field("controller_period_usec", "uint32", 24, 4, unit="us"),
+            _cdr.Field("controller_time_on_usec", "uint32", 28, 4, unit="us"),
+            _cdr.Field("proportional_value", "float32", 32, 4, unit="-"),
+            _cdr.Field("integrator_value", "float32", 36, 4, unit="-"),
+            _cdr.Field("feed_forward_value", "float32", 40, 4, unit="-"),
+            _cdr.Field("mode", "uint8", 44, 1, enum="MODE"),
         ),
     )

@@ -115,8 +115,8 @@ class HomePosition(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 60 of values."""
         try:
-            if (self.valid_alt | self.valid_hpos | self.valid_lpos | self.manual_home) not in (0, 1):
-                raise ValueError
+            if (False | self.valid_alt | self.valid_hpos | self.valid_lpos | self.manual_home) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.lat, self.lon, self.alt, self.x, self.y, self.z, self.roll,
                 self.pitch, self.yaw, self.valid_alt, self.valid_hpos, self.valid_lpos, self.manual_home,
@@ -137,7 +137,7 @@ class HomePosition(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 67:
+        if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -153,20 +153,20 @@ class HomePosition(_cdr.Message):
         message_version=1,
         topics=("home_position",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("lat", "float64", 8, unit="deg"),
-            _cdr.Field("lon", "float64", 16, unit="deg"),
-            _cdr.Field("alt", "float32", 24, unit="m"),
-            _cdr.Field("x", "float32", 28, unit="m", frame="NED"),
-            _cdr.Field("y", "float32", 32, unit="m", frame="NED"),
-            _cdr.Field("z", "float32", 36, unit="m", frame="NED"),
-            _cdr.Field("roll", "float32", 40, unit="rad"),
-            _cdr.Field("pitch", "float32", 44, unit="rad"),
-            _cdr.Field("yaw", "float32", 48, unit="rad", frame="NED"),
-            _cdr.Field("valid_alt", "bool", 52),
-            _cdr.Field("valid_hpos", "bool", 53),
-            _cdr.Field("valid_lpos", "bool", 54),
-            _cdr.Field("manual_home", "bool", 55),
-            _cdr.Field("update_count", "uint32", 56),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("lat", "float64", 8, 8, unit="deg"),
+            _cdr.Field("lon", "float64", 16, 8, unit="deg"),
+            _cdr.Field("alt", "float32", 24, 4, unit="m"),
+            _cdr.Field("x", "float32", 28, 4, unit="m", frame="NED"),
+            _cdr.Field("y", "float32", 32, 4, unit="m", frame="NED"),
+            _cdr.Field("z", "float32", 36, 4, unit="m", frame="NED"),
+            _cdr.Field("roll", "float32", 40, 4, unit="rad"),
+            _cdr.Field("pitch", "float32", 44, 4, unit="rad"),
+            _cdr.Field("yaw", "float32", 48, 4, unit="rad", frame="NED"),
+            _cdr.Field("valid_alt", "bool", 52, 1),
+            _cdr.Field("valid_hpos", "bool", 53, 1),
+            _cdr.Field("valid_lpos", "bool", 54, 1),
+            _cdr.Field("manual_home", "bool", 55, 1),
+            _cdr.Field("update_count", "uint32", 56, 4),
         ),
     )

@@ -81,8 +81,8 @@ class HoverThrustEstimate(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 41 of values."""
         try:
-            if (self.valid) not in (0, 1):
-                raise ValueError
+            if (False | self.valid) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.hover_thrust, self.hover_thrust_var,
                 self.accel_innov, self.accel_innov_var, self.accel_innov_test_ratio, self.accel_noise_var,
@@ -103,7 +103,7 @@ class HoverThrustEstimate(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 48:
+        if header != _USUAL or not 45 <= len(data) <= 48:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -119,14 +119,14 @@ class HoverThrustEstimate(_cdr.Message):
         message_version=0,
         topics=("hover_thrust_estimate",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("hover_thrust", "float32", 16, unit="norm", range="0.1, 0.9"),
-            _cdr.Field("hover_thrust_var", "float32", 20, unit="-"),
-            _cdr.Field("accel_innov", "float32", 24, unit="m/s^2"),
-            _cdr.Field("accel_innov_var", "float32", 28, unit="(m/s^2)^2"),
-            _cdr.Field("accel_innov_test_ratio", "float32", 32, unit="-"),
-            _cdr.Field("accel_noise_var", "float32", 36, unit="(m/s^2)^2"),
-            _cdr.Field("valid", "bool", 40),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("hover_thrust", "float32", 16, 4, unit="norm", range="0.1, 0.9"),
+            _cdr.Field("hover_thrust_var", "float32", 20, 4, unit="-"),
+            _cdr.Field("accel_innov", "float32", 24, 4, unit="m/s^2"),
+            _cdr.Field("accel_innov_var", "float32", 28, 4, unit="(m/s^2)^2"),
+            _cdr.Field("accel_innov_test_ratio", "float32", 32, 4, unit="-"),
+            _cdr.Field("accel_noise_var", "float32", 36, 4, unit="(m/s^2)^2"),
+            _cdr.Field("valid", "bool", 40, 1),
         ),
     )

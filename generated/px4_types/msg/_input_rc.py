@@ -127,8 +127,8 @@ class InputRc(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
         try:
-            if (self.rc_failsafe | self.rc_lost) not in (0, 1):
-                raise ValueError
+            if (False | self.rc_failsafe | self.rc_lost) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_last_signal, self.channel_count, self.rssi,
                 self.rc_failsafe, self.rc_lost, self.rc_lost_frame_count, self.rc_total_frame_count,
@@ -151,7 +151,7 @@ class InputRc(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 83:
+        if header != _USUAL or not 80 <= len(data) <= 83:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.values = _arrays.from_raw("H", values_raw)
         return message
@@ -168,18 +168,18 @@ class InputRc(_cdr.Message):
         message_version=0,
         topics=("input_rc",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_last_signal", "uint64", 8, unit="us"),
-            _cdr.Field("channel_count", "uint8", 16),
-            _cdr.Field("rssi", "int32", 20, range="0, 100", invalid="-1"),
-            _cdr.Field("rc_failsafe", "bool", 24),
-            _cdr.Field("rc_lost", "bool", 25),
-            _cdr.Field("rc_lost_frame_count", "uint16", 26),
-            _cdr.Field("rc_total_frame_count", "uint16", 28),
-            _cdr.Field("rc_ppm_frame_length", "uint16", 30, unit="us", invalid="0"),
-            _cdr.Field("input_source", "uint8", 32, enum="RC_INPUT_SOURCE"),
-            _cdr.Field("values", "uint16[18]", 34, unit="us"),
-            _cdr.Field("link_quality", "int8", 70, unit="%", range="0, 100", invalid="-1"),
-            _cdr.Field("rssi_dbm", "float32", 72, unit="dBm", invalid="NaN"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_last_signal", "uint64", 8, 8, unit="us"),
+            _cdr.Field("channel_count", "uint8", 16, 1),
+            _cdr.Field("rssi", "int32", 20, 4, range="0, 100", invalid="-1"),
+            _cdr.Field("rc_failsafe", "bool", 24, 1),
+            _cdr.Field("rc_lost", "bool", 25, 1),
+            _cdr.Field("rc_lost_frame_count", "uint16", 26, 2),
+            _cdr.Field("rc_total_frame_count", "uint16", 28, 2),
+            _cdr.Field("rc_ppm_frame_length", "uint16", 30, 2, unit="us", invalid="0"),
+            _cdr.Field("input_source", "uint8", 32, 1, enum="RC_INPUT_SOURCE"),
+            _cdr.Field("values", "uint16[18]", 34, 36, unit="us"),
+            _cdr.Field("link_quality", "int8", 70, 1, unit="%", range="0, 100", invalid="-1"),
+            _cdr.Field("rssi_dbm", "float32", 72, 4, unit="dBm", invalid="NaN"),
         ),
     )

@@ -68,8 +68,8 @@ class InternalCombustionEngineControl(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 25 of values."""
         try:
-            if (self.ignition_on) not in (0, 1):
-                raise ValueError
+            if (False | self.ignition_on) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.ignition_on, self.throttle_control, self.choke_control,
                 self.starter_engine_control, self.user_request,
@@ -88,7 +88,7 @@ class InternalCombustionEngineControl(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 32:
+        if header != _USUAL or not 29 <= len(data) <= 32:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -104,11 +104,11 @@ class InternalCombustionEngineControl(_cdr.Message):
         message_version=0,
         topics=("internal_combustion_engine_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("ignition_on", "bool", 8),
-            _cdr.Field("throttle_control", "float32", 12, unit="norm", range="0,1"),
-            _cdr.Field("choke_control", "float32", 16, unit="norm", range="0,1"),
-            _cdr.Field("starter_engine_control", "float32", 20, unit="norm", range="0,1"),
-            _cdr.Field("user_request", "uint8", 24),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("ignition_on", "bool", 8, 1),
+            _cdr.Field("throttle_control", "float32", 12, 4, unit="norm", range="0,1"),
+            _cdr.Field("choke_control", "float32", 16, 4, unit="norm", range="0,1"),
+            _cdr.Field("starter_engine_control", "float32", 20, 4, unit="norm", range="0,1"),
+            _cdr.Field("user_request", "uint8", 24, 1),
         ),
     )

@@ -227,7 +227,7 @@ class InternalCombustionEngineStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 95:
+        if header != _USUAL or not 92 <= len(data) <= 95:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -243,28 +243,28 @@ class InternalCombustionEngineStatus(_cdr.Message):
         message_version=0,
         topics=("internal_combustion_engine_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("state", "uint8", 8, enum="STATE"),
-            _cdr.Field("flags", "uint32", 12, enum="FLAG"),
-            _cdr.Field("engine_load_percent", "uint8", 16, unit="%", range="0, 127"),
-            _cdr.Field("engine_speed_rpm", "uint32", 20, unit="rpm"),
-            _cdr.Field("spark_dwell_time_ms", "float32", 24, unit="ms"),
-            _cdr.Field("atmospheric_pressure_kpa", "float32", 28, unit="kPa"),
-            _cdr.Field("intake_manifold_pressure_kpa", "float32", 32, unit="kPa"),
-            _cdr.Field("intake_manifold_temperature", "float32", 36, unit="K"),
-            _cdr.Field("coolant_temperature", "float32", 40, unit="K"),
-            _cdr.Field("oil_pressure", "float32", 44, unit="kPa"),
-            _cdr.Field("oil_temperature", "float32", 48, unit="K"),
-            _cdr.Field("fuel_pressure", "float32", 52, unit="kPa"),
-            _cdr.Field("fuel_consumption_rate_cm3pm", "float32", 56, unit="cm^3/min"),
-            _cdr.Field("estimated_consumed_fuel_volume_cm3", "float32", 60, unit="cm^3"),
-            _cdr.Field("throttle_position_percent", "uint8", 64, unit="%"),
-            _cdr.Field("ecu_index", "uint8", 65),
-            _cdr.Field("spark_plug_usage", "uint8", 66, enum="SPARK_PLUG"),
-            _cdr.Field("ignition_timing_deg", "float32", 68, unit="deg"),
-            _cdr.Field("injection_time_ms", "float32", 72, unit="ms"),
-            _cdr.Field("cylinder_head_temperature", "float32", 76, unit="K"),
-            _cdr.Field("exhaust_gas_temperature", "float32", 80, unit="K"),
-            _cdr.Field("lambda_coefficient", "float32", 84, unit="-"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("state", "uint8", 8, 1, enum="STATE"),
+            _cdr.Field("flags", "uint32", 12, 4, enum="FLAG"),
+            _cdr.Field("engine_load_percent", "uint8", 16, 1, unit="%", range="0, 127"),
+            _cdr.Field("engine_speed_rpm", "uint32", 20, 4, unit="rpm"),
+            _cdr.Field("spark_dwell_time_ms", "float32", 24, 4, unit="ms"),
+            _cdr.Field("atmospheric_pressure_kpa", "float32", 28, 4, unit="kPa"),
+            _cdr.Field("intake_manifold_pressure_kpa", "float32", 32, 4, unit="kPa"),
+            _cdr.Field("intake_manifold_temperature", "float32", 36, 4, unit="K"),
+            _cdr.Field("coolant_temperature", "float32", 40, 4, unit="K"),
+            _cdr.Field("oil_pressure", "float32", 44, 4, unit="kPa"),
+            _cdr.Field("oil_temperature", "float32", 48, 4, unit="K"),
+            _cdr.Field("fuel_pressure", "float32", 52, 4, unit="kPa"),
+            _cdr.Field("fuel_consumption_rate_cm3pm", "float32", 56, 4, unit="cm^3/min"),
+            _cdr.Field("estimated_consumed_fuel_volume_cm3", "float32", 60, 4, unit="cm^3"),
+            _cdr.Field("throttle_position_percent", "uint8", 64, 1, unit="%"),
+            _cdr.Field("ecu_index", "uint8", 65, 1),
+            _cdr.Field("spark_plug_usage", "uint8", 66, 1, enum="SPARK_PLUG"),
+            _cdr.Field("ignition_timing_deg", "float32", 68, 4, unit="deg"),
+            _cdr.Field("injection_time_ms", "float32", 72, 4, unit="ms"),
+            _cdr.Field("cylinder_head_temperature", "float32", 76, 4, unit="K"),
+            _cdr.Field("exhaust_gas_temperature", "float32", 80, 4, unit="K"),
+            _cdr.Field("lambda_coefficient", "float32", 84, 4, unit="-"),
         ),
     )

@@ -114,10 +114,10 @@ class IridiumsbdStatus(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 35 of values."""
         try:
             if (
-                self.ring_pending | self.tx_buf_write_pending | self.tx_session_pending
+                False | self.ring_pending | self.tx_buf_write_pending | self.tx_session_pending
                 | self.rx_read_pending | self.rx_session_pending
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.last_at_ok_timestamp, self.tx_buf_write_index,
                 self.rx_buf_read_index, self.rx_buf_end_index, self.failed_sbd_sessions,
@@ -142,7 +142,7 @@ class IridiumsbdStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 42:
+        if header != _USUAL or not 39 <= len(data) <= 42:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -158,20 +158,20 @@ class IridiumsbdStatus(_cdr.Message):
         message_version=0,
         topics=("iridiumsbd_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("last_at_ok_timestamp", "uint64", 8, unit="us"),
-            _cdr.Field("tx_buf_write_index", "uint16", 16, unit="bytes"),
-            _cdr.Field("rx_buf_read_index", "uint16", 18, unit="bytes"),
-            _cdr.Field("rx_buf_end_index", "uint16", 20, unit="bytes"),
-            _cdr.Field("failed_sbd_sessions", "uint16", 22),
-            _cdr.Field("successful_sbd_sessions", "uint16", 24),
-            _cdr.Field("num_tx_buf_reset", "uint16", 26),
-            _cdr.Field("signal_quality", "uint8", 28, range="0, 5"),
-            _cdr.Field("state", "uint8", 29),
-            _cdr.Field("ring_pending", "bool", 30),
-            _cdr.Field("tx_buf_write_pending", "bool", 31),
-            _cdr.Field("tx_session_pending", "bool", 32),
-            _cdr.Field("rx_read_pending", "bool", 33),
-            _cdr.Field("rx_session_pending", "bool", 34),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("last_at_ok_timestamp", "uint64", 8, 8, unit="us"),
+            _cdr.Field("tx_buf_write_index", "uint16", 16, 2, unit="bytes"),
+            _cdr.Field("rx_buf_read_index", "uint16", 18, 2, unit="bytes"),
+            _cdr.Field("rx_buf_end_index", "uint16", 20, 2, unit="bytes"),
+            _cdr.Field("failed_sbd_sessions", "uint16", 22, 2),
+            _cdr.Field("successful_sbd_sessions", "uint16", 24, 2),
+            _cdr.Field("num_tx_buf_reset", "uint16", 26, 2),
+            _cdr.Field("signal_quality", "uint8", 28, 1, range="0, 5"),
+            _cdr.Field("state", "uint8", 29, 1),
+            _cdr.Field("ring_pending", "bool", 30, 1),
+            _cdr.Field("tx_buf_write_pending", "bool", 31, 1),
+            _cdr.Field("tx_session_pending", "bool", 32, 1),
+            _cdr.Field("rx_read_pending", "bool", 33, 1),
+            _cdr.Field("rx_session_pending", "bool", 34, 1),
         ),
     )

@@ -77,7 +77,7 @@ class IrlockReport(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 35:
+        if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -93,11 +93,11 @@ class IrlockReport(_cdr.Message):
         message_version=0,
         topics=("irlock_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("signature", "uint16", 8),
-            _cdr.Field("pos_x", "float32", 12, unit="-"),
-            _cdr.Field("pos_y", "float32", 16, unit="-"),
-            _cdr.Field("size_x", "float32", 20, unit="-"),
-            _cdr.Field("size_y", "float32", 24, unit="-"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("signature", "uint16", 8, 2),
+            _cdr.Field("pos_x", "float32", 12, 4, unit="-"),
+            _cdr.Field("pos_y", "float32", 16, 4, unit="-"),
+            _cdr.Field("size_x", "float32", 20, 4, unit="-"),
+            _cdr.Field("size_y", "float32", 24, 4, unit="-"),
         ),
     )

@@ -61,7 +61,7 @@ class LandingGear(_cdr.Message):
             (header, message.timestamp, message.landing_gear) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 16:
+        if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -77,7 +77,7 @@ class LandingGear(_cdr.Message):
         message_version=0,
         topics=("landing_gear",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("landing_gear", "int8", 8, enum="GEAR"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("landing_gear", "int8", 8, 1, enum="GEAR"),
         ),
     )

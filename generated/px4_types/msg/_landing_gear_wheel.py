@@ -52,7 +52,7 @@ class LandingGearWheel(_cdr.Message):
             (header, message.timestamp, message.normalized_wheel_setpoint) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 19:
+        if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -68,7 +68,7 @@ class LandingGearWheel(_cdr.Message):
         message_version=0,
         topics=("landing_gear_wheel",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("normalized_wheel_setpoint", "float32", 8, range="-1, 1"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("normalized_wheel_setpoint", "float32", 8, 4, range="-1, 1"),
         ),
     )

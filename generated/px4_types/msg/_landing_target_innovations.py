@@ -71,7 +71,7 @@ class LandingTargetInnovations(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 31:
+        if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -87,10 +87,10 @@ class LandingTargetInnovations(_cdr.Message):
         message_version=0,
         topics=("landing_target_innovations",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("innov_x", "float32", 8, unit="m", frame="NED"),
-            _cdr.Field("innov_y", "float32", 12, unit="m", frame="NED"),
-            _cdr.Field("innov_cov_x", "float32", 16, unit="m^2"),
-            _cdr.Field("innov_cov_y", "float32", 20, unit="m^2"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("innov_x", "float32", 8, 4, unit="m", frame="NED"),
+            _cdr.Field("innov_y", "float32", 12, 4, unit="m", frame="NED"),
+            _cdr.Field("innov_cov_x", "float32", 16, 4, unit="m^2"),
+            _cdr.Field("innov_cov_y", "float32", 20, 4, unit="m^2"),
         ),
     )

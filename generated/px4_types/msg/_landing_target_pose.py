@@ -123,8 +123,8 @@ class LandingTargetPose(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 64 of values."""
         try:
-            if (self.is_static | self.rel_pos_valid | self.rel_vel_valid | self.abs_pos_valid) not in (0, 1):
-                raise ValueError
+            if (False | self.is_static | self.rel_pos_valid | self.rel_vel_valid | self.abs_pos_valid) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.is_static, self.rel_pos_valid, self.rel_vel_valid, self.x_rel,
                 self.y_rel, self.z_rel, self.vx_rel, self.vy_rel, self.cov_x_rel, self.cov_y_rel,
@@ -146,7 +146,7 @@ class LandingTargetPose(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 71:
+        if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -162,22 +162,22 @@ class LandingTargetPose(_cdr.Message):
         message_version=0,
         topics=("landing_target_pose",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("is_static", "bool", 8),
-            _cdr.Field("rel_pos_valid", "bool", 9),
-            _cdr.Field("rel_vel_valid", "bool", 10),
-            _cdr.Field("x_rel", "float32", 12, unit="m", frame="NED"),
-            _cdr.Field("y_rel", "float32", 16, unit="m", frame="NED"),
-            _cdr.Field("z_rel", "float32", 20, unit="m", frame="NED"),
-            _cdr.Field("vx_rel", "float32", 24, unit="m/s", frame="NED"),
-            _cdr.Field("vy_rel", "float32", 28, unit="m/s", frame="NED"),
-            _cdr.Field("cov_x_rel", "float32", 32, unit="m^2"),
-            _cdr.Field("cov_y_rel", "float32", 36, unit="m^2"),
-            _cdr.Field("cov_vx_rel", "float32", 40, unit="m^2/s^2"),
-            _cdr.Field("cov_vy_rel", "float32", 44, unit="m^2/s^2"),
-            _cdr.Field("abs_pos_valid", "bool", 48),
-            _cdr.Field("x_abs", "float32", 52, unit="m", frame="NED"),
-            _cdr.Field("y_abs", "float32", 56, unit="m", frame="NED"),
-            _cdr.Field("z_abs", "float32", 60, unit="m", frame="NED"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("is_static", "bool", 8, 1),
+            _cdr.Field("rel_pos_valid", "bool", 9, 1),
+            _cdr.Field("rel_vel_valid", "bool", 10, 1),
+            _cdr.Field("x_rel", "float32", 12, 4, unit="m", frame="NED"),
+            _cdr.Field("y_rel", "float32", 16, 4, unit="m", frame="NED"),
+            _cdr.Field("z_rel", "float32", 20, 4, unit="m", frame="NED"),
+            _cdr.Field("vx_rel", "float32", 24, 4, unit="m/s", frame="NED"),
+            _cdr.Field("vy_rel", "float32", 28, 4, unit="m/s", frame="NED"),
+            _cdr.Field("cov_x_rel", "float32", 32, 4, unit="m^2"),
+            _cdr.Field("cov_y_rel", "float32", 36, 4, unit="m^2"),
+            _cdr.Field("cov_vx_rel", "float32", 40, 4, unit="m^2/s^2"),
+            _cdr.Field("cov_vy_rel", "float32", 44, 4, unit="m^2/s^2"),
+            _cdr.Field("abs_pos_valid", "bool", 48, 1),
+            _cdr.Field("x_abs", "float32", 52, 4, unit="m", frame="NED"),
+            _cdr.Field("y_abs", "float32", 56, 4, unit="m", frame="NED"),
+            _cdr.Field("z_abs", "float32", 60, 4, unit="m", frame="NED"),
         ),
     )

@@ -56,7 +56,7 @@ class LateralControlConfiguration(_cdr.Message):
             (header, message.timestamp, message.lateral_accel_max) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 19:
+        if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -72,7 +72,7 @@ class LateralControlConfiguration(_cdr.Message):
         message_version=0,
         topics=("lateral_control_configuration",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("lateral_accel_max", "float32", 8, unit="m/s^2", invalid="NaN"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("lateral_accel_max", "float32", 8, 4, unit="m/s^2", invalid="NaN"),
         ),
     )

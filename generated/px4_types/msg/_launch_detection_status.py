@@ -59,7 +59,7 @@ class LaunchDetectionStatus(_cdr.Message):
             (header, message.timestamp, message.launch_detection_state) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 16:
+        if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -75,7 +75,7 @@ class LaunchDetectionStatus(_cdr.Message):
         message_version=0,
         topics=("launch_detection_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("launch_detection_state", "uint8", 8, enum="STATE"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("launch_detection_state", "uint8", 8, 1, enum="STATE"),
         ),
     )

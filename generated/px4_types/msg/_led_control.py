@@ -110,7 +110,7 @@ class LedControl(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 20:
+        if header != _USUAL or not 17 <= len(data) <= 20:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -126,11 +126,11 @@ class LedControl(_cdr.Message):
         message_version=0,
         topics=("led_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("led_mask", "uint8", 8),
-            _cdr.Field("color", "uint8", 9, enum="COLOR"),
-            _cdr.Field("mode", "uint8", 10, enum="MODE"),
-            _cdr.Field("num_blinks", "uint8", 11),
-            _cdr.Field("priority", "uint8", 12, range="0, 2"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("led_mask", "uint8", 8, 1),
+            _cdr.Field("color", "uint8", 9, 1, enum="COLOR"),
+            _cdr.Field("mode", "uint8", 10, 1, enum="MODE"),
+            _cdr.Field("num_blinks", "uint8", 11, 1),
+            _cdr.Field("priority", "uint8", 12, 1, range="0, 2"),
         ),
     )

@@ -97,11 +97,11 @@ class LoggerStatus(_cdr.Message):
         self.buffer_size_bytes = buffer_size_bytes
         self.num_messages = num_messages
 
-    def encode(self) -> bytes:
+    def encode(self) -> builtins.bytes:
         """Return the message as a CDR sample: 4 bytes of header, 37 of values."""
         try:
-            if (self.is_logging) not in (0, 1):
-                raise ValueError
+            if (False | self.is_logging) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.type, self.backend, self.is_logging, self.total_written_kb,
                 self.write_rate_kb_s, self.dropouts, self.message_gaps, self.buffer_used_bytes,
@@ -111,7 +111,7 @@ class LoggerStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> LoggerStatus:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> LoggerStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -122,7 +122,7 @@ class LoggerStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 44:
+        if header != _USUAL or not 41 <= len(data) <= 44:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -138,16 +138,16 @@ class LoggerStatus(_cdr.Message):
         message_version=0,
         topics=("logger_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("type", "uint8", 8, enum="LOGGER_TYPE"),
-            _cdr.Field("backend", "uint8", 9, enum="BACKEND"),
-            _cdr.Field("is_logging", "bool", 10),
-            _cdr.Field("total_written_kb", "float32", 12, unit="kB"),
-            _cdr.Field("write_rate_kb_s", "float32", 16, unit="kB/s"),
-            _cdr.Field("dropouts", "uint32", 20),
-            _cdr.Field("message_gaps", "uint32", 24),
-            _cdr.Field("buffer_used_bytes", "uint32", 28, unit="bytes"),
-            _cdr.Field("buffer_size_bytes", "uint32", 32, unit="bytes"),
-            _cdr.Field("num_messages", "uint8", 36),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("type", "uint8", 8, 1, enum="LOGGER_TYPE"),
+            _cdr.Field("backend", "uint8", 9, 1, enum="BACKEND"),
+            _cdr.Field("is_logging", "bool", 10, 1),
+            _cdr.Field("total_written_kb", "float32", 12, 4, unit="kB"),
+            _cdr.Field("write_rate_kb_s", "float32", 16, 4, unit="kB/s"),
+            _cdr.Field("dropouts", "uint32", 20, 4),
+            _cdr.Field("message_gaps", "uint32", 24, 4),
+            _cdr.Field("buffer_used_bytes", "uint32", 28, 4, unit="bytes"),
+            _cdr.Field("buffer_size_bytes", "uint32", 32, 4, unit="bytes"),
+            _cdr.Field("num_messages", "uint8", 36, 1),
         ),
     )

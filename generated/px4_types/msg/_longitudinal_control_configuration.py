@@ -95,8 +95,8 @@ class LongitudinalControlConfiguration(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 38 of values."""
         try:
-            if (self.enforce_low_height_condition | self.disable_underspeed_protection) not in (0, 1):
-                raise ValueError
+            if (False | self.enforce_low_height_condition | self.disable_underspeed_protection) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.pitch_min, self.pitch_max, self.throttle_min, self.throttle_max,
                 self.climb_rate_target, self.sink_rate_target, self.speed_weight,
@@ -118,7 +118,7 @@ class LongitudinalControlConfiguration(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 45:
+        if header != _USUAL or not 42 <= len(data) <= 45:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -134,29 +134,29 @@ class LongitudinalControlConfiguration(_cdr.Message):
         message_version=0,
         topics=("longitudinal_control_configuration",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field(
-                "pitch_min", "float32", 8, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MIN",
+                "pitch_min", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MIN",
             ),
             _cdr.Field(
-                "pitch_max", "float32", 12, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MAX",
+                "pitch_max", "float32", 12, 4, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MAX",
             ),
             _cdr.Field(
-                "throttle_min", "float32", 16, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MIN",
+                "throttle_min", "float32", 16, 4, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MIN",
             ),
             _cdr.Field(
-                "throttle_max", "float32", 20, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MAX",
+                "throttle_max", "float32", 20, 4, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MAX",
             ),
             _cdr.Field(
-                "climb_rate_target", "float32", 24, unit="m/s", invalid="NaN Uses FW_T_CLMB_R_SP",
+                "climb_rate_target", "float32", 24, 4, unit="m/s", invalid="NaN Uses FW_T_CLMB_R_SP",
             ),
             _cdr.Field(
-                "sink_rate_target", "float32", 28, unit="m/s", invalid="NaN Uses FW_T_SINK_R_SP",
+                "sink_rate_target", "float32", 28, 4, unit="m/s", invalid="NaN Uses FW_T_SINK_R_SP",
             ),
             _cdr.Field(
-                "speed_weight", "float32", 32, range="0,2", invalid="NaN Uses FW_T_SPDWEIGHT",
+                "speed_weight", "float32", 32, 4, range="0,2", invalid="NaN Uses FW_T_SPDWEIGHT",
             ),
-            _cdr.Field("enforce_low_height_condition", "bool", 36),
-            _cdr.Field("disable_underspeed_protection", "bool", 37),
+            _cdr.Field("enforce_low_height_condition", "bool", 36, 1),
+            _cdr.Field("disable_underspeed_protection", "bool", 37, 1),
         ),
     )

@@ -99,10 +99,10 @@ class MagWorkerData(_cdr.Message):
             (y_0, y_1, y_2, y_3) = self.y
             (z_0, z_1, z_2, z_3) = self.z
             if (
-                side_data_collected_0 | side_data_collected_1 | side_data_collected_2
+                False | side_data_collected_0 | side_data_collected_1 | side_data_collected_2
                 | side_data_collected_3
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.done_count,
                 self.calibration_points_perside, self.calibration_interval_perside_us,
@@ -129,7 +129,7 @@ class MagWorkerData(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 107:
+        if header != _USUAL or not 104 <= len(data) <= 107:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.calibration_counter_total = (
             calibration_counter_total_0, calibration_counter_total_1, calibration_counter_total_2,
@@ -155,15 +155,15 @@ class MagWorkerData(_cdr.Message):
         message_version=0,
         topics=("mag_worker_data",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("done_count", "uint32", 16),
-            _cdr.Field("calibration_points_perside", "uint32", 20),
-            _cdr.Field("calibration_interval_perside_us", "uint64", 24, unit="us"),
-            _cdr.Field("calibration_counter_total", "uint32[4]", 32),
-            _cdr.Field("side_data_collected", "bool[4]", 48),
-            _cdr.Field("x", "float32[4]", 52, unit="Gs"),
-            _cdr.Field("y", "float32[4]", 68, unit="Gs"),
-            _cdr.Field("z", "float32[4]", 84, unit="Gs"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("done_count", "uint32", 16, 4),
+            _cdr.Field("calibration_points_perside", "uint32", 20, 4),
+            _cdr.Field("calibration_interval_perside_us", "uint64", 24, 8, unit="us"),
+            _cdr.Field("calibration_counter_total", "uint32[4]", 32, 16),
+            _cdr.Field("side_data_collected", "bool[4]", 48, 4),
+            _cdr.Field("x", "float32[4]", 52, 16, unit="Gs"),
+            _cdr.Field("y", "float32[4]", 68, 16, unit="Gs"),
+            _cdr.Field("z", "float32[4]", 84, 16, unit="Gs"),
         ),
     )

@@ -66,8 +66,8 @@ class MagnetometerBiasEstimate(_cdr.Message):
             (bias_z_0, bias_z_1, bias_z_2, bias_z_3) = self.bias_z
             (valid_0, valid_1, valid_2, valid_3) = self.valid
             (stable_0, stable_1, stable_2, stable_3) = self.stable
-            if (valid_0 | valid_1 | valid_2 | valid_3 | stable_0 | stable_1 | stable_2 | stable_3) not in (0, 1):
-                raise ValueError
+            if (False | valid_0 | valid_1 | valid_2 | valid_3 | stable_0 | stable_1 | stable_2 | stable_3) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, bias_x_0, bias_x_1, bias_x_2, bias_x_3, bias_y_0, bias_y_1, bias_y_2,
                 bias_y_3, bias_z_0, bias_z_1, bias_z_2, bias_z_3, valid_0, valid_1, valid_2, valid_3,
@@ -88,7 +88,7 @@ class MagnetometerBiasEstimate(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 71:
+        if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.bias_x = (bias_x_0, bias_x_1, bias_x_2, bias_x_3)
         message.bias_y = (bias_y_0, bias_y_1, bias_y_2, bias_y_3)
@@ -109,11 +109,11 @@ class MagnetometerBiasEstimate(_cdr.Message):
         message_version=0,
         topics=("magnetometer_bias_estimate",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("bias_x", "float32[4]", 8, unit="Gs"),
-            _cdr.Field("bias_y", "float32[4]", 24, unit="Gs"),
-            _cdr.Field("bias_z", "float32[4]", 40, unit="Gs"),
-            _cdr.Field("valid", "bool[4]", 56),
-            _cdr.Field("stable", "bool[4]", 60),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("bias_x", "float32[4]", 8, 16, unit="Gs"),
+            _cdr.Field("bias_y", "float32[4]", 24, 16, unit="Gs"),
+            _cdr.Field("bias_z", "float32[4]", 40, 16, unit="Gs"),
+            _cdr.Field("valid", "bool[4]", 56, 4),
+            _cdr.Field("stable", "bool[4]", 60, 4),
         ),
     )

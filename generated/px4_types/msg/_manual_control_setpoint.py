@@ -148,8 +148,8 @@ class ManualControlSetpoint(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 68 of values."""
         try:
-            if (self.valid | self.sticks_moving) not in (0, 1):
-                raise ValueError
+            if (False | self.valid | self.sticks_moving) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.valid, self.data_source, self.roll,
                 self.pitch, self.yaw, self.throttle, self.flaps, self.aux1, self.aux2, self.aux3, self.aux4,
@@ -171,7 +171,7 @@ class ManualControlSetpoint(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 75:
+        if header != _USUAL or not 72 <= len(data) <= 75:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -187,22 +187,22 @@ class ManualControlSetpoint(_cdr.Message):
         message_version=0,
         topics=("manual_control_setpoint", "manual_control_input"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("valid", "bool", 16),
-            _cdr.Field("data_source", "uint8", 17, enum="SOURCE"),
-            _cdr.Field("roll", "float32", 20, range="-1, 1", invalid="NaN"),
-            _cdr.Field("pitch", "float32", 24, range="-1, 1", invalid="NaN"),
-            _cdr.Field("yaw", "float32", 28, range="-1, 1", invalid="NaN"),
-            _cdr.Field("throttle", "float32", 32, range="-1, 1", invalid="NaN"),
-            _cdr.Field("flaps", "float32", 36, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux1", "float32", 40, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux2", "float32", 44, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux3", "float32", 48, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux4", "float32", 52, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux5", "float32", 56, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux6", "float32", 60, range="-1, 1", invalid="NaN"),
-            _cdr.Field("sticks_moving", "bool", 64),
-            _cdr.Field("buttons", "uint16", 66),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("valid", "bool", 16, 1),
+            _cdr.Field("data_source", "uint8", 17, 1, enum="SOURCE"),
+            _cdr.Field("roll", "float32", 20, 4, range="-1, 1", invalid="NaN"),
+            _cdr.Field("pitch", "float32", 24, 4, range="-1, 1", invalid="NaN"),
+            _cdr.Field("yaw", "float32", 28, 4, range="-1, 1", invalid="NaN"),
+            _cdr.Field("throttle", "float32", 32, 4, range="-1, 1", invalid="NaN"),
+            _cdr.Field("flaps", "float32", 36, 4, range="-1, 1", invalid="NaN"),
+            _cdr.Field("aux1", "float32", 40, 4, range="-1, 1", invalid="NaN"),
+            _cdr.Field("aux2", "float32", 44, 4, range="-1, 1", invalid="NaN"),
+            _cdr.Field("aux3", "float32", 48, 4, range="-1, 1", invalid="NaN"),
+            _cdr.Field("aux4", "float32", 52, 4, range="-1, 1", invalid="NaN"),
+            _cdr.Field("aux5", "float32", 56, 4, range="-1, 1", invalid="NaN"),
+            _cdr.Field("aux6", "float32", 60, 4, range="-1, 1", invalid="NaN"),
+            _cdr.Field("sticks_moving", "bool", 64, 1),
+            _cdr.Field("buttons", "uint16", 66, 2),
         ),
     )

@@ -162,7 +162,7 @@ class ManualControlSwitches(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 43:
+        if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -178,21 +178,21 @@ class ManualControlSwitches(_cdr.Message):
         message_version=0,
         topics=("manual_control_switches",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("mode_slot", "uint8", 16, enum="MODE_SLOT"),
-            _cdr.Field("arm_switch", "uint8", 17, enum="SWITCH_POS"),
-            _cdr.Field("return_switch", "uint8", 18, enum="SWITCH_POS"),
-            _cdr.Field("loiter_switch", "uint8", 19, enum="SWITCH_POS"),
-            _cdr.Field("offboard_switch", "uint8", 20, enum="SWITCH_POS"),
-            _cdr.Field("kill_switch", "uint8", 21, enum="SWITCH_POS"),
-            _cdr.Field("termination_switch", "uint8", 22, enum="SWITCH_POS"),
-            _cdr.Field("gear_switch", "uint8", 23, enum="SWITCH_POS"),
-            _cdr.Field("transition_switch", "uint8", 24, enum="SWITCH_POS"),
-            _cdr.Field("photo_switch", "uint8", 25, enum="SWITCH_POS"),
-            _cdr.Field("video_switch", "uint8", 26, enum="SWITCH_POS"),
-            _cdr.Field("engage_main_motor_switch", "uint8", 27, enum="SWITCH_POS"),
-            _cdr.Field("payload_power_switch", "uint8", 28, enum="SWITCH_POS"),
-            _cdr.Field("switch_changes", "uint32", 32),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("mode_slot", "uint8", 16, 1, enum="MODE_SLOT"),
+            _cdr.Field("arm_switch", "uint8", 17, 1, enum="SWITCH_POS"),
+            _cdr.Field("return_switch", "uint8", 18, 1, enum="SWITCH_POS"),
+            _cdr.Field("loiter_switch", "uint8", 19, 1, enum="SWITCH_POS"),
+            _cdr.Field("offboard_switch", "uint8", 20, 1, enum="SWITCH_POS"),
+            _cdr.Field("kill_switch", "uint8", 21, 1, enum="SWITCH_POS"),
+            _cdr.Field("termination_switch", "uint8", 22, 1, enum="SWITCH_POS"),
+            _cdr.Field("gear_switch", "uint8", 23, 1, enum="SWITCH_POS"),
+            _cdr.Field("transition_switch", "uint8", 24, 1, enum="SWITCH_POS"),
+            _cdr.Field("photo_switch", "uint8", 25, 1, enum="SWITCH_POS"),
+            _cdr.Field("video_switch", "uint8", 26, 1, enum="SWITCH_POS"),
+            _cdr.Field("engage_main_motor_switch", "uint8", 27, 1, enum="SWITCH_POS"),
+            _cdr.Field("payload_power_switch", "uint8", 28, 1, enum="SWITCH_POS"),
+            _cdr.Field("switch_changes", "uint32", 32, 4),
         ),
     )

@@ -47,7 +47,7 @@ class MavlinkLog(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 136 of values."""
         try:
             if len(self.text) != 127:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.text, self.severity)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -60,7 +60,7 @@ class MavlinkLog(_cdr.Message):
             (header, message.timestamp, message.text, message.severity) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 143:
+        if header != _USUAL or not 140 <= len(data) <= 143:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -76,8 +76,8 @@ class MavlinkLog(_cdr.Message):
         message_version=0,
         topics=("mavlink_log",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("text", "char[127]", 8),
-            _cdr.Field("severity", "uint8", 135, range="0, 7"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("text", "char[127]", 8, 127),
+            _cdr.Field("severity", "uint8", 135, 1, range="0, 7"),
         ),
     )

@@ -79,7 +79,7 @@ class MavlinkTunnel(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 141 of values."""
         try:
             if len(self.payload) != 128:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.payload_type, self.target_system, self.target_component,
                 self.payload_length, self.payload,
@@ -98,7 +98,7 @@ class MavlinkTunnel(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 148:
+        if header != _USUAL or not 145 <= len(data) <= 148:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -114,11 +114,11 @@ class MavlinkTunnel(_cdr.Message):
         message_version=0,
         topics=("mavlink_tunnel", "esc_serial_passthru"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("payload_type", "uint16", 8, enum="MAV_TUNNEL_PAYLOAD_TYPE"),
-            _cdr.Field("target_system", "uint8", 10),
-            _cdr.Field("target_component", "uint8", 11),
-            _cdr.Field("payload_length", "uint8", 12, unit="bytes"),
-            _cdr.Field("payload", "uint8[128]", 13),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("payload_type", "uint16", 8, 2, enum="MAV_TUNNEL_PAYLOAD_TYPE"),
+            _cdr.Field("target_system", "uint8", 10, 1),
+            _cdr.Field("target_component", "uint8", 11, 1),
+            _cdr.Field("payload_length", "uint8", 12, 1, unit="bytes"),
+            _cdr.Field("payload", "uint8[128]", 13, 128),
         ),
     )

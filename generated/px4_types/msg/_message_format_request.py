@@ -51,7 +51,7 @@ class MessageFormatRequest(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 60 of values."""
         try:
             if len(self.topic_name) != 50:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.protocol_version, self.topic_name)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -64,7 +64,7 @@ class MessageFormatRequest(_cdr.Message):
             (header, message.timestamp, message.protocol_version, message.topic_name) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 67:
+        if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -80,8 +80,8 @@ class MessageFormatRequest(_cdr.Message):
         message_version=0,
         topics=("message_format_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("protocol_version", "uint16", 8),
-            _cdr.Field("topic_name", "char[50]", 10),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("protocol_version", "uint16", 8, 2),
+            _cdr.Field("topic_name", "char[50]", 10, 50),
         ),
     )

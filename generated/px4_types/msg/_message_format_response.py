@@ -56,9 +56,9 @@ class MessageFormatResponse(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 68 of values."""
         try:
             if len(self.topic_name) != 50:
-                raise ValueError
-            if (self.success) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
+            if (False | self.success) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.protocol_version, self.topic_name, self.success,
                 self.message_hash,
@@ -77,7 +77,7 @@ class MessageFormatResponse(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 75:
+        if header != _USUAL or not 72 <= len(data) <= 75:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -93,10 +93,10 @@ class MessageFormatResponse(_cdr.Message):
         message_version=0,
         topics=("message_format_response",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("protocol_version", "uint16", 8),
-            _cdr.Field("topic_name", "char[50]", 10),
-            _cdr.Field("success", "bool", 60),
-            _cdr.Field("message_hash", "uint32", 64),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("protocol_version", "uint16", 8, 2),
+            _cdr.Field("topic_name", "char[50]", 10, 50),
+            _cdr.Field("success", "bool", 60, 1),
+            _cdr.Field("message_hash", "uint32", 64, 4),
         ),
     )

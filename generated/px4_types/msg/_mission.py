@@ -111,7 +111,7 @@ class Mission(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -127,16 +127,16 @@ class Mission(_cdr.Message):
         message_version=0,
         topics=("mission",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("mission_dataman_id", "uint8", 8),
-            _cdr.Field("fence_dataman_id", "uint8", 9),
-            _cdr.Field("safepoint_dataman_id", "uint8", 10),
-            _cdr.Field("count", "uint16", 12),
-            _cdr.Field("current_seq", "int32", 16, invalid="-1"),
-            _cdr.Field("land_start_index", "int32", 20, invalid="-1"),
-            _cdr.Field("land_index", "int32", 24, invalid="-1"),
-            _cdr.Field("mission_id", "uint32", 28),
-            _cdr.Field("geofence_id", "uint32", 32),
-            _cdr.Field("safe_points_id", "uint32", 36),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("mission_dataman_id", "uint8", 8, 1),
+            _cdr.Field("fence_dataman_id", "uint8", 9, 1),
+            _cdr.Field("safepoint_dataman_id", "uint8", 10, 1),
+            _cdr.Field("count", "uint16", 12, 2),
+            _cdr.Field("current_seq", "int32", 16, 4, invalid="-1"),
+            _cdr.Field("land_start_index", "int32", 20, 4, invalid="-1"),
+            _cdr.Field("land_index", "int32", 24, 4, invalid="-1"),
+            _cdr.Field("mission_id", "uint32", 28, 4),
+            _cdr.Field("geofence_id", "uint32", 32, 4),
+            _cdr.Field("safe_points_id", "uint32", 36, 4),
         ),
     )

@@ -112,8 +112,8 @@ class MissionResult(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 39 of values."""
         try:
-            if (self.valid | self.warning | self.finished | self.failure | self.item_do_jump_changed) not in (0, 1):
-                raise ValueError
+            if (False | self.valid | self.warning | self.finished | self.failure | self.item_do_jump_changed) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.mission_id, self.geofence_id, self.home_position_counter,
                 self.seq_reached, self.seq_current, self.seq_total, self.valid, self.warning, self.finished,
@@ -137,7 +137,7 @@ class MissionResult(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 46:
+        if header != _USUAL or not 43 <= len(data) <= 46:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -153,20 +153,20 @@ class MissionResult(_cdr.Message):
         message_version=0,
         topics=("mission_result",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("mission_id", "uint32", 8),
-            _cdr.Field("geofence_id", "uint32", 12),
-            _cdr.Field("home_position_counter", "uint32", 16),
-            _cdr.Field("seq_reached", "int32", 20, invalid="-1"),
-            _cdr.Field("seq_current", "uint16", 24),
-            _cdr.Field("seq_total", "uint16", 26),
-            _cdr.Field("valid", "bool", 28),
-            _cdr.Field("warning", "bool", 29),
-            _cdr.Field("finished", "bool", 30),
-            _cdr.Field("failure", "bool", 31),
-            _cdr.Field("item_do_jump_changed", "bool", 32),
-            _cdr.Field("item_changed_index", "uint16", 34),
-            _cdr.Field("item_do_jump_remaining", "uint16", 36),
-            _cdr.Field("execution_mode", "uint8", 38),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("mission_id", "uint32", 8, 4),
+            _cdr.Field("geofence_id", "uint32", 12, 4),
+            _cdr.Field("home_position_counter", "uint32", 16, 4),
+            _cdr.Field("seq_reached", "int32", 20, 4, invalid="-1"),
+            _cdr.Field("seq_current", "uint16", 24, 2),
+            _cdr.Field("seq_total", "uint16", 26, 2),
+            _cdr.Field("valid", "bool", 28, 1),
+            _cdr.Field("warning", "bool", 29, 1),
+            _cdr.Field("finished", "bool", 30, 1),
+            _cdr.Field("failure", "bool", 31, 1),
+            _cdr.Field("item_do_jump_changed", "bool", 32, 1),
+            _cdr.Field("item_changed_index", "uint16", 34, 2),
+            _cdr.Field("item_do_jump_remaining", "uint16", 36, 2),
+            _cdr.Field("execution_mode", "uint8", 38, 1),
         ),
     )

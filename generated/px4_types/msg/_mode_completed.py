@@ -63,7 +63,7 @@ class ModeCompleted(_cdr.Message):
             (header, message.timestamp, message.result, message.nav_state) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 17:
+        if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -79,8 +79,8 @@ class ModeCompleted(_cdr.Message):
         message_version=0,
         topics=("mode_completed",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("result", "uint8", 8, enum="RESULT"),
-            _cdr.Field("nav_state", "uint8", 9),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("result", "uint8", 8, 1, enum="RESULT"),
+            _cdr.Field("nav_state", "uint8", 9, 1),
         ),
     )

@@ -58,7 +58,7 @@ class MountOrientation(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.attitude_euler_angle = (attitude_euler_angle_0, attitude_euler_angle_1, attitude_euler_angle_2)
         return message
@@ -75,7 +75,7 @@ class MountOrientation(_cdr.Message):
         message_version=0,
         topics=("mount_orientation",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("attitude_euler_angle", "float32[3]", 8, unit="rad"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("attitude_euler_angle", "float32[3]", 8, 12, unit="rad"),
         ),
     )

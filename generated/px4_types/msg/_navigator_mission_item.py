@@ -123,10 +123,10 @@ class NavigatorMissionItem(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 47 of values."""
         try:
             if (
-                self.loiter_exit_xtrack | self.force_heading | self.altitude_is_relative | self.autocontinue
-                | self.vtol_back_transition
+                False | self.loiter_exit_xtrack | self.force_heading | self.altitude_is_relative
+                | self.autocontinue | self.vtol_back_transition
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.sequence_current, self.nav_cmd, self.latitude, self.longitude,
                 self.time_inside, self.acceptance_radius, self.loiter_radius, self.yaw, self.altitude,
@@ -150,7 +150,7 @@ class NavigatorMissionItem(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 54:
+        if header != _USUAL or not 51 <= len(data) <= 54:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -166,24 +166,24 @@ class NavigatorMissionItem(_cdr.Message):
         message_version=0,
         topics=("navigator_mission_item",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("sequence_current", "uint16", 8),
-            _cdr.Field("nav_cmd", "uint16", 10),
-            _cdr.Field("latitude", "float32", 12, unit="deg"),
-            _cdr.Field("longitude", "float32", 16, unit="deg"),
-            _cdr.Field("time_inside", "float32", 20, unit="s"),
-            _cdr.Field("acceptance_radius", "float32", 24, unit="m"),
-            _cdr.Field("loiter_radius", "float32", 28, unit="m"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("sequence_current", "uint16", 8, 2),
+            _cdr.Field("nav_cmd", "uint16", 10, 2),
+            _cdr.Field("latitude", "float32", 12, 4, unit="deg"),
+            _cdr.Field("longitude", "float32", 16, 4, unit="deg"),
+            _cdr.Field("time_inside", "float32", 20, 4, unit="s"),
+            _cdr.Field("acceptance_radius", "float32", 24, 4, unit="m"),
+            _cdr.Field("loiter_radius", "float32", 28, 4, unit="m"),
             _cdr.Field(
-                "yaw", "float32", 32, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
+                "yaw", "float32", 32, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
             ),
-            _cdr.Field("altitude", "float32", 36, unit="m"),
-            _cdr.Field("frame", "uint8", 40),
-            _cdr.Field("origin", "uint8", 41),
-            _cdr.Field("loiter_exit_xtrack", "bool", 42),
-            _cdr.Field("force_heading", "bool", 43),
-            _cdr.Field("altitude_is_relative", "bool", 44),
-            _cdr.Field("autocontinue", "bool", 45),
-            _cdr.Field("vtol_back_transition", "bool", 46),
+            _cdr.Field("altitude", "float32", 36, 4, unit="m"),
+            _cdr.Field("frame", "uint8", 40, 1),
+            _cdr.Field("origin", "uint8", 41, 1),
+            _cdr.Field("loiter_exit_xtrack", "bool", 42, 1),
+            _cdr.Field("force_heading", "bool", 43, 1),
+            _cdr.Field("altitude_is_relative", "bool", 44, 1),
+            _cdr.Field("autocontinue", "bool", 45, 1),
+            _cdr.Field("vtol_back_transition", "bool", 46, 1),
         ),
     )

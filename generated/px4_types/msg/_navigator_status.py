@@ -61,7 +61,7 @@ class NavigatorStatus(_cdr.Message):
             (header, message.timestamp, message.nav_state, message.failure) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 17:
+        if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -77,8 +77,8 @@ class NavigatorStatus(_cdr.Message):
         message_version=0,
         topics=("navigator_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("nav_state", "uint8", 8),
-            _cdr.Field("failure", "uint8", 9, enum="FAILURE"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("nav_state", "uint8", 8, 1),
+            _cdr.Field("failure", "uint8", 9, 1, enum="FAILURE"),
         ),
     )

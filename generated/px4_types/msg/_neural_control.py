@@ -84,7 +84,7 @@ class NeuralControl(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 99:
+        if header != _USUAL or not 96 <= len(data) <= 99:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.observation = (
             observation_0, observation_1, observation_2, observation_3, observation_4, observation_5,
@@ -106,10 +106,10 @@ class NeuralControl(_cdr.Message):
         message_version=0,
         topics=("neural_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("observation", "float32[15]", 8),
-            _cdr.Field("network_output", "float32[4]", 68),
-            _cdr.Field("controller_time", "int32", 84, unit="us"),
-            _cdr.Field("inference_time", "int32", 88, unit="us"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("observation", "float32[15]", 8, 60),
+            _cdr.Field("network_output", "float32[4]", 68, 16),
+            _cdr.Field("controller_time", "int32", 84, 4, unit="us"),
+            _cdr.Field("inference_time", "int32", 88, 4, unit="us"),
         ),
     )

@@ -107,7 +107,7 @@ class ObstacleDistance(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 175:
+        if header != _USUAL or not 172 <= len(data) <= 175:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.distances = _arrays.from_raw("H", distances_raw)
         return message
@@ -124,13 +124,13 @@ class ObstacleDistance(_cdr.Message):
         message_version=0,
         topics=("obstacle_distance", "obstacle_distance_fused"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("frame", "uint8", 8, enum="MAV_FRAME"),
-            _cdr.Field("sensor_type", "uint8", 9, enum="MAV_DISTANCE_SENSOR"),
-            _cdr.Field("distances", "uint16[72]", 10, unit="cm", invalid="UINT16_MAX"),
-            _cdr.Field("increment", "float32", 156, unit="deg"),
-            _cdr.Field("min_distance", "uint16", 160, unit="cm"),
-            _cdr.Field("max_distance", "uint16", 162, unit="cm"),
-            _cdr.Field("angle_offset", "float32", 164, unit="deg"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("frame", "uint8", 8, 1, enum="MAV_FRAME"),
+            _cdr.Field("sensor_type", "uint8", 9, 1, enum="MAV_DISTANCE_SENSOR"),
+            _cdr.Field("distances", "uint16[72]", 10, 144, unit="cm", invalid="UINT16_MAX"),
+            _cdr.Field("increment", "float32", 156, 4, unit="deg"),
+            _cdr.Field("min_distance", "uint16", 160, 2, unit="cm"),
+            _cdr.Field("max_distance", "uint16", 162, 2, unit="cm"),
+            _cdr.Field("angle_offset", "float32", 164, 4, unit="deg"),
         ),
     )

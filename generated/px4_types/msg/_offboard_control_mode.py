@@ -79,10 +79,10 @@ class OffboardControlMode(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 15 of values."""
         try:
             if (
-                self.position | self.velocity | self.acceleration | self.attitude | self.body_rate
+                False | self.position | self.velocity | self.acceleration | self.attitude | self.body_rate
                 | self.thrust_and_torque | self.direct_actuator
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.position, self.velocity, self.acceleration, self.attitude,
                 self.body_rate, self.thrust_and_torque, self.direct_actuator,
@@ -101,7 +101,7 @@ class OffboardControlMode(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 22:
+        if header != _USUAL or not 19 <= len(data) <= 22:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -117,13 +117,13 @@ class OffboardControlMode(_cdr.Message):
         message_version=0,
         topics=("offboard_control_mode",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("position", "bool", 8),
-            _cdr.Field("velocity", "bool", 9),
-            _cdr.Field("acceleration", "bool", 10),
-            _cdr.Field("attitude", "bool", 11),
-            _cdr.Field("body_rate", "bool", 12),
-            _cdr.Field("thrust_and_torque", "bool", 13),
-            _cdr.Field("direct_actuator", "bool", 14),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("position", "bool", 8, 1),
+            _cdr.Field("velocity", "bool", 9, 1),
+            _cdr.Field("acceleration", "bool", 10, 1),
+            _cdr.Field("attitude", "bool", 11, 1),
+            _cdr.Field("body_rate", "bool", 12, 1),
+            _cdr.Field("thrust_and_torque", "bool", 13, 1),
+            _cdr.Field("direct_actuator", "bool", 14, 1),
         ),
     )

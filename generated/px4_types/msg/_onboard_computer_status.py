@@ -144,7 +144,7 @@ class OnboardComputerStatus(_cdr.Message):
         self.link_tx_max = link_tx_max
         self.link_rx_max = link_rx_max
 
-    def encode(self) -> bytes:
+    def encode(self) -> builtins.bytes:
         """Return the message as a CDR sample: 4 bytes of header, 240 of values."""
         try:
             (
@@ -171,13 +171,13 @@ class OnboardComputerStatus(_cdr.Message):
                 link_rx_max_0, link_rx_max_1, link_rx_max_2, link_rx_max_3, link_rx_max_4, link_rx_max_5,
             ) = self.link_rx_max
             if len(self.cpu_cores) != 8:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.cpu_combined) != 10:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.gpu_cores) != 4:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.gpu_combined) != 10:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.uptime, self.type, self.cpu_cores, self.cpu_combined,
                 self.gpu_cores, self.gpu_combined, self.temperature_board, temperature_core_0,
@@ -197,7 +197,7 @@ class OnboardComputerStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> OnboardComputerStatus:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> OnboardComputerStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -218,7 +218,7 @@ class OnboardComputerStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 247:
+        if header != _USUAL or not 244 <= len(data) <= 247:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.temperature_core = (
             temperature_core_0, temperature_core_1, temperature_core_2, temperature_core_3,
@@ -255,25 +255,25 @@ class OnboardComputerStatus(_cdr.Message):
         message_version=0,
         topics=("onboard_computer_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("uptime", "uint32", 8, unit="ms"),
-            _cdr.Field("type", "uint8", 12),
-            _cdr.Field("cpu_cores", "uint8[8]", 13, unit="%"),
-            _cdr.Field("cpu_combined", "uint8[10]", 21),
-            _cdr.Field("gpu_cores", "uint8[4]", 31, unit="%"),
-            _cdr.Field("gpu_combined", "uint8[10]", 35),
-            _cdr.Field("temperature_board", "int8", 45, unit="degC"),
-            _cdr.Field("temperature_core", "int8[8]", 46, unit="degC"),
-            _cdr.Field("fan_speed", "int16[4]", 54, unit="rpm"),
-            _cdr.Field("ram_usage", "uint32", 64, unit="MB"),
-            _cdr.Field("ram_total", "uint32", 68, unit="MB"),
-            _cdr.Field("storage_type", "uint32[4]", 72),
-            _cdr.Field("storage_usage", "uint32[4]", 88, unit="MB"),
-            _cdr.Field("storage_total", "uint32[4]", 104, unit="MB"),
-            _cdr.Field("link_type", "uint32[6]", 120, unit="Kb/s"),
-            _cdr.Field("link_tx_rate", "uint32[6]", 144, unit="Kb/s"),
-            _cdr.Field("link_rx_rate", "uint32[6]", 168, unit="Kb/s"),
-            _cdr.Field("link_tx_max", "uint32[6]", 192, unit="Kb/s"),
-            _cdr.Field("link_rx_max", "uint32[6]", 216, unit="Kb/s"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("uptime", "uint32", 8, 4, unit="ms"),
+            _cdr.Field("type", "uint8", 12, 1),
+            _cdr.Field("cpu_cores", "uint8[8]", 13, 8, unit="%"),
+            _cdr.Field("cpu_combined", "uint8[10]", 21, 10),
+            _cdr.Field("gpu_cores", "uint8[4]", 31, 4, unit="%"),
+            _cdr.Field("gpu_combined", "uint8[10]", 35, 10),
+            _cdr.Field("temperature_board", "int8", 45, 1, unit="degC"),
+            _cdr.Field("temperature_core", "int8[8]", 46, 8, unit="degC"),
+            _cdr.Field("fan_speed", "int16[4]", 54, 8, unit="rpm"),
+            _cdr.Field("ram_usage", "uint32", 64, 4, unit="MB"),
+            _cdr.Field("ram_total", "uint32", 68, 4, unit="MB"),
+            _cdr.Field("storage_type", "uint32[4]", 72, 16),
+            _cdr.Field("storage_usage", "uint32[4]", 88, 16, unit="MB"),
+            _cdr.Field("storage_total", "uint32[4]", 104, 16, unit="MB"),
+            _cdr.Field("link_type", "uint32[6]", 120, 24, unit="Kb/s"),
+            _cdr.Field("link_tx_rate", "uint32[6]", 144, 24, unit="Kb/s"),
+            _cdr.Field("link_rx_rate", "uint32[6]", 168, 24, unit="Kb/s"),
+            _cdr.Field("link_tx_max", "uint32[6]", 192, 24, unit="Kb/s"),
+            _cdr.Field("link_rx_max", "uint32[6]", 216, 24, unit="Kb/s"),
         ),
     )

@@ -46,7 +46,7 @@ class OpenDroneIdArmStatus(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 59 of values."""
         try:
             if len(self.error) != 50:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.status, self.error)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -59,7 +59,7 @@ class OpenDroneIdArmStatus(_cdr.Message):
             (header, message.timestamp, message.status, message.error) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 66:
+        if header != _USUAL or not 63 <= len(data) <= 66:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -75,8 +75,8 @@ class OpenDroneIdArmStatus(_cdr.Message):
         message_version=0,
         topics=("open_drone_id_arm_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("status", "uint8", 8),
-            _cdr.Field("error", "char[50]", 9),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("status", "uint8", 8, 1),
+            _cdr.Field("error", "char[50]", 9, 50),
         ),
     )

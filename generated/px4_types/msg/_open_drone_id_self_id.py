@@ -51,9 +51,9 @@ class OpenDroneIdSelfId(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 52 of values."""
         try:
             if len(self.id_or_mac) != 20:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.description) != 23:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.id_or_mac, self.description_type, self.description,
             )
@@ -70,7 +70,7 @@ class OpenDroneIdSelfId(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 59:
+        if header != _USUAL or not 56 <= len(data) <= 59:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -86,9 +86,9 @@ class OpenDroneIdSelfId(_cdr.Message):
         message_version=0,
         topics=("open_drone_id_self_id",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("id_or_mac", "uint8[20]", 8),
-            _cdr.Field("description_type", "uint8", 28),
-            _cdr.Field("description", "char[23]", 29),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("id_or_mac", "uint8[20]", 8, 20),
+            _cdr.Field("description_type", "uint8", 28, 1),
+            _cdr.Field("description", "char[23]", 29, 23),
         ),
     )

@@ -104,7 +104,7 @@ class OpenDroneIdSystem(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 60 of values."""
         try:
             if len(self.id_or_mac) != 20:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.id_or_mac, self.operator_location_type, self.classification_type,
                 self.operator_latitude, self.operator_longitude, self.area_count, self.area_radius,
@@ -127,7 +127,7 @@ class OpenDroneIdSystem(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 67:
+        if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -143,18 +143,18 @@ class OpenDroneIdSystem(_cdr.Message):
         message_version=0,
         topics=("open_drone_id_system",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("id_or_mac", "uint8[20]", 8),
-            _cdr.Field("operator_location_type", "uint8", 28),
-            _cdr.Field("classification_type", "uint8", 29),
-            _cdr.Field("operator_latitude", "int32", 32),
-            _cdr.Field("operator_longitude", "int32", 36),
-            _cdr.Field("area_count", "uint16", 40),
-            _cdr.Field("area_radius", "uint16", 42, unit="m"),
-            _cdr.Field("area_ceiling", "float32", 44, unit="m", invalid="-1000"),
-            _cdr.Field("area_floor", "float32", 48, unit="m", invalid="-1000"),
-            _cdr.Field("category_eu", "uint8", 52),
-            _cdr.Field("class_eu", "uint8", 53),
-            _cdr.Field("operator_altitude_geo", "float32", 56, unit="m", invalid="-1000"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("id_or_mac", "uint8[20]", 8, 20),
+            _cdr.Field("operator_location_type", "uint8", 28, 1),
+            _cdr.Field("classification_type", "uint8", 29, 1),
+            _cdr.Field("operator_latitude", "int32", 32, 4),
+            _cdr.Field("operator_longitude", "int32", 36, 4),
+            _cdr.Field("area_count", "uint16", 40, 2),
+            _cdr.Field("area_radius", "uint16", 42, 2, unit="m"),
+            _cdr.Field("area_ceiling", "float32", 44, 4, unit="m", invalid="-1000"),
+            _cdr.Field("area_floor", "float32", 48, 4, unit="m", invalid="-1000"),
+            _cdr.Field("category_eu", "uint8", 52, 1),
+            _cdr.Field("class_eu", "uint8", 53, 1),
+            _cdr.Field("operator_altitude_geo", "float32", 56, 4, unit="m", invalid="-1000"),
         ),
     )

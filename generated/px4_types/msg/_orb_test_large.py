@@ -45,7 +45,7 @@ class OrbTestLarge(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 524 of values."""
         try:
             if len(self.junk) != 512:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.val, self.junk)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -58,7 +58,7 @@ class OrbTestLarge(_cdr.Message):
             (header, message.timestamp, message.val, message.junk) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 531:
+        if header != _USUAL or not 528 <= len(data) <= 531:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -74,8 +74,8 @@ class OrbTestLarge(_cdr.Message):
         message_version=0,
         topics=("orb_test_large",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("val", "int32", 8),
-            _cdr.Field("junk", "uint8[512]", 12),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("val", "int32", 8, 4),
+            _cdr.Field("junk", "uint8[512]", 12, 512),
         ),
     )

@@ -48,7 +48,7 @@ class OrbTestMedium(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
         try:
             if len(self.junk) != 64:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.val, self.junk)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -61,7 +61,7 @@ class OrbTestMedium(_cdr.Message):
             (header, message.timestamp, message.val, message.junk) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 83:
+        if header != _USUAL or not 80 <= len(data) <= 83:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -80,8 +80,8 @@ class OrbTestMedium(_cdr.Message):
             "orb_test_medium_queue", "orb_test_medium_queue_poll",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("val", "int32", 8),
-            _cdr.Field("junk", "uint8[64]", 12),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("val", "int32", 8, 4),
+            _cdr.Field("junk", "uint8[64]", 12, 64),
         ),
     )

@@ -89,7 +89,7 @@ class OrbitStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 44:
+        if header != _USUAL or not 41 <= len(data) <= 44:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -105,12 +105,12 @@ class OrbitStatus(_cdr.Message):
         message_version=0,
         topics=("orbit_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("radius", "float32", 8, unit="m"),
-            _cdr.Field("frame", "uint8", 12),
-            _cdr.Field("x", "float64", 16),
-            _cdr.Field("y", "float64", 24),
-            _cdr.Field("z", "float32", 32, unit="m"),
-            _cdr.Field("yaw_behaviour", "uint8", 36, enum="ORBIT_YAW_BEHAVIOUR"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("radius", "float32", 8, 4, unit="m"),
+            _cdr.Field("frame", "uint8", 12, 1),
+            _cdr.Field("x", "float64", 16, 8),
+            _cdr.Field("y", "float64", 24, 8),
+            _cdr.Field("z", "float32", 32, 4, unit="m"),
+            _cdr.Field("yaw_behaviour", "uint8", 36, 1, enum="ORBIT_YAW_BEHAVIOUR"),
         ),
     )

@@ -47,8 +47,8 @@ class ParameterResetRequest(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 11 of values."""
         try:
-            if (self.reset_all) not in (0, 1):
-                raise ValueError
+            if (False | self.reset_all) not in (0, 1):
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.parameter_index, self.reset_all)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -61,7 +61,7 @@ class ParameterResetRequest(_cdr.Message):
             (header, message.timestamp, message.parameter_index, message.reset_all) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 18:
+        if header != _USUAL or not 15 <= len(data) <= 18:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -77,8 +77,8 @@ class ParameterResetRequest(_cdr.Message):
         message_version=0,
         topics=("parameter_reset_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("parameter_index", "uint16", 8),
-            _cdr.Field("reset_all", "bool", 10),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("parameter_index", "uint16", 8, 2),
+            _cdr.Field("reset_all", "bool", 10, 1),
         ),
     )

@@ -53,7 +53,7 @@ class ParameterSetUsedRequest(_cdr.Message):
             (header, message.timestamp, message.parameter_index) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 17:
+        if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -69,7 +69,7 @@ class ParameterSetUsedRequest(_cdr.Message):
         message_version=0,
         topics=("parameter_set_used_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("parameter_index", "uint16", 8),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("parameter_index", "uint16", 8, 2),
         ),
     )

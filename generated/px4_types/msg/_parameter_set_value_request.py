@@ -68,7 +68,7 @@ class ParameterSetValueRequest(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -87,9 +87,9 @@ class ParameterSetValueRequest(_cdr.Message):
             "parameter_primary_set_value_request",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("parameter_index", "uint16", 8),
-            _cdr.Field("int_value", "int32", 12),
-            _cdr.Field("float_value", "float32", 16),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("parameter_index", "uint16", 8, 2),
+            _cdr.Field("int_value", "int32", 12, 4),
+            _cdr.Field("float_value", "float32", 16, 4),
         ),
     )

@@ -62,7 +62,7 @@ class ParameterSetValueResponse(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 25:
+        if header != _USUAL or not 22 <= len(data) <= 25:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -81,8 +81,8 @@ class ParameterSetValueResponse(_cdr.Message):
             "parameter_primary_set_value_response",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("request_timestamp", "uint64", 8, unit="us"),
-            _cdr.Field("parameter_index", "uint16", 16),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("request_timestamp", "uint64", 8, 8, unit="us"),
+            _cdr.Field("parameter_index", "uint16", 16, 2),
         ),
     )

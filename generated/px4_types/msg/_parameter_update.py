@@ -100,7 +100,7 @@ class ParameterUpdate(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 41:
+        if header != _USUAL or not 38 <= len(data) <= 41:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -116,14 +116,14 @@ class ParameterUpdate(_cdr.Message):
         message_version=0,
         topics=("parameter_update",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("instance", "uint32", 8),
-            _cdr.Field("get_count", "uint32", 12),
-            _cdr.Field("set_count", "uint32", 16),
-            _cdr.Field("find_count", "uint32", 20),
-            _cdr.Field("export_count", "uint32", 24),
-            _cdr.Field("active", "uint16", 28),
-            _cdr.Field("changed", "uint16", 30),
-            _cdr.Field("custom_default", "uint16", 32),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("instance", "uint32", 8, 4),
+            _cdr.Field("get_count", "uint32", 12, 4),
+            _cdr.Field("set_count", "uint32", 16, 4),
+            _cdr.Field("find_count", "uint32", 20, 4),
+            _cdr.Field("export_count", "uint32", 24, 4),
+            _cdr.Field("active", "uint16", 28, 2),
+            _cdr.Field("changed", "uint16", 30, 2),
+            _cdr.Field("custom_default", "uint16", 32, 2),
         ),
     )

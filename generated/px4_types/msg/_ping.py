@@ -86,7 +86,7 @@ class Ping(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 37:
+        if header != _USUAL or not 34 <= len(data) <= 37:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -102,12 +102,12 @@ class Ping(_cdr.Message):
         message_version=0,
         topics=("ping",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("ping_time", "uint64", 8, unit="us"),
-            _cdr.Field("ping_sequence", "uint32", 16),
-            _cdr.Field("dropped_packets", "uint32", 20),
-            _cdr.Field("rtt_ms", "float32", 24, unit="ms"),
-            _cdr.Field("system_id", "uint8", 28),
-            _cdr.Field("component_id", "uint8", 29),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("ping_time", "uint64", 8, 8, unit="us"),
+            _cdr.Field("ping_sequence", "uint32", 16, 4),
+            _cdr.Field("dropped_packets", "uint32", 20, 4),
+            _cdr.Field("rtt_ms", "float32", 24, 4, unit="ms"),
+            _cdr.Field("system_id", "uint8", 28, 1),
+            _cdr.Field("component_id", "uint8", 29, 1),
         ),
     )

@@ -60,8 +60,8 @@ class PositionControllerLandingStatus(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 14 of values."""
         try:
-            if (self.flaring) not in (0, 1):
-                raise ValueError
+            if (False | self.flaring) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.lateral_touchdown_offset, self.flaring, self.abort_status,
             )
@@ -79,7 +79,7 @@ class PositionControllerLandingStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 21:
+        if header != _USUAL or not 18 <= len(data) <= 21:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -95,9 +95,9 @@ class PositionControllerLandingStatus(_cdr.Message):
         message_version=0,
         topics=("position_controller_landing_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("lateral_touchdown_offset", "float32", 8, unit="m"),
-            _cdr.Field("flaring", "bool", 12),
-            _cdr.Field("abort_status", "uint8", 13),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("lateral_touchdown_offset", "float32", 8, 4, unit="m"),
+            _cdr.Field("flaring", "bool", 12, 1),
+            _cdr.Field("abort_status", "uint8", 13, 1),
         ),
     )

@@ -79,7 +79,7 @@ class PositionControllerStatus(_cdr.Message):
         self.acceptance_radius = acceptance_radius
         self.type = type
 
-    def encode(self) -> bytes:
+    def encode(self) -> builtins.bytes:
         """Return the message as a CDR sample: 4 bytes of header, 37 of values."""
         try:
             return _pack(
@@ -90,7 +90,7 @@ class PositionControllerStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PositionControllerStatus:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> PositionControllerStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -101,7 +101,7 @@ class PositionControllerStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 44:
+        if header != _USUAL or not 41 <= len(data) <= 44:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -117,14 +117,14 @@ class PositionControllerStatus(_cdr.Message):
         message_version=0,
         topics=("position_controller_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("nav_roll", "float32", 8, unit="rad"),
-            _cdr.Field("nav_pitch", "float32", 12, unit="rad"),
-            _cdr.Field("nav_bearing", "float32", 16, unit="rad"),
-            _cdr.Field("target_bearing", "float32", 20, unit="rad"),
-            _cdr.Field("xtrack_error", "float32", 24, unit="m"),
-            _cdr.Field("wp_dist", "float32", 28, unit="m"),
-            _cdr.Field("acceptance_radius", "float32", 32, unit="m"),
-            _cdr.Field("type", "uint8", 36),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("nav_roll", "float32", 8, 4, unit="rad"),
+            _cdr.Field("nav_pitch", "float32", 12, 4, unit="rad"),
+            _cdr.Field("nav_bearing", "float32", 16, 4, unit="rad"),
+            _cdr.Field("target_bearing", "float32", 20, 4, unit="rad"),
+            _cdr.Field("xtrack_error", "float32", 24, 4, unit="m"),
+            _cdr.Field("wp_dist", "float32", 28, 4, unit="m"),
+            _cdr.Field("acceptance_radius", "float32", 32, 4, unit="m"),
+            _cdr.Field("type", "uint8", 36, 1),
         ),
     )

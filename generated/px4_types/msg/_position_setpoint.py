@@ -167,11 +167,11 @@ class PositionSetpoint(_cdr.Message):
         self.gliding_enabled = gliding_enabled
         self.cruising_throttle = cruising_throttle
 
-    def encode(self) -> bytes:
+    def encode(self) -> builtins.bytes:
         """Return the message as a CDR sample: 4 bytes of header, 88 of values."""
         try:
-            if (self.valid | self.loiter_direction_counter_clockwise | self.gliding_enabled) not in (0, 1):
-                raise ValueError
+            if (False | self.valid | self.loiter_direction_counter_clockwise | self.gliding_enabled) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.valid, self.type, self.vx, self.vy, self.vz, self.lat, self.lon,
                 self.alt, self.yaw, self.loiter_radius, self.loiter_minor_radius,
@@ -183,7 +183,7 @@ class PositionSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PositionSetpoint:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> PositionSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -197,7 +197,7 @@ class PositionSetpoint(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 95:
+        if header != _USUAL or not 92 <= len(data) <= 95:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -213,29 +213,29 @@ class PositionSetpoint(_cdr.Message):
         message_version=0,
         topics=("position_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("valid", "bool", 8),
-            _cdr.Field("type", "uint8", 9, enum="SETPOINT_TYPE"),
-            _cdr.Field("vx", "float32", 12, unit="m/s", frame="NED"),
-            _cdr.Field("vy", "float32", 16, unit="m/s", frame="NED"),
-            _cdr.Field("vz", "float32", 20, unit="m/s", frame="NED"),
-            _cdr.Field("lat", "float64", 24, unit="deg"),
-            _cdr.Field("lon", "float64", 32, unit="deg"),
-            _cdr.Field("alt", "float32", 40, unit="m"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("valid", "bool", 8, 1),
+            _cdr.Field("type", "uint8", 9, 1, enum="SETPOINT_TYPE"),
+            _cdr.Field("vx", "float32", 12, 4, unit="m/s", frame="NED"),
+            _cdr.Field("vy", "float32", 16, 4, unit="m/s", frame="NED"),
+            _cdr.Field("vz", "float32", 20, 4, unit="m/s", frame="NED"),
+            _cdr.Field("lat", "float64", 24, 8, unit="deg"),
+            _cdr.Field("lon", "float64", 32, 8, unit="deg"),
+            _cdr.Field("alt", "float32", 40, 4, unit="m"),
             _cdr.Field(
-                "yaw", "float32", 44, unit="rad", range="-pi, pi", invalid="NaN Flight task decides",
+                "yaw", "float32", 44, 4, unit="rad", range="-pi, pi", invalid="NaN Flight task decides",
             ),
-            _cdr.Field("loiter_radius", "float32", 48, unit="m", range="0, INF"),
-            _cdr.Field("loiter_minor_radius", "float32", 52, unit="m", range="0, INF"),
-            _cdr.Field("loiter_direction_counter_clockwise", "bool", 56),
-            _cdr.Field("loiter_orientation", "float32", 60, unit="rad", range="-pi, pi"),
-            _cdr.Field("loiter_pattern", "uint8", 64, enum="LOITER_TYPE"),
-            _cdr.Field("acceptance_radius", "float32", 68, unit="m"),
+            _cdr.Field("loiter_radius", "float32", 48, 4, unit="m", range="0, INF"),
+            _cdr.Field("loiter_minor_radius", "float32", 52, 4, unit="m", range="0, INF"),
+            _cdr.Field("loiter_direction_counter_clockwise", "bool", 56, 1),
+            _cdr.Field("loiter_orientation", "float32", 60, 4, unit="rad", range="-pi, pi"),
+            _cdr.Field("loiter_pattern", "uint8", 64, 1, enum="LOITER_TYPE"),
+            _cdr.Field("acceptance_radius", "float32", 68, 4, unit="m"),
             _cdr.Field(
-                "alt_acceptance_radius", "float32", 72, unit="m", invalid="NaN Guidance picks one",
+                "alt_acceptance_radius", "float32", 72, 4, unit="m", invalid="NaN Guidance picks one",
             ),
-            _cdr.Field("cruising_speed", "float32", 76, unit="m/s"),
-            _cdr.Field("gliding_enabled", "bool", 80),
-            _cdr.Field("cruising_throttle", "float32", 84, unit="-"),
+            _cdr.Field("cruising_speed", "float32", 76, 4, unit="m/s"),
+            _cdr.Field("gliding_enabled", "bool", 80, 1),
+            _cdr.Field("cruising_throttle", "float32", 84, 4, unit="-"),
         ),
     )

@@ -55,11 +55,12 @@ class PositionSetpointTriplet(_cdr.Message):
             current = self.current
             next = self.next
             if (
-                previous.valid | previous.loiter_direction_counter_clockwise | previous.gliding_enabled
-                | current.valid | current.loiter_direction_counter_clockwise | current.gliding_enabled
-                | next.valid | next.loiter_direction_counter_clockwise | next.gliding_enabled
+                False | previous.valid | previous.loiter_direction_counter_clockwise
+                | previous.gliding_enabled | current.valid | current.loiter_direction_counter_clockwise
+                | current.gliding_enabled | next.valid | next.loiter_direction_counter_clockwise
+                | next.gliding_enabled
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, previous.timestamp, previous.valid, previous.type, previous.vx,
                 previous.vy, previous.vz, previous.lat, previous.lon, previous.alt, previous.yaw,
@@ -109,7 +110,7 @@ class PositionSetpointTriplet(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 279:
+        if header != _USUAL or not 276 <= len(data) <= 279:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.previous = previous
         message.current = current
@@ -128,9 +129,9 @@ class PositionSetpointTriplet(_cdr.Message):
         message_version=0,
         topics=("position_setpoint_triplet",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("previous", "PositionSetpoint", 8),
-            _cdr.Field("current", "PositionSetpoint", 96),
-            _cdr.Field("next", "PositionSetpoint", 184),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("previous", "PositionSetpoint", 8, 88),
+            _cdr.Field("current", "PositionSetpoint", 96, 88),
+            _cdr.Field("next", "PositionSetpoint", 184, 88),
         ),
     )

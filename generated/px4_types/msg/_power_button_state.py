@@ -60,7 +60,7 @@ class PowerButtonState(_cdr.Message):
             (header, message.timestamp, message.event) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 16:
+        if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -76,7 +76,7 @@ class PowerButtonState(_cdr.Message):
         message_version=0,
         topics=("power_button_state",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("event", "uint8", 8, enum="PWR_BUTTON_STATE"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("event", "uint8", 8, 1, enum="PWR_BUTTON_STATE"),
         ),
     )

@@ -116,7 +116,7 @@ class PowerMonitor(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 43:
+        if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -132,17 +132,17 @@ class PowerMonitor(_cdr.Message):
         message_version=0,
         topics=("power_monitor",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("voltage_v", "float32", 8, unit="V", invalid="0"),
-            _cdr.Field("current_a", "float32", 12, unit="A", invalid="-1"),
-            _cdr.Field("power_w", "float32", 16, unit="W", invalid="-1"),
-            _cdr.Field("rconf", "int16", 20),
-            _cdr.Field("rsv", "int16", 22),
-            _cdr.Field("rbv", "int16", 24),
-            _cdr.Field("rp", "int16", 26),
-            _cdr.Field("rc", "int16", 28),
-            _cdr.Field("rcal", "int16", 30),
-            _cdr.Field("me", "int16", 32),
-            _cdr.Field("al", "int16", 34),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("voltage_v", "float32", 8, 4, unit="V", invalid="0"),
+            _cdr.Field("current_a", "float32", 12, 4, unit="A", invalid="-1"),
+            _cdr.Field("power_w", "float32", 16, 4, unit="W", invalid="-1"),
+            _cdr.Field("rconf", "int16", 20, 2),
+            _cdr.Field("rsv", "int16", 22, 2),
+            _cdr.Field("rbv", "int16", 24, 2),
+            _cdr.Field("rp", "int16", 26, 2),
+            _cdr.Field("rc", "int16", 28, 2),
+            _cdr.Field("rcal", "int16", 30, 2),
+            _cdr.Field("me", "int16", 32, 2),
+            _cdr.Field("al", "int16", 34, 2),
         ),
     )

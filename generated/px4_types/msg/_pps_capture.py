@@ -59,7 +59,7 @@ class PpsCapture(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 24:
+        if header != _USUAL or not 21 <= len(data) <= 24:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -75,8 +75,8 @@ class PpsCapture(_cdr.Message):
         message_version=0,
         topics=("pps_capture",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("rtc_timestamp", "uint64", 8, unit="us"),
-            _cdr.Field("pps_rate_exceeded_counter", "uint8", 16),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("rtc_timestamp", "uint64", 8, 8, unit="us"),
+            _cdr.Field("pps_rate_exceeded_counter", "uint8", 16, 1),
         ),
     )

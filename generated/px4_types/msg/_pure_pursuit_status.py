@@ -86,7 +86,7 @@ class PurePursuitStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 35:
+        if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -102,16 +102,18 @@ class PurePursuitStatus(_cdr.Message):
         message_version=0,
         topics=("pure_pursuit_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("lookahead_distance", "float32", 8, unit="m", range="0, inf"),
-            _cdr.Field("target_bearing", "float32", 12, unit="rad", range="-pi, pi", frame="NED"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("lookahead_distance", "float32", 8, 4, unit="m", range="0, inf"),
             _cdr.Field(
-                "crosstrack_error", "float32", 16, unit="m",
+                "target_bearing", "float32", 12, 4, unit="rad", range="-pi, pi", frame="NED",
+            ),
+            _cdr.Field(
+                "crosstrack_error", "float32", 16, 4, unit="m",
                 range="-inf (Left of the path), inf (Right of the path)",
             ),
-            _cdr.Field("distance_to_waypoint", "float32", 20, unit="m", range="-inf, inf"),
+            _cdr.Field("distance_to_waypoint", "float32", 20, 4, unit="m", range="-inf, inf"),
             _cdr.Field(
-                "bearing_to_waypoint", "float32", 24, unit="rad", range="-pi, pi", frame="NED",
+                "bearing_to_waypoint", "float32", 24, 4, unit="rad", range="-pi, pi", frame="NED",
             ),
         ),
     )

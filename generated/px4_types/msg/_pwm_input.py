@@ -64,7 +64,7 @@ class PwmInput(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 31:
+        if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -80,9 +80,9 @@ class PwmInput(_cdr.Message):
         message_version=0,
         topics=("pwm_input",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("error_count", "uint64", 8),
-            _cdr.Field("pulse_width", "uint32", 16, unit="us"),
-            _cdr.Field("period", "uint32", 20, unit="us"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("error_count", "uint64", 8, 8),
+            _cdr.Field("pulse_width", "uint32", 16, 4, unit="us"),
+            _cdr.Field("period", "uint32", 20, 4, unit="us"),
         ),
     )

@@ -222,7 +222,7 @@ class Px4ioStatus(_cdr.Message):
                 pwm_rate_hz_6, pwm_rate_hz_7,
             ) = self.pwm_rate_hz
             if (
-                self.status_arm_sync | self.status_failsafe | self.status_fmu_initialized
+                False | self.status_arm_sync | self.status_failsafe | self.status_fmu_initialized
                 | self.status_fmu_ok | self.status_init_ok | self.status_outputs_armed | self.status_raw_pwm
                 | self.status_rc_ok | self.status_rc_dsm | self.status_rc_ppm | self.status_rc_sbus
                 | self.status_rc_st24 | self.status_rc_sumd | self.status_safety_button_event
@@ -230,7 +230,7 @@ class Px4ioStatus(_cdr.Message):
                 | self.arming_fmu_armed | self.arming_fmu_prearmed | self.arming_termination
                 | self.arming_io_arm_ok | self.arming_lockdown | self.arming_termination_failsafe
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.free_memory_bytes, self.voltage_v, self.rssi_v,
                 self.status_arm_sync, self.status_failsafe, self.status_fmu_initialized, self.status_fmu_ok,
@@ -273,7 +273,7 @@ class Px4ioStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 151:
+        if header != _USUAL or not 148 <= len(data) <= 151:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.pwm = (pwm_0, pwm_1, pwm_2, pwm_3, pwm_4, pwm_5, pwm_6, pwm_7)
         message.pwm_disarmed = (
@@ -303,37 +303,37 @@ class Px4ioStatus(_cdr.Message):
         message_version=0,
         topics=("px4io_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("free_memory_bytes", "uint16", 8, unit="bytes"),
-            _cdr.Field("voltage_v", "float32", 12, unit="V"),
-            _cdr.Field("rssi_v", "float32", 16, unit="V"),
-            _cdr.Field("status_arm_sync", "bool", 20),
-            _cdr.Field("status_failsafe", "bool", 21),
-            _cdr.Field("status_fmu_initialized", "bool", 22),
-            _cdr.Field("status_fmu_ok", "bool", 23),
-            _cdr.Field("status_init_ok", "bool", 24),
-            _cdr.Field("status_outputs_armed", "bool", 25),
-            _cdr.Field("status_raw_pwm", "bool", 26),
-            _cdr.Field("status_rc_ok", "bool", 27),
-            _cdr.Field("status_rc_dsm", "bool", 28),
-            _cdr.Field("status_rc_ppm", "bool", 29),
-            _cdr.Field("status_rc_sbus", "bool", 30),
-            _cdr.Field("status_rc_st24", "bool", 31),
-            _cdr.Field("status_rc_sumd", "bool", 32),
-            _cdr.Field("status_safety_button_event", "bool", 33),
-            _cdr.Field("alarm_pwm_error", "bool", 34),
-            _cdr.Field("alarm_rc_lost", "bool", 35),
-            _cdr.Field("arming_failsafe_custom", "bool", 36),
-            _cdr.Field("arming_fmu_armed", "bool", 37),
-            _cdr.Field("arming_fmu_prearmed", "bool", 38),
-            _cdr.Field("arming_termination", "bool", 39),
-            _cdr.Field("arming_io_arm_ok", "bool", 40),
-            _cdr.Field("arming_lockdown", "bool", 41),
-            _cdr.Field("arming_termination_failsafe", "bool", 42),
-            _cdr.Field("pwm", "uint16[8]", 44, unit="us"),
-            _cdr.Field("pwm_disarmed", "uint16[8]", 60, unit="us"),
-            _cdr.Field("pwm_failsafe", "uint16[8]", 76, unit="us"),
-            _cdr.Field("pwm_rate_hz", "uint16[8]", 92, unit="Hz"),
-            _cdr.Field("raw_inputs", "uint16[18]", 108, unit="us"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("free_memory_bytes", "uint16", 8, 2, unit="bytes"),
+            _cdr.Field("voltage_v", "float32", 12, 4, unit="V"),
+            _cdr.Field("rssi_v", "float32", 16, 4, unit="V"),
+            _cdr.Field("status_arm_sync", "bool", 20, 1),
+            _cdr.Field("status_failsafe", "bool", 21, 1),
+            _cdr.Field("status_fmu_initialized", "bool", 22, 1),
+            _cdr.Field("status_fmu_ok", "bool", 23, 1),
+            _cdr.Field("status_init_ok", "bool", 24, 1),
+            _cdr.Field("status_outputs_armed", "bool", 25, 1),
+            _cdr.Field("status_raw_pwm", "bool", 26, 1),
+            _cdr.Field("status_rc_ok", "bool", 27, 1),
+            _cdr.Field("status_rc_dsm", "bool", 28, 1),
+            _cdr.Field("status_rc_ppm", "bool", 29, 1),
+            _cdr.Field("status_rc_sbus", "bool", 30, 1),
+            _cdr.Field("status_rc_st24", "bool", 31, 1),
+            _cdr.Field("status_rc_sumd", "bool", 32, 1),
+            _cdr.Field("status_safety_button_event", "bool", 33, 1),
+            _cdr.Field("alarm_pwm_error", "bool", 34, 1),
+            _cdr.Field("alarm_rc_lost", "bool", 35, 1),
+            _cdr.Field("arming_failsafe_custom", "bool", 36, 1),
+            _cdr.Field("arming_fmu_armed", "bool", 37, 1),
+            _cdr.Field("arming_fmu_prearmed", "bool", 38, 1),
+            _cdr.Field("arming_termination", "bool", 39, 1),
+            _cdr.Field("arming_io_arm_ok", "bool", 40, 1),
+            _cdr.Field("arming_lockdown", "bool", 41, 1),
+            _cdr.Field("arming_termination_failsafe", "bool", 42, 1),
+            _cdr.Field("pwm", "uint16[8]", 44, 16, unit="us"),
+            _cdr.Field("pwm_disarmed", "uint16[8]", 60, 16, unit="us"),
+            _cdr.Field("pwm_failsafe", "uint16[8]", 76, 16, unit="us"),
+            _cdr.Field("pwm_rate_hz", "uint16[8]", 92, 16, unit="Hz"),
+            _cdr.Field("raw_inputs", "uint16[18]", 108, 36, unit="us"),
         ),
     )

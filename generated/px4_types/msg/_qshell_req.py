@@ -53,7 +53,7 @@ class QshellReq(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 116 of values."""
         try:
             if len(self.cmd) != 100:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.cmd, self.strlen, self.request_sequence)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -68,7 +68,7 @@ class QshellReq(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 123:
+        if header != _USUAL or not 120 <= len(data) <= 123:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -84,9 +84,9 @@ class QshellReq(_cdr.Message):
         message_version=0,
         topics=("qshell_req",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("cmd", "char[100]", 8),
-            _cdr.Field("strlen", "uint32", 108, unit="bytes"),
-            _cdr.Field("request_sequence", "uint32", 112),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("cmd", "char[100]", 8, 100),
+            _cdr.Field("strlen", "uint32", 108, 4, unit="bytes"),
+            _cdr.Field("request_sequence", "uint32", 112, 4),
         ),
     )

@@ -57,7 +57,7 @@ class QshellRetval(_cdr.Message):
             (header, message.timestamp, message.return_value, message.return_sequence) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -73,8 +73,8 @@ class QshellRetval(_cdr.Message):
         message_version=0,
         topics=("qshell_retval",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("return_value", "int32", 8),
-            _cdr.Field("return_sequence", "uint32", 12),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("return_value", "int32", 8, 4),
+            _cdr.Field("return_sequence", "uint32", 12, 4),
         ),
     )

@@ -92,7 +92,7 @@ class RadioStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 25:
+        if header != _USUAL or not 22 <= len(data) <= 25:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -108,13 +108,13 @@ class RadioStatus(_cdr.Message):
         message_version=0,
         topics=("radio_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("rssi", "uint8", 8, invalid="255"),
-            _cdr.Field("remote_rssi", "uint8", 9, invalid="255"),
-            _cdr.Field("txbuf", "uint8", 10, unit="%", range="0, 100"),
-            _cdr.Field("noise", "uint8", 11, invalid="255"),
-            _cdr.Field("remote_noise", "uint8", 12, invalid="255"),
-            _cdr.Field("rxerrors", "uint16", 14),
-            _cdr.Field("fix", "uint16", 16),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("rssi", "uint8", 8, 1, invalid="255"),
+            _cdr.Field("remote_rssi", "uint8", 9, 1, invalid="255"),
+            _cdr.Field("txbuf", "uint8", 10, 1, unit="%", range="0, 100"),
+            _cdr.Field("noise", "uint8", 11, 1, invalid="255"),
+            _cdr.Field("remote_noise", "uint8", 12, 1, invalid="255"),
+            _cdr.Field("rxerrors", "uint16", 14, 2),
+            _cdr.Field("fix", "uint16", 16, 2),
         ),
     )

@@ -66,7 +66,7 @@ class RateCtrlStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -82,9 +82,9 @@ class RateCtrlStatus(_cdr.Message):
         message_version=0,
         topics=("rate_ctrl_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("rollspeed_integ", "float32", 8),
-            _cdr.Field("pitchspeed_integ", "float32", 12),
-            _cdr.Field("yawspeed_integ", "float32", 16),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("rollspeed_integ", "float32", 8, 4),
+            _cdr.Field("pitchspeed_integ", "float32", 12, 4),
+            _cdr.Field("yawspeed_integ", "float32", 16, 4),
         ),
     )

@@ -110,8 +110,8 @@ class RcChannels(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 128 of values."""
         try:
-            if (self.signal_lost) not in (0, 1):
-                raise ValueError
+            if (False | self.signal_lost) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_last_valid, _arrays.to_raw("f", 18, self.channels),
                 self.channel_count, _arrays.to_raw("b", 30, self.function), self.rssi, self.signal_lost,
@@ -131,7 +131,7 @@ class RcChannels(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 135:
+        if header != _USUAL or not 132 <= len(data) <= 135:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.channels = _arrays.from_raw("f", channels_raw)
         message.function = _arrays.from_raw("b", function_raw)
@@ -149,13 +149,13 @@ class RcChannels(_cdr.Message):
         message_version=0,
         topics=("rc_channels",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_last_valid", "uint64", 8, unit="us"),
-            _cdr.Field("channels", "float32[18]", 16, range="-1, 1"),
-            _cdr.Field("channel_count", "uint8", 88),
-            _cdr.Field("function", "int8[30]", 89, invalid="-1"),
-            _cdr.Field("rssi", "uint8", 119),
-            _cdr.Field("signal_lost", "bool", 120),
-            _cdr.Field("frame_drop_count", "uint32", 124),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_last_valid", "uint64", 8, 8, unit="us"),
+            _cdr.Field("channels", "float32[18]", 16, 72, range="-1, 1"),
+            _cdr.Field("channel_count", "uint8", 88, 1),
+            _cdr.Field("function", "int8[30]", 89, 30, invalid="-1"),
+            _cdr.Field("rssi", "uint8", 119, 1),
+            _cdr.Field("signal_lost", "bool", 120, 1),
+            _cdr.Field("frame_drop_count", "uint32", 124, 4),
         ),
     )

@@ -84,9 +84,9 @@ class RcParameterMap(_cdr.Message):
             (value_min_0, value_min_1, value_min_2) = self.value_min
             (value_max_0, value_max_1, value_max_2) = self.value_max
             if len(self.param_id) != 51:
-                raise ValueError
-            if (valid_0 | valid_1 | valid_2) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
+            if (False | valid_0 | valid_1 | valid_2) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, valid_0, valid_1, valid_2, param_index_0, param_index_1,
                 param_index_2, self.param_id, scale_0, scale_1, scale_2, value0_0, value0_1, value0_2,
@@ -107,7 +107,7 @@ class RcParameterMap(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 131:
+        if header != _USUAL or not 128 <= len(data) <= 131:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.valid = (valid_0, valid_1, valid_2)
         message.param_index = (param_index_0, param_index_1, param_index_2)
@@ -129,13 +129,13 @@ class RcParameterMap(_cdr.Message):
         message_version=0,
         topics=("rc_parameter_map",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("valid", "bool[3]", 8),
-            _cdr.Field("param_index", "int32[3]", 12, invalid="-1"),
-            _cdr.Field("param_id", "char[51]", 24),
-            _cdr.Field("scale", "float32[3]", 76),
-            _cdr.Field("value0", "float32[3]", 88),
-            _cdr.Field("value_min", "float32[3]", 100),
-            _cdr.Field("value_max", "float32[3]", 112),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("valid", "bool[3]", 8, 3),
+            _cdr.Field("param_index", "int32[3]", 12, 12, invalid="-1"),
+            _cdr.Field("param_id", "char[51]", 24, 51),
+            _cdr.Field("scale", "float32[3]", 76, 12),
+            _cdr.Field("value0", "float32[3]", 88, 12),
+            _cdr.Field("value_min", "float32[3]", 100, 12),
+            _cdr.Field("value_max", "float32[3]", 112, 12),
         ),
     )

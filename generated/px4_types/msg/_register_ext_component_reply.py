@@ -82,9 +82,9 @@ class RegisterExtComponentReply(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 48 of values."""
         try:
             if len(self.name) != 25:
-                raise ValueError
-            if (self.success) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
+            if (False | self.success) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.request_id, self.name, self.px4_ros2_api_version, self.success,
                 self.arming_check_id, self.mode_id, self.mode_executor_id,
@@ -103,7 +103,7 @@ class RegisterExtComponentReply(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 55:
+        if header != _USUAL or not 52 <= len(data) <= 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -119,13 +119,13 @@ class RegisterExtComponentReply(_cdr.Message):
         message_version=0,
         topics=("register_ext_component_reply",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("request_id", "uint64", 8),
-            _cdr.Field("name", "char[25]", 16),
-            _cdr.Field("px4_ros2_api_version", "uint16", 42),
-            _cdr.Field("success", "bool", 44),
-            _cdr.Field("arming_check_id", "int8", 45, invalid="-1"),
-            _cdr.Field("mode_id", "int8", 46, invalid="-1"),
-            _cdr.Field("mode_executor_id", "int8", 47, invalid="-1"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("request_id", "uint64", 8, 8),
+            _cdr.Field("name", "char[25]", 16, 25),
+            _cdr.Field("px4_ros2_api_version", "uint16", 42, 2),
+            _cdr.Field("success", "bool", 44, 1),
+            _cdr.Field("arming_check_id", "int8", 45, 1, invalid="-1"),
+            _cdr.Field("mode_id", "int8", 46, 1, invalid="-1"),
+            _cdr.Field("mode_executor_id", "int8", 47, 1, invalid="-1"),
         ),
     )

@@ -98,12 +98,12 @@ class RegisterExtComponentRequest(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 50 of values."""
         try:
             if len(self.name) != 25:
-                raise ValueError
+                raise _cdr.Refused
             if (
-                self.register_arming_check | self.register_mode | self.register_mode_executor
+                False | self.register_arming_check | self.register_mode | self.register_mode_executor
                 | self.enable_replace_internal_mode | self.activate_mode_immediately
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.request_id, self.name, self.px4_ros2_api_version,
                 self.register_arming_check, self.register_mode, self.register_mode_executor,
@@ -125,7 +125,7 @@ class RegisterExtComponentRequest(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 57:
+        if header != _USUAL or not 54 <= len(data) <= 57:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -141,15 +141,15 @@ class RegisterExtComponentRequest(_cdr.Message):
         message_version=0,
         topics=("register_ext_component_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("request_id", "uint64", 8),
-            _cdr.Field("name", "char[25]", 16),
-            _cdr.Field("px4_ros2_api_version", "uint16", 42),
-            _cdr.Field("register_arming_check", "bool", 44),
-            _cdr.Field("register_mode", "bool", 45),
-            _cdr.Field("register_mode_executor", "bool", 46),
-            _cdr.Field("enable_replace_internal_mode", "bool", 47),
-            _cdr.Field("replace_internal_mode", "uint8", 48),
-            _cdr.Field("activate_mode_immediately", "bool", 49),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("request_id", "uint64", 8, 8),
+            _cdr.Field("name", "char[25]", 16, 25),
+            _cdr.Field("px4_ros2_api_version", "uint16", 42, 2),
+            _cdr.Field("register_arming_check", "bool", 44, 1),
+            _cdr.Field("register_mode", "bool", 45, 1),
+            _cdr.Field("register_mode_executor", "bool", 46, 1),
+            _cdr.Field("enable_replace_internal_mode", "bool", 47, 1),
+            _cdr.Field("replace_internal_mode", "uint8", 48, 1),
+            _cdr.Field("activate_mode_immediately", "bool", 49, 1),
         ),
     )

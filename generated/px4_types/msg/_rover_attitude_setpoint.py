@@ -54,7 +54,7 @@ class RoverAttitudeSetpoint(_cdr.Message):
             (header, message.timestamp, message.yaw_setpoint) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 19:
+        if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -70,7 +70,9 @@ class RoverAttitudeSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_attitude_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("yaw_setpoint", "float32", 8, unit="rad", range="-inf, inf", frame="NED"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field(
+                "yaw_setpoint", "float32", 8, 4, unit="rad", range="-inf, inf", frame="NED",
+            ),
         ),
     )

@@ -58,7 +58,7 @@ class RoverAttitudeStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -74,10 +74,10 @@ class RoverAttitudeStatus(_cdr.Message):
         message_version=0,
         topics=("rover_attitude_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("measured_yaw", "float32", 8, unit="rad", range="-pi, pi", frame="NED"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("measured_yaw", "float32", 8, 4, unit="rad", range="-pi, pi", frame="NED"),
             _cdr.Field(
-                "adjusted_yaw_setpoint", "float32", 12, unit="rad", range="-pi, pi", frame="NED",
+                "adjusted_yaw_setpoint", "float32", 12, 4, unit="rad", range="-pi, pi", frame="NED",
             ),
         ),
     )

@@ -84,7 +84,7 @@ class RoverPositionSetpoint(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 43:
+        if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position_ned = (position_ned_0, position_ned_1)
         message.start_ned = (start_ned_0, start_ned_1)
@@ -102,21 +102,23 @@ class RoverPositionSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_position_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("position_ned", "float32[2]", 8, unit="m", range="-inf, inf", frame="NED"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field(
-                "start_ned", "float32[2]", 16, unit="m", range="-inf, inf",
+                "position_ned", "float32[2]", 8, 8, unit="m", range="-inf, inf", frame="NED",
+            ),
+            _cdr.Field(
+                "start_ned", "float32[2]", 16, 8, unit="m", range="-inf, inf",
                 invalid="NaN Defaults to vehicle position", frame="NED",
             ),
             _cdr.Field(
-                "cruising_speed", "float32", 24, unit="m/s", range="0, inf",
+                "cruising_speed", "float32", 24, 4, unit="m/s", range="0, inf",
                 invalid="NaN Defaults to maximum speed",
             ),
             _cdr.Field(
-                "arrival_speed", "float32", 28, unit="m/s", range="0, inf", invalid="NaN Defaults to 0",
+                "arrival_speed", "float32", 28, 4, unit="m/s", range="0, inf", invalid="NaN Defaults to 0",
             ),
             _cdr.Field(
-                "yaw", "float32", 32, unit="rad", range="-pi,pi", invalid="NaN Defaults to vehicle yaw",
+                "yaw", "float32", 32, 4, unit="rad", range="-pi,pi", invalid="NaN Defaults to vehicle yaw",
                 frame="NED",
             ),
         ),

@@ -52,7 +52,7 @@ class RoverRateSetpoint(_cdr.Message):
             (header, message.timestamp, message.yaw_rate_setpoint) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 19:
+        if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -68,9 +68,9 @@ class RoverRateSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_rate_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field(
-                "yaw_rate_setpoint", "float32", 8, unit="rad/s", range="-inf, inf", frame="NED",
+                "yaw_rate_setpoint", "float32", 8, 4, unit="rad/s", range="-inf, inf", frame="NED",
             ),
         ),
     )

@@ -71,7 +71,7 @@ class RoverRateStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -87,13 +87,13 @@ class RoverRateStatus(_cdr.Message):
         message_version=0,
         topics=("rover_rate_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field(
-                "measured_yaw_rate", "float32", 8, unit="rad/s", range="-inf, inf", frame="NED",
+                "measured_yaw_rate", "float32", 8, 4, unit="rad/s", range="-inf, inf", frame="NED",
             ),
             _cdr.Field(
-                "adjusted_yaw_rate_setpoint", "float32", 12, unit="rad/s", range="-inf, inf", frame="NED",
+                "adjusted_yaw_rate_setpoint", "float32", 12, 4, unit="rad/s", range="-inf, inf", frame="NED",
             ),
-            _cdr.Field("pid_yaw_rate_integral", "float32", 16, unit="-", range="-1, 1"),
+            _cdr.Field("pid_yaw_rate_integral", "float32", 16, 4, unit="-", range="-1, 1"),
         ),
     )

@@ -58,7 +58,7 @@ class RoverSpeedSetpoint(_cdr.Message):
             (header, message.timestamp, message.speed_body_x, message.speed_body_y) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -74,13 +74,13 @@ class RoverSpeedSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_speed_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field(
-                "speed_body_x", "float32", 8, unit="m/s", range="-inf (Backwards), inf (Forwards)",
+                "speed_body_x", "float32", 8, 4, unit="m/s", range="-inf (Backwards), inf (Forwards)",
                 frame="Body",
             ),
             _cdr.Field(
-                "speed_body_y", "float32", 12, unit="m/s", range="-inf (Left), inf (Right)",
+                "speed_body_y", "float32", 12, 4, unit="m/s", range="-inf (Left), inf (Right)",
                 invalid="NaN If not mecanum", frame="Body",
             ),
         ),

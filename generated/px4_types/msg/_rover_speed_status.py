@@ -95,7 +95,7 @@ class RoverSpeedStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 39:
+        if header != _USUAL or not 36 <= len(data) <= 39:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -111,26 +111,26 @@ class RoverSpeedStatus(_cdr.Message):
         message_version=0,
         topics=("rover_speed_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field(
-                "measured_speed_body_x", "float32", 8, unit="m/s", range="-inf (Backwards), inf (Forwards)",
-                frame="Body",
-            ),
-            _cdr.Field(
-                "adjusted_speed_body_x_setpoint", "float32", 12, unit="m/s",
+                "measured_speed_body_x", "float32", 8, 4, unit="m/s",
                 range="-inf (Backwards), inf (Forwards)", frame="Body",
             ),
-            _cdr.Field("pid_throttle_body_x_integral", "float32", 16, unit="-", range="-1, 1"),
             _cdr.Field(
-                "measured_speed_body_y", "float32", 20, unit="m/s", range="-inf (Left), inf (Right)",
+                "adjusted_speed_body_x_setpoint", "float32", 12, 4, unit="m/s",
+                range="-inf (Backwards), inf (Forwards)", frame="Body",
+            ),
+            _cdr.Field("pid_throttle_body_x_integral", "float32", 16, 4, unit="-", range="-1, 1"),
+            _cdr.Field(
+                "measured_speed_body_y", "float32", 20, 4, unit="m/s", range="-inf (Left), inf (Right)",
                 invalid="NaN If not mecanum", frame="Body",
             ),
             _cdr.Field(
-                "adjusted_speed_body_y_setpoint", "float32", 24, unit="m/s", range="-inf (Left), inf (Right)",
-                invalid="NaN If not mecanum", frame="Body",
+                "adjusted_speed_body_y_setpoint", "float32", 24, 4, unit="m/s",
+                range="-inf (Left), inf (Right)", invalid="NaN If not mecanum", frame="Body",
             ),
             _cdr.Field(
-                "pid_throttle_body_y_integral", "float32", 28, unit="-", range="-1, 1",
+                "pid_throttle_body_y_integral", "float32", 28, 4, unit="-", range="-1, 1",
                 invalid="NaN If not mecanum",
             ),
         ),

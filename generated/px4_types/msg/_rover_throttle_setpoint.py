@@ -61,7 +61,7 @@ class RoverThrottleSetpoint(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -77,12 +77,13 @@ class RoverThrottleSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_throttle_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field(
-                "throttle_body_x", "float32", 8, unit="-", range="-1 (Backwards), 1 (Forwards)", frame="Body",
+                "throttle_body_x", "float32", 8, 4, unit="-", range="-1 (Backwards), 1 (Forwards)",
+                frame="Body",
             ),
             _cdr.Field(
-                "throttle_body_y", "float32", 12, unit="-", range="-1 (Left), 1 (Right)",
+                "throttle_body_y", "float32", 12, 4, unit="-", range="-1 (Left), 1 (Right)",
                 invalid="NaN If not mecanum", frame="Body",
             ),
         ),

@@ -57,7 +57,7 @@ class Rpm(_cdr.Message):
             (header, message.timestamp, message.rpm_estimate, message.rpm_raw) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -73,8 +73,8 @@ class Rpm(_cdr.Message):
         message_version=0,
         topics=("rpm",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("rpm_estimate", "float32", 8, unit="rpm"),
-            _cdr.Field("rpm_raw", "float32", 12, unit="rpm"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("rpm_estimate", "float32", 8, 4, unit="rpm"),
+            _cdr.Field("rpm_raw", "float32", 12, 4, unit="rpm"),
         ),
     )

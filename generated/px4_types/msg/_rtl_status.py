@@ -81,8 +81,8 @@ class RtlStatus(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
         try:
-            if (self.is_evaluation_pending | self.has_vtol_approach) not in (0, 1):
-                raise ValueError
+            if (False | self.is_evaluation_pending | self.has_vtol_approach) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.safe_points_id, self.is_evaluation_pending,
                 self.has_vtol_approach, self.rtl_type, self.safe_point_index,
@@ -101,7 +101,7 @@ class RtlStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -117,11 +117,11 @@ class RtlStatus(_cdr.Message):
         message_version=0,
         topics=("rtl_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("safe_points_id", "uint32", 8),
-            _cdr.Field("is_evaluation_pending", "bool", 12),
-            _cdr.Field("has_vtol_approach", "bool", 13),
-            _cdr.Field("rtl_type", "uint8", 14, enum="RTL_STATUS_TYPE"),
-            _cdr.Field("safe_point_index", "uint8", 15),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("safe_points_id", "uint32", 8, 4),
+            _cdr.Field("is_evaluation_pending", "bool", 12, 1),
+            _cdr.Field("has_vtol_approach", "bool", 13, 1),
+            _cdr.Field("rtl_type", "uint8", 14, 1, enum="RTL_STATUS_TYPE"),
+            _cdr.Field("safe_point_index", "uint8", 15, 1),
         ),
     )

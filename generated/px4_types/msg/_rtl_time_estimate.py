@@ -50,8 +50,8 @@ class RtlTimeEstimate(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
         try:
-            if (self.valid) not in (0, 1):
-                raise ValueError
+            if (False | self.valid) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.valid, self.time_estimate, self.safe_time_estimate,
             )
@@ -68,7 +68,7 @@ class RtlTimeEstimate(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -84,9 +84,9 @@ class RtlTimeEstimate(_cdr.Message):
         message_version=0,
         topics=("rtl_time_estimate",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("valid", "bool", 8),
-            _cdr.Field("time_estimate", "float32", 12, unit="s"),
-            _cdr.Field("safe_time_estimate", "float32", 16, unit="s"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("valid", "bool", 8, 1),
+            _cdr.Field("time_estimate", "float32", 12, 4, unit="s"),
+            _cdr.Field("safe_time_estimate", "float32", 16, 4, unit="s"),
         ),
     )

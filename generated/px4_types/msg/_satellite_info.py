@@ -73,17 +73,17 @@ class SatelliteInfo(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 249 of values."""
         try:
             if len(self.svid) != 40:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.used) != 40:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.elevation) != 40:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.azimuth) != 40:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.snr) != 40:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.prn) != 40:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.count, self.svid, self.used, self.elevation, self.azimuth,
                 self.snr, self.prn,
@@ -102,7 +102,7 @@ class SatelliteInfo(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 256:
+        if header != _USUAL or not 253 <= len(data) <= 256:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -118,13 +118,13 @@ class SatelliteInfo(_cdr.Message):
         message_version=0,
         topics=("satellite_info",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("count", "uint8", 8),
-            _cdr.Field("svid", "uint8[40]", 9, range="1, 255"),
-            _cdr.Field("used", "uint8[40]", 49, range="0, 1"),
-            _cdr.Field("elevation", "uint8[40]", 89, unit="deg", range="0, 90"),
-            _cdr.Field("azimuth", "uint8[40]", 129, range="0, 255"),
-            _cdr.Field("snr", "uint8[40]", 169, unit="dBHz", range="0, 99", invalid="0"),
-            _cdr.Field("prn", "uint8[40]", 209),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("count", "uint8", 8, 1),
+            _cdr.Field("svid", "uint8[40]", 9, 40, range="1, 255"),
+            _cdr.Field("used", "uint8[40]", 49, 40, range="0, 1"),
+            _cdr.Field("elevation", "uint8[40]", 89, 40, unit="deg", range="0, 90"),
+            _cdr.Field("azimuth", "uint8[40]", 129, 40, range="0, 255"),
+            _cdr.Field("snr", "uint8[40]", 169, 40, unit="dBHz", range="0, 99", invalid="0"),
+            _cdr.Field("prn", "uint8[40]", 209, 40),
         ),
     )

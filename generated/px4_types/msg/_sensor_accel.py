@@ -89,7 +89,7 @@ class SensorAccel(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 44 of values."""
         try:
             if len(self.clip_counter) != 3:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, self.x, self.y, self.z,
                 self.temperature, self.error_count, self.clip_counter, self.samples,
@@ -108,7 +108,7 @@ class SensorAccel(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 51:
+        if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -124,15 +124,15 @@ class SensorAccel(_cdr.Message):
         message_version=0,
         topics=("sensor_accel",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("x", "float32", 20, unit="m/s^2", frame="FRD"),
-            _cdr.Field("y", "float32", 24, unit="m/s^2", frame="FRD"),
-            _cdr.Field("z", "float32", 28, unit="m/s^2", frame="FRD"),
-            _cdr.Field("temperature", "float32", 32, unit="degC"),
-            _cdr.Field("error_count", "uint32", 36),
-            _cdr.Field("clip_counter", "uint8[3]", 40),
-            _cdr.Field("samples", "uint8", 43),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("x", "float32", 20, 4, unit="m/s^2", frame="FRD"),
+            _cdr.Field("y", "float32", 24, 4, unit="m/s^2", frame="FRD"),
+            _cdr.Field("z", "float32", 28, 4, unit="m/s^2", frame="FRD"),
+            _cdr.Field("temperature", "float32", 32, 4, unit="degC"),
+            _cdr.Field("error_count", "uint32", 36, 4),
+            _cdr.Field("clip_counter", "uint8[3]", 40, 3),
+            _cdr.Field("samples", "uint8", 43, 1),
         ),
     )

@@ -71,7 +71,7 @@ class SensorAirflow(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 28:
+        if header != _USUAL or not 25 <= len(data) <= 28:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -87,10 +87,10 @@ class SensorAirflow(_cdr.Message):
         message_version=0,
         topics=("sensor_airflow",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("device_id", "uint32", 8),
-            _cdr.Field("speed", "float32", 12, unit="m/s"),
-            _cdr.Field("direction", "float32", 16, unit="rad"),
-            _cdr.Field("status", "uint8", 20),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 8, 4),
+            _cdr.Field("speed", "float32", 12, 4, unit="m/s"),
+            _cdr.Field("direction", "float32", 16, 4, unit="rad"),
+            _cdr.Field("status", "uint8", 20, 1),
         ),
     )

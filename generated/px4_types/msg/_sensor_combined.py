@@ -123,7 +123,7 @@ class SensorCombined(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 55:
+        if header != _USUAL or not 52 <= len(data) <= 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.gyro_rad = (gyro_rad_0, gyro_rad_1, gyro_rad_2)
         message.accelerometer_m_s2 = (accelerometer_m_s2_0, accelerometer_m_s2_1, accelerometer_m_s2_2)
@@ -141,18 +141,18 @@ class SensorCombined(_cdr.Message):
         message_version=0,
         topics=("sensor_combined",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("gyro_rad", "float32[3]", 8, unit="rad/s", frame="FRD"),
-            _cdr.Field("gyro_integral_dt", "uint32", 20, unit="us"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("gyro_rad", "float32[3]", 8, 12, unit="rad/s", frame="FRD"),
+            _cdr.Field("gyro_integral_dt", "uint32", 20, 4, unit="us"),
             _cdr.Field(
-                "accelerometer_timestamp_relative", "int32", 24, unit="us",
+                "accelerometer_timestamp_relative", "int32", 24, 4, unit="us",
                 invalid="RELATIVE_TIMESTAMP_INVALID",
             ),
-            _cdr.Field("accelerometer_m_s2", "float32[3]", 28, unit="m/s^2", frame="FRD"),
-            _cdr.Field("accelerometer_integral_dt", "uint32", 40, unit="us"),
-            _cdr.Field("accelerometer_clipping", "uint8", 44, enum="CLIPPING"),
-            _cdr.Field("gyro_clipping", "uint8", 45, enum="CLIPPING"),
-            _cdr.Field("accel_calibration_count", "uint8", 46),
-            _cdr.Field("gyro_calibration_count", "uint8", 47),
+            _cdr.Field("accelerometer_m_s2", "float32[3]", 28, 12, unit="m/s^2", frame="FRD"),
+            _cdr.Field("accelerometer_integral_dt", "uint32", 40, 4, unit="us"),
+            _cdr.Field("accelerometer_clipping", "uint8", 44, 1, enum="CLIPPING"),
+            _cdr.Field("gyro_clipping", "uint8", 45, 1, enum="CLIPPING"),
+            _cdr.Field("accel_calibration_count", "uint8", 46, 1),
+            _cdr.Field("gyro_calibration_count", "uint8", 47, 1),
         ),
     )

@@ -150,12 +150,12 @@ class SensorGnssRelative(_cdr.Message):
             (position_0, position_1, position_2) = self.position
             (position_accuracy_0, position_accuracy_1, position_accuracy_2) = self.position_accuracy
             if (
-                self.gnss_fix_ok | self.differential_solution | self.relative_position_valid
+                False | self.gnss_fix_ok | self.differential_solution | self.relative_position_valid
                 | self.carrier_solution_floating | self.carrier_solution_fixed | self.moving_base_mode
                 | self.reference_position_miss | self.reference_observations_miss | self.heading_valid
                 | self.relative_position_normalized
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, self.time_utc_usec,
                 self.reference_station_id, position_0, position_1, position_2, position_accuracy_0,
@@ -185,7 +185,7 @@ class SensorGnssRelative(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 93:
+        if header != _USUAL or not 90 <= len(data) <= 93:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position = (position_0, position_1, position_2)
         message.position_accuracy = (position_accuracy_0, position_accuracy_1, position_accuracy_2)
@@ -203,26 +203,26 @@ class SensorGnssRelative(_cdr.Message):
         message_version=0,
         topics=("sensor_gnss_relative",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("time_utc_usec", "uint64", 24, unit="us", invalid="0"),
-            _cdr.Field("reference_station_id", "uint16", 32),
-            _cdr.Field("position", "float32[3]", 36, unit="m", frame="NED"),
-            _cdr.Field("position_accuracy", "float32[3]", 48, unit="m", frame="NED"),
-            _cdr.Field("heading", "float32", 60, unit="rad", frame="NED"),
-            _cdr.Field("heading_accuracy", "float32", 64, unit="rad"),
-            _cdr.Field("position_length", "float32", 68, unit="m"),
-            _cdr.Field("accuracy_length", "float32", 72, unit="m"),
-            _cdr.Field("gnss_fix_ok", "bool", 76),
-            _cdr.Field("differential_solution", "bool", 77),
-            _cdr.Field("relative_position_valid", "bool", 78),
-            _cdr.Field("carrier_solution_floating", "bool", 79),
-            _cdr.Field("carrier_solution_fixed", "bool", 80),
-            _cdr.Field("moving_base_mode", "bool", 81),
-            _cdr.Field("reference_position_miss", "bool", 82),
-            _cdr.Field("reference_observations_miss", "bool", 83),
-            _cdr.Field("heading_valid", "bool", 84),
-            _cdr.Field("relative_position_normalized", "bool", 85),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("time_utc_usec", "uint64", 24, 8, unit="us", invalid="0"),
+            _cdr.Field("reference_station_id", "uint16", 32, 2),
+            _cdr.Field("position", "float32[3]", 36, 12, unit="m", frame="NED"),
+            _cdr.Field("position_accuracy", "float32[3]", 48, 12, unit="m", frame="NED"),
+            _cdr.Field("heading", "float32", 60, 4, unit="rad", frame="NED"),
+            _cdr.Field("heading_accuracy", "float32", 64, 4, unit="rad"),
+            _cdr.Field("position_length", "float32", 68, 4, unit="m"),
+            _cdr.Field("accuracy_length", "float32", 72, 4, unit="m"),
+            _cdr.Field("gnss_fix_ok", "bool", 76, 1),
+            _cdr.Field("differential_solution", "bool", 77, 1),
+            _cdr.Field("relative_position_valid", "bool", 78, 1),
+            _cdr.Field("carrier_solution_floating", "bool", 79, 1),
+            _cdr.Field("carrier_solution_fixed", "bool", 80, 1),
+            _cdr.Field("moving_base_mode", "bool", 81, 1),
+            _cdr.Field("reference_position_miss", "bool", 82, 1),
+            _cdr.Field("reference_observations_miss", "bool", 83, 1),
+            _cdr.Field("heading_valid", "bool", 84, 1),
+            _cdr.Field("relative_position_normalized", "bool", 85, 1),
         ),
     )

@@ -71,8 +71,8 @@ class SensorGnssStatus(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 17 of values."""
         try:
-            if (self.quality_available) not in (0, 1):
-                raise ValueError
+            if (False | self.quality_available) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.device_id, self.quality_available, self.quality_corrections,
                 self.quality_receiver, self.quality_gnss_signals, self.quality_post_processing,
@@ -92,7 +92,7 @@ class SensorGnssStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 24:
+        if header != _USUAL or not 21 <= len(data) <= 24:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -108,12 +108,12 @@ class SensorGnssStatus(_cdr.Message):
         message_version=0,
         topics=("sensor_gnss_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("device_id", "uint32", 8),
-            _cdr.Field("quality_available", "bool", 12),
-            _cdr.Field("quality_corrections", "uint8", 13, range="0, 10", invalid="255"),
-            _cdr.Field("quality_receiver", "uint8", 14, range="0, 10", invalid="255"),
-            _cdr.Field("quality_gnss_signals", "uint8", 15, range="0, 10", invalid="255"),
-            _cdr.Field("quality_post_processing", "uint8", 16, range="0, 10", invalid="255"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 8, 4),
+            _cdr.Field("quality_available", "bool", 12, 1),
+            _cdr.Field("quality_corrections", "uint8", 13, 1, range="0, 10", invalid="255"),
+            _cdr.Field("quality_receiver", "uint8", 14, 1, range="0, 10", invalid="255"),
+            _cdr.Field("quality_gnss_signals", "uint8", 15, 1, range="0, 10", invalid="255"),
+            _cdr.Field("quality_post_processing", "uint8", 16, 1, range="0, 10", invalid="255"),
         ),
     )

@@ -287,8 +287,8 @@ class SensorGps(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 163 of values."""
         try:
-            if (self.vel_ned_valid | self.rtcm_crc_failed) not in (0, 1):
-                raise ValueError
+            if (False | self.vel_ned_valid | self.rtcm_crc_failed) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, self.latitude_deg,
                 self.longitude_deg, self.altitude_msl_m, self.altitude_ellipsoid_m, self.s_variance_m_s,
@@ -322,7 +322,7 @@ class SensorGps(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 170:
+        if header != _USUAL or not 167 <= len(data) <= 170:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -338,46 +338,46 @@ class SensorGps(_cdr.Message):
         message_version=0,
         topics=("sensor_gps", "vehicle_gps_position"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("latitude_deg", "float64", 24, unit="deg"),
-            _cdr.Field("longitude_deg", "float64", 32, unit="deg"),
-            _cdr.Field("altitude_msl_m", "float64", 40, unit="m"),
-            _cdr.Field("altitude_ellipsoid_m", "float64", 48, unit="m"),
-            _cdr.Field("s_variance_m_s", "float32", 56, unit="m/s"),
-            _cdr.Field("c_variance_rad", "float32", 60, unit="rad"),
-            _cdr.Field("fix_type", "uint8", 64, enum="FIX_TYPE"),
-            _cdr.Field("eph", "float32", 68, unit="m"),
-            _cdr.Field("epv", "float32", 72, unit="m"),
-            _cdr.Field("hdop", "float32", 76, unit="-"),
-            _cdr.Field("vdop", "float32", 80, unit="-"),
-            _cdr.Field("noise_per_ms", "int32", 84),
-            _cdr.Field("automatic_gain_control", "uint16", 88),
-            _cdr.Field("jamming_state", "uint8", 90, enum="JAMMING_STATE"),
-            _cdr.Field("jamming_indicator", "int32", 92),
-            _cdr.Field("spoofing_state", "uint8", 96, enum="SPOOFING_STATE"),
-            _cdr.Field("authentication_state", "uint8", 97, enum="AUTHENTICATION_STATE"),
-            _cdr.Field("vel_m_s", "float32", 100, unit="m/s"),
-            _cdr.Field("vel_n_m_s", "float32", 104, unit="m/s", frame="NED"),
-            _cdr.Field("vel_e_m_s", "float32", 108, unit="m/s", frame="NED"),
-            _cdr.Field("vel_d_m_s", "float32", 112, unit="m/s", frame="NED"),
-            _cdr.Field("cog_rad", "float32", 116, unit="rad", range="-pi, pi"),
-            _cdr.Field("vel_ned_valid", "bool", 120),
-            _cdr.Field("timestamp_time_relative", "int32", 124, unit="us"),
-            _cdr.Field("time_utc_usec", "uint64", 128, unit="us", invalid="0"),
-            _cdr.Field("satellites_used", "uint8", 136),
-            _cdr.Field("system_error", "uint32", 140, enum="SYSTEM_ERROR"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("latitude_deg", "float64", 24, 8, unit="deg"),
+            _cdr.Field("longitude_deg", "float64", 32, 8, unit="deg"),
+            _cdr.Field("altitude_msl_m", "float64", 40, 8, unit="m"),
+            _cdr.Field("altitude_ellipsoid_m", "float64", 48, 8, unit="m"),
+            _cdr.Field("s_variance_m_s", "float32", 56, 4, unit="m/s"),
+            _cdr.Field("c_variance_rad", "float32", 60, 4, unit="rad"),
+            _cdr.Field("fix_type", "uint8", 64, 1, enum="FIX_TYPE"),
+            _cdr.Field("eph", "float32", 68, 4, unit="m"),
+            _cdr.Field("epv", "float32", 72, 4, unit="m"),
+            _cdr.Field("hdop", "float32", 76, 4, unit="-"),
+            _cdr.Field("vdop", "float32", 80, 4, unit="-"),
+            _cdr.Field("noise_per_ms", "int32", 84, 4),
+            _cdr.Field("automatic_gain_control", "uint16", 88, 2),
+            _cdr.Field("jamming_state", "uint8", 90, 1, enum="JAMMING_STATE"),
+            _cdr.Field("jamming_indicator", "int32", 92, 4),
+            _cdr.Field("spoofing_state", "uint8", 96, 1, enum="SPOOFING_STATE"),
+            _cdr.Field("authentication_state", "uint8", 97, 1, enum="AUTHENTICATION_STATE"),
+            _cdr.Field("vel_m_s", "float32", 100, 4, unit="m/s"),
+            _cdr.Field("vel_n_m_s", "float32", 104, 4, unit="m/s", frame="NED"),
+            _cdr.Field("vel_e_m_s", "float32", 108, 4, unit="m/s", frame="NED"),
+            _cdr.Field("vel_d_m_s", "float32", 112, 4, unit="m/s", frame="NED"),
+            _cdr.Field("cog_rad", "float32", 116, 4, unit="rad", range="-pi, pi"),
+            _cdr.Field("vel_ned_valid", "bool", 120, 1),
+            _cdr.Field("timestamp_time_relative", "int32", 124, 4, unit="us"),
+            _cdr.Field("time_utc_usec", "uint64", 128, 8, unit="us", invalid="0"),
+            _cdr.Field("satellites_used", "uint8", 136, 1),
+            _cdr.Field("system_error", "uint32", 140, 4, enum="SYSTEM_ERROR"),
             _cdr.Field(
-                "heading", "float32", 144, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
+                "heading", "float32", 144, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
             ),
             _cdr.Field(
-                "heading_offset", "float32", 148, unit="rad", range="-pi, pi", invalid="NaN", frame="Body",
+                "heading_offset", "float32", 148, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="Body",
             ),
-            _cdr.Field("heading_accuracy", "float32", 152, unit="rad", range="0, 2pi"),
-            _cdr.Field("rtcm_injection_rate", "float32", 156, unit="Hz"),
-            _cdr.Field("selected_rtcm_instance", "uint8", 160),
-            _cdr.Field("rtcm_crc_failed", "bool", 161),
-            _cdr.Field("rtcm_msg_used", "uint8", 162, enum="RTCM_MSG_USED"),
+            _cdr.Field("heading_accuracy", "float32", 152, 4, unit="rad", range="0, 2pi"),
+            _cdr.Field("rtcm_injection_rate", "float32", 156, 4, unit="Hz"),
+            _cdr.Field("selected_rtcm_instance", "uint8", 160, 1),
+            _cdr.Field("rtcm_crc_failed", "bool", 161, 1),
+            _cdr.Field("rtcm_msg_used", "uint8", 162, 1, enum="RTCM_MSG_USED"),
         ),
     )

@@ -124,7 +124,7 @@ class SensorGyroFft(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 107:
+        if header != _USUAL or not 104 <= len(data) <= 107:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.peak_frequencies_x = (peak_frequencies_x_0, peak_frequencies_x_1, peak_frequencies_x_2)
         message.peak_frequencies_y = (peak_frequencies_y_0, peak_frequencies_y_1, peak_frequencies_y_2)
@@ -146,16 +146,16 @@ class SensorGyroFft(_cdr.Message):
         message_version=0,
         topics=("sensor_gyro_fft",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("sensor_sample_rate_hz", "float32", 20, unit="Hz"),
-            _cdr.Field("resolution_hz", "float32", 24, unit="Hz"),
-            _cdr.Field("peak_frequencies_x", "float32[3]", 28, unit="Hz", invalid="NaN"),
-            _cdr.Field("peak_frequencies_y", "float32[3]", 40, unit="Hz", invalid="NaN"),
-            _cdr.Field("peak_frequencies_z", "float32[3]", 52, unit="Hz", invalid="NaN"),
-            _cdr.Field("peak_snr_x", "float32[3]", 64, unit="dB", invalid="NaN"),
-            _cdr.Field("peak_snr_y", "float32[3]", 76, unit="dB", invalid="NaN"),
-            _cdr.Field("peak_snr_z", "float32[3]", 88, unit="dB", invalid="NaN"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("sensor_sample_rate_hz", "float32", 20, 4, unit="Hz"),
+            _cdr.Field("resolution_hz", "float32", 24, 4, unit="Hz"),
+            _cdr.Field("peak_frequencies_x", "float32[3]", 28, 12, unit="Hz", invalid="NaN"),
+            _cdr.Field("peak_frequencies_y", "float32[3]", 40, 12, unit="Hz", invalid="NaN"),
+            _cdr.Field("peak_frequencies_z", "float32[3]", 52, 12, unit="Hz", invalid="NaN"),
+            _cdr.Field("peak_snr_x", "float32[3]", 64, 12, unit="dB", invalid="NaN"),
+            _cdr.Field("peak_snr_y", "float32[3]", 76, 12, unit="dB", invalid="NaN"),
+            _cdr.Field("peak_snr_z", "float32[3]", 88, 12, unit="dB", invalid="NaN"),
         ),
     )

@@ -102,7 +102,7 @@ class SensorGyroFifo(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 229:
+        if header != _USUAL or not 226 <= len(data) <= 229:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.x = _arrays.from_raw("h", x_raw)
         message.y = _arrays.from_raw("h", y_raw)
@@ -121,14 +121,14 @@ class SensorGyroFifo(_cdr.Message):
         message_version=0,
         topics=("sensor_gyro_fifo",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("dt", "float32", 20, unit="us"),
-            _cdr.Field("scale", "float32", 24),
-            _cdr.Field("samples", "uint8", 28),
-            _cdr.Field("x", "int16[32]", 30, frame="FRD"),
-            _cdr.Field("y", "int16[32]", 94, frame="FRD"),
-            _cdr.Field("z", "int16[32]", 158, frame="FRD"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("dt", "float32", 20, 4, unit="us"),
+            _cdr.Field("scale", "float32", 24, 4),
+            _cdr.Field("samples", "uint8", 28, 1),
+            _cdr.Field("x", "int16[32]", 30, 64, frame="FRD"),
+            _cdr.Field("y", "int16[32]", 94, 64, frame="FRD"),
+            _cdr.Field("z", "int16[32]", 158, 64, frame="FRD"),
         ),
     )

@@ -72,7 +72,7 @@ class SensorHygrometer(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 35:
+        if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -88,10 +88,10 @@ class SensorHygrometer(_cdr.Message):
         message_version=0,
         topics=("sensor_hygrometer",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("temperature", "float32", 20, unit="degC"),
-            _cdr.Field("humidity", "float32", 24, unit="%"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("temperature", "float32", 20, 4, unit="degC"),
+            _cdr.Field("humidity", "float32", 24, 4, unit="%"),
         ),
     )

@@ -94,7 +94,7 @@ class SensorMag(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -110,13 +110,13 @@ class SensorMag(_cdr.Message):
         message_version=0,
         topics=("sensor_mag",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("x", "float32", 20, unit="Gs", frame="FRD"),
-            _cdr.Field("y", "float32", 24, unit="Gs", frame="FRD"),
-            _cdr.Field("z", "float32", 28, unit="Gs", frame="FRD"),
-            _cdr.Field("temperature", "float32", 32, unit="degC"),
-            _cdr.Field("error_count", "uint32", 36),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("x", "float32", 20, 4, unit="Gs", frame="FRD"),
+            _cdr.Field("y", "float32", 24, 4, unit="Gs", frame="FRD"),
+            _cdr.Field("z", "float32", 28, 4, unit="Gs", frame="FRD"),
+            _cdr.Field("temperature", "float32", 32, 4, unit="degC"),
+            _cdr.Field("error_count", "uint32", 36, 4),
         ),
     )

@@ -124,8 +124,8 @@ class SensorOpticalFlow(_cdr.Message):
         try:
             (pixel_flow_0, pixel_flow_1) = self.pixel_flow
             (delta_angle_0, delta_angle_1, delta_angle_2) = self.delta_angle
-            if (self.delta_angle_available | self.distance_available) not in (0, 1):
-                raise ValueError
+            if (False | self.delta_angle_available | self.distance_available) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, pixel_flow_0, pixel_flow_1,
                 delta_angle_0, delta_angle_1, delta_angle_2, self.delta_angle_available, self.distance_m,
@@ -149,7 +149,7 @@ class SensorOpticalFlow(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 84:
+        if header != _USUAL or not 81 <= len(data) <= 84:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.pixel_flow = (pixel_flow_0, pixel_flow_1)
         message.delta_angle = (delta_angle_0, delta_angle_1, delta_angle_2)
@@ -167,20 +167,20 @@ class SensorOpticalFlow(_cdr.Message):
         message_version=0,
         topics=("sensor_optical_flow",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("pixel_flow", "float32[2]", 20, unit="rad"),
-            _cdr.Field("delta_angle", "float32[3]", 28, unit="rad", invalid="NaN"),
-            _cdr.Field("delta_angle_available", "bool", 40),
-            _cdr.Field("distance_m", "float32", 44, unit="m"),
-            _cdr.Field("distance_available", "bool", 48),
-            _cdr.Field("integration_timespan_us", "uint32", 52, unit="us"),
-            _cdr.Field("quality", "uint8", 56, range="0, 255"),
-            _cdr.Field("error_count", "uint32", 60),
-            _cdr.Field("max_flow_rate", "float32", 64, unit="rad/s"),
-            _cdr.Field("min_ground_distance", "float32", 68, unit="m"),
-            _cdr.Field("max_ground_distance", "float32", 72, unit="m"),
-            _cdr.Field("mode", "uint8", 76, enum="MODE"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("pixel_flow", "float32[2]", 20, 8, unit="rad"),
+            _cdr.Field("delta_angle", "float32[3]", 28, 12, unit="rad", invalid="NaN"),
+            _cdr.Field("delta_angle_available", "bool", 40, 1),
+            _cdr.Field("distance_m", "float32", 44, 4, unit="m"),
+            _cdr.Field("distance_available", "bool", 48, 1),
+            _cdr.Field("integration_timespan_us", "uint32", 52, 4, unit="us"),
+            _cdr.Field("quality", "uint8", 56, 1, range="0, 255"),
+            _cdr.Field("error_count", "uint32", 60, 4),
+            _cdr.Field("max_flow_rate", "float32", 64, 4, unit="rad/s"),
+            _cdr.Field("min_ground_distance", "float32", 68, 4, unit="m"),
+            _cdr.Field("max_ground_distance", "float32", 72, 4, unit="m"),
+            _cdr.Field("mode", "uint8", 76, 1, enum="MODE"),
         ),
     )

@@ -51,7 +51,7 @@ class SensorPreflightMag(_cdr.Message):
             (header, message.timestamp, message.mag_inconsistency_angle) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 19:
+        if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -67,7 +67,7 @@ class SensorPreflightMag(_cdr.Message):
         message_version=0,
         topics=("sensor_preflight_mag",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("mag_inconsistency_angle", "float32", 8, unit="rad"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("mag_inconsistency_angle", "float32", 8, 4, unit="rad"),
         ),
     )

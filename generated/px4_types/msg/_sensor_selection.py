@@ -56,7 +56,7 @@ class SensorSelection(_cdr.Message):
             (header, message.timestamp, message.accel_device_id, message.gyro_device_id) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -72,8 +72,8 @@ class SensorSelection(_cdr.Message):
         message_version=0,
         topics=("sensor_selection",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("accel_device_id", "uint32", 8),
-            _cdr.Field("gyro_device_id", "uint32", 12),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("accel_device_id", "uint32", 8, 4),
+            _cdr.Field("gyro_device_id", "uint32", 12, 4),
         ),
     )

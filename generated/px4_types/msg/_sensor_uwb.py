@@ -170,7 +170,7 @@ class SensorUwb(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 75:
+        if header != _USUAL or not 72 <= len(data) <= 75:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -186,26 +186,26 @@ class SensorUwb(_cdr.Message):
         message_version=0,
         topics=("sensor_uwb",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("sessionid", "uint32", 8),
-            _cdr.Field("time_offset", "uint32", 12, unit="ms"),
-            _cdr.Field("counter", "uint32", 16),
-            _cdr.Field("mac", "uint16", 20),
-            _cdr.Field("mac_dest", "uint16", 22),
-            _cdr.Field("status", "uint16", 24),
-            _cdr.Field("nlos", "uint8", 26),
-            _cdr.Field("distance", "float32", 28, unit="m"),
-            _cdr.Field("aoa_azimuth_dev", "float32", 32, unit="deg", range="-60, 60"),
-            _cdr.Field("aoa_elevation_dev", "float32", 36, unit="deg", range="-60, 60"),
-            _cdr.Field("aoa_azimuth_resp", "float32", 40, unit="deg", range="-60, 60"),
-            _cdr.Field("aoa_elevation_resp", "float32", 44, unit="deg", range="-60, 60"),
-            _cdr.Field("aoa_azimuth_fom", "uint8", 48),
-            _cdr.Field("aoa_elevation_fom", "uint8", 49),
-            _cdr.Field("aoa_dest_azimuth_fom", "uint8", 50),
-            _cdr.Field("aoa_dest_elevation_fom", "uint8", 51),
-            _cdr.Field("orientation", "uint8", 52),
-            _cdr.Field("offset_x", "float32", 56, unit="m", frame="FRD"),
-            _cdr.Field("offset_y", "float32", 60, unit="m", frame="FRD"),
-            _cdr.Field("offset_z", "float32", 64, unit="m", frame="FRD"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("sessionid", "uint32", 8, 4),
+            _cdr.Field("time_offset", "uint32", 12, 4, unit="ms"),
+            _cdr.Field("counter", "uint32", 16, 4),
+            _cdr.Field("mac", "uint16", 20, 2),
+            _cdr.Field("mac_dest", "uint16", 22, 2),
+            _cdr.Field("status", "uint16", 24, 2),
+            _cdr.Field("nlos", "uint8", 26, 1),
+            _cdr.Field("distance", "float32", 28, 4, unit="m"),
+            _cdr.Field("aoa_azimuth_dev", "float32", 32, 4, unit="deg", range="-60, 60"),
+            _cdr.Field("aoa_elevation_dev", "float32", 36, 4, unit="deg", range="-60, 60"),
+            _cdr.Field("aoa_azimuth_resp", "float32", 40, 4, unit="deg", range="-60, 60"),
+            _cdr.Field("aoa_elevation_resp", "float32", 44, 4, unit="deg", range="-60, 60"),
+            _cdr.Field("aoa_azimuth_fom", "uint8", 48, 1),
+            _cdr.Field("aoa_elevation_fom", "uint8", 49, 1),
+            _cdr.Field("aoa_dest_azimuth_fom", "uint8", 50, 1),
+            _cdr.Field("aoa_dest_elevation_fom", "uint8", 51, 1),
+            _cdr.Field("orientation", "uint8", 52, 1),
+            _cdr.Field("offset_x", "float32", 56, 4, unit="m", frame="FRD"),
+            _cdr.Field("offset_y", "float32", 60, 4, unit="m", frame="FRD"),
+            _cdr.Field("offset_z", "float32", 64, 4, unit="m", frame="FRD"),
         ),
     )

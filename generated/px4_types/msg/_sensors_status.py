@@ -82,12 +82,12 @@ class SensorsStatus(_cdr.Message):
             (enabled_0, enabled_1, enabled_2, enabled_3) = self.enabled
             (external_0, external_1, external_2, external_3) = self.external
             if len(self.priority) != 4:
-                raise ValueError
+                raise _cdr.Refused
             if (
-                healthy_0 | healthy_1 | healthy_2 | healthy_3 | enabled_0 | enabled_1 | enabled_2
+                False | healthy_0 | healthy_1 | healthy_2 | healthy_3 | enabled_0 | enabled_1 | enabled_2
                 | enabled_3 | external_0 | external_1 | external_2 | external_3
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.device_id_primary, device_ids_0, device_ids_1, device_ids_2,
                 device_ids_3, inconsistency_0, inconsistency_1, inconsistency_2, inconsistency_3, healthy_0,
@@ -110,7 +110,7 @@ class SensorsStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 67:
+        if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.device_ids = (device_ids_0, device_ids_1, device_ids_2, device_ids_3)
         message.inconsistency = (inconsistency_0, inconsistency_1, inconsistency_2, inconsistency_3)
@@ -131,13 +131,13 @@ class SensorsStatus(_cdr.Message):
         message_version=0,
         topics=("sensors_status_baro", "sensors_status_mag"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("device_id_primary", "uint32", 8),
-            _cdr.Field("device_ids", "uint32[4]", 12),
-            _cdr.Field("inconsistency", "float32[4]", 28),
-            _cdr.Field("healthy", "bool[4]", 44),
-            _cdr.Field("priority", "uint8[4]", 48),
-            _cdr.Field("enabled", "bool[4]", 52),
-            _cdr.Field("external", "bool[4]", 56),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("device_id_primary", "uint32", 8, 4),
+            _cdr.Field("device_ids", "uint32[4]", 12, 16),
+            _cdr.Field("inconsistency", "float32[4]", 28, 16),
+            _cdr.Field("healthy", "bool[4]", 44, 4),
+            _cdr.Field("priority", "uint8[4]", 48, 4),
+            _cdr.Field("enabled", "bool[4]", 52, 4),
+            _cdr.Field("external", "bool[4]", 56, 4),
         ),
     )

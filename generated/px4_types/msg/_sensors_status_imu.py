@@ -108,14 +108,14 @@ class SensorsStatusImu(_cdr.Message):
             ) = self.gyro_inconsistency_rad_s
             (gyro_healthy_0, gyro_healthy_1, gyro_healthy_2, gyro_healthy_3) = self.gyro_healthy
             if len(self.accel_priority) != 4:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.gyro_priority) != 4:
-                raise ValueError
+                raise _cdr.Refused
             if (
-                accel_healthy_0 | accel_healthy_1 | accel_healthy_2 | accel_healthy_3 | gyro_healthy_0
-                | gyro_healthy_1 | gyro_healthy_2 | gyro_healthy_3
+                False | accel_healthy_0 | accel_healthy_1 | accel_healthy_2 | accel_healthy_3
+                | gyro_healthy_0 | gyro_healthy_1 | gyro_healthy_2 | gyro_healthy_3
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.accel_device_id_primary, accel_device_ids_0, accel_device_ids_1,
                 accel_device_ids_2, accel_device_ids_3, accel_inconsistency_m_s_s_0,
@@ -146,7 +146,7 @@ class SensorsStatusImu(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 103:
+        if header != _USUAL or not 100 <= len(data) <= 103:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.accel_device_ids = (accel_device_ids_0, accel_device_ids_1, accel_device_ids_2, accel_device_ids_3)
         message.accel_inconsistency_m_s_s = (
@@ -174,16 +174,16 @@ class SensorsStatusImu(_cdr.Message):
         message_version=0,
         topics=("sensors_status_imu",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("accel_device_id_primary", "uint32", 8),
-            _cdr.Field("accel_device_ids", "uint32[4]", 12),
-            _cdr.Field("accel_inconsistency_m_s_s", "float32[4]", 28, unit="m/s^2"),
-            _cdr.Field("accel_healthy", "bool[4]", 44),
-            _cdr.Field("accel_priority", "uint8[4]", 48),
-            _cdr.Field("gyro_device_id_primary", "uint32", 52),
-            _cdr.Field("gyro_device_ids", "uint32[4]", 56),
-            _cdr.Field("gyro_inconsistency_rad_s", "float32[4]", 72, unit="rad/s"),
-            _cdr.Field("gyro_healthy", "bool[4]", 88),
-            _cdr.Field("gyro_priority", "uint8[4]", 92),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("accel_device_id_primary", "uint32", 8, 4),
+            _cdr.Field("accel_device_ids", "uint32[4]", 12, 16),
+            _cdr.Field("accel_inconsistency_m_s_s", "float32[4]", 28, 16, unit="m/s^2"),
+            _cdr.Field("accel_healthy", "bool[4]", 44, 4),
+            _cdr.Field("accel_priority", "uint8[4]", 48, 4),
+            _cdr.Field("gyro_device_id_primary", "uint32", 52, 4),
+            _cdr.Field("gyro_device_ids", "uint32[4]", 56, 16),
+            _cdr.Field("gyro_inconsistency_rad_s", "float32[4]", 72, 16, unit="rad/s"),
+            _cdr.Field("gyro_healthy", "bool[4]", 88, 4),
+            _cdr.Field("gyro_priority", "uint8[4]", 92, 4),
         ),
     )

@@ -140,7 +140,7 @@ class SystemPower(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 49:
+        if header != _USUAL or not 46 <= len(data) <= 49:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.sensors3v3 = (sensors3v3_0, sensors3v3_1, sensors3v3_2, sensors3v3_3)
         return message
@@ -157,19 +157,19 @@ class SystemPower(_cdr.Message):
         message_version=0,
         topics=("system_power",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("voltage5v_v", "float32", 8, unit="V"),
-            _cdr.Field("voltage_payload_v", "float32", 12, unit="V"),
-            _cdr.Field("sensors3v3", "float32[4]", 16, unit="V"),
-            _cdr.Field("sensors3v3_valid", "uint8", 32),
-            _cdr.Field("usb_connected", "uint8", 33),
-            _cdr.Field("brick_valid", "uint8", 34),
-            _cdr.Field("usb_valid", "uint8", 35),
-            _cdr.Field("servo_valid", "uint8", 36),
-            _cdr.Field("periph_5v_oc", "uint8", 37),
-            _cdr.Field("hipower_5v_oc", "uint8", 38),
-            _cdr.Field("comp_5v_valid", "uint8", 39),
-            _cdr.Field("can1_gps1_5v_valid", "uint8", 40),
-            _cdr.Field("payload_v_valid", "uint8", 41),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("voltage5v_v", "float32", 8, 4, unit="V"),
+            _cdr.Field("voltage_payload_v", "float32", 12, 4, unit="V"),
+            _cdr.Field("sensors3v3", "float32[4]", 16, 16, unit="V"),
+            _cdr.Field("sensors3v3_valid", "uint8", 32, 1),
+            _cdr.Field("usb_connected", "uint8", 33, 1),
+            _cdr.Field("brick_valid", "uint8", 34, 1),
+            _cdr.Field("usb_valid", "uint8", 35, 1),
+            _cdr.Field("servo_valid", "uint8", 36, 1),
+            _cdr.Field("periph_5v_oc", "uint8", 37, 1),
+            _cdr.Field("hipower_5v_oc", "uint8", 38, 1),
+            _cdr.Field("comp_5v_valid", "uint8", 39, 1),
+            _cdr.Field("can1_gps1_5v_valid", "uint8", 40, 1),
+            _cdr.Field("payload_v_valid", "uint8", 41, 1),
         ),
     )

@@ -64,7 +64,7 @@ class TakeoffStatus(_cdr.Message):
             (header, message.timestamp, message.takeoff_state, message.tilt_limit) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -80,8 +80,8 @@ class TakeoffStatus(_cdr.Message):
         message_version=0,
         topics=("takeoff_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("takeoff_state", "uint8", 8, enum="TAKEOFF_STATE"),
-            _cdr.Field("tilt_limit", "float32", 12, unit="rad"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("takeoff_state", "uint8", 8, 1, enum="TAKEOFF_STATE"),
+            _cdr.Field("tilt_limit", "float32", 12, 4, unit="rad"),
         ),
     )

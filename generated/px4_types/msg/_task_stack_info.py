@@ -48,7 +48,7 @@ class TaskStackInfo(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 34 of values."""
         try:
             if len(self.task_name) != 24:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.stack_free, self.task_name)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -61,7 +61,7 @@ class TaskStackInfo(_cdr.Message):
             (header, message.timestamp, message.stack_free, message.task_name) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 41:
+        if header != _USUAL or not 38 <= len(data) <= 41:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -77,8 +77,8 @@ class TaskStackInfo(_cdr.Message):
         message_version=0,
         topics=("task_stack_info",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("stack_free", "uint16", 8, unit="bytes"),
-            _cdr.Field("task_name", "char[24]", 10),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("stack_free", "uint16", 8, 2, unit="bytes"),
+            _cdr.Field("task_name", "char[24]", 10, 24),
         ),
     )

@@ -249,11 +249,11 @@ class TelemetryStatus(_cdr.Message):
         self.open_drone_id_system_healthy = open_drone_id_system_healthy
         self.parachute_system_healthy = parachute_system_healthy
 
-    def encode(self) -> bytes:
+    def encode(self) -> builtins.bytes:
         """Return the message as a CDR sample: 4 bytes of header, 85 of values."""
         try:
             if (
-                self.flow_control | self.forwarding | self.mavlink_v2 | self.ftp
+                False | self.flow_control | self.forwarding | self.mavlink_v2 | self.ftp
                 | self.heartbeat_type_antenna_tracker | self.heartbeat_type_gcs
                 | self.heartbeat_type_onboard_controller | self.heartbeat_type_gimbal
                 | self.heartbeat_type_adsb | self.heartbeat_type_camera | self.heartbeat_type_parachute
@@ -263,7 +263,7 @@ class TelemetryStatus(_cdr.Message):
                 | self.heartbeat_component_uart_bridge | self.open_drone_id_system_healthy
                 | self.parachute_system_healthy
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.type, self.mode, self.flow_control, self.forwarding,
                 self.mavlink_v2, self.ftp, self.streams, self.data_rate, self.rate_multiplier,
@@ -283,7 +283,7 @@ class TelemetryStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> TelemetryStatus:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> TelemetryStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -305,7 +305,7 @@ class TelemetryStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 92:
+        if header != _USUAL or not 89 <= len(data) <= 92:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -321,43 +321,43 @@ class TelemetryStatus(_cdr.Message):
         message_version=0,
         topics=("telemetry_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("type", "uint8", 8, enum="LINK_TYPE"),
-            _cdr.Field("mode", "uint8", 9),
-            _cdr.Field("flow_control", "bool", 10),
-            _cdr.Field("forwarding", "bool", 11),
-            _cdr.Field("mavlink_v2", "bool", 12),
-            _cdr.Field("ftp", "bool", 13),
-            _cdr.Field("streams", "uint8", 14),
-            _cdr.Field("data_rate", "float32", 16, unit="bytes/s"),
-            _cdr.Field("rate_multiplier", "float32", 20, unit="-"),
-            _cdr.Field("tx_rate_avg", "float32", 24, unit="bytes/s"),
-            _cdr.Field("tx_error_rate_avg", "float32", 28, unit="bytes/s"),
-            _cdr.Field("tx_message_count", "uint32", 32),
-            _cdr.Field("tx_buffer_overruns", "uint32", 36),
-            _cdr.Field("rx_rate_avg", "float32", 40, unit="bytes/s"),
-            _cdr.Field("rx_message_count", "uint32", 44),
-            _cdr.Field("rx_message_lost_count", "uint32", 48),
-            _cdr.Field("rx_buffer_overruns", "uint32", 52),
-            _cdr.Field("rx_parse_errors", "uint32", 56),
-            _cdr.Field("rx_packet_drop_count", "uint32", 60),
-            _cdr.Field("rx_message_lost_rate", "float32", 64, unit="%"),
-            _cdr.Field("heartbeat_type_antenna_tracker", "bool", 68),
-            _cdr.Field("heartbeat_type_gcs", "bool", 69),
-            _cdr.Field("heartbeat_type_onboard_controller", "bool", 70),
-            _cdr.Field("heartbeat_type_gimbal", "bool", 71),
-            _cdr.Field("heartbeat_type_adsb", "bool", 72),
-            _cdr.Field("heartbeat_type_camera", "bool", 73),
-            _cdr.Field("heartbeat_type_parachute", "bool", 74),
-            _cdr.Field("heartbeat_type_open_drone_id", "bool", 75),
-            _cdr.Field("heartbeat_component_telemetry_radio", "bool", 76),
-            _cdr.Field("heartbeat_component_log", "bool", 77),
-            _cdr.Field("heartbeat_component_osd", "bool", 78),
-            _cdr.Field("heartbeat_component_vio", "bool", 79),
-            _cdr.Field("heartbeat_component_pairing_manager", "bool", 80),
-            _cdr.Field("heartbeat_component_udp_bridge", "bool", 81),
-            _cdr.Field("heartbeat_component_uart_bridge", "bool", 82),
-            _cdr.Field("open_drone_id_system_healthy", "bool", 83),
-            _cdr.Field("parachute_system_healthy", "bool", 84),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("type", "uint8", 8, 1, enum="LINK_TYPE"),
+            _cdr.Field("mode", "uint8", 9, 1),
+            _cdr.Field("flow_control", "bool", 10, 1),
+            _cdr.Field("forwarding", "bool", 11, 1),
+            _cdr.Field("mavlink_v2", "bool", 12, 1),
+            _cdr.Field("ftp", "bool", 13, 1),
+            _cdr.Field("streams", "uint8", 14, 1),
+            _cdr.Field("data_rate", "float32", 16, 4, unit="bytes/s"),
+            _cdr.Field("rate_multiplier", "float32", 20, 4, unit="-"),
+            _cdr.Field("tx_rate_avg", "float32", 24, 4, unit="bytes/s"),
+            _cdr.Field("tx_error_rate_avg", "float32", 28, 4, unit="bytes/s"),
+            _cdr.Field("tx_message_count", "uint32", 32, 4),
+            _cdr.Field("tx_buffer_overruns", "uint32", 36, 4),
+            _cdr.Field("rx_rate_avg", "float32", 40, 4, unit="bytes/s"),
+            _cdr.Field("rx_message_count", "uint32", 44, 4),
+            _cdr.Field("rx_message_lost_count", "uint32", 48, 4),
+            _cdr.Field("rx_buffer_overruns", "uint32", 52, 4),
+            _cdr.Field("rx_parse_errors", "uint32", 56, 4),
+            _cdr.Field("rx_packet_drop_count", "uint32", 60, 4),
+            _cdr.Field("rx_message_lost_rate", "float32", 64, 4, unit="%"),
+            _cdr.Field("heartbeat_type_antenna_tracker", "bool", 68, 1),
+            _cdr.Field("heartbeat_type_gcs", "bool", 69, 1),
+            _cdr.Field("heartbeat_type_onboard_controller", "bool", 70, 1),
+            _cdr.Field("heartbeat_type_gimbal", "bool", 71, 1),
+            _cdr.Field("heartbeat_type_adsb", "bool", 72, 1),
+            _cdr.Field("heartbeat_type_camera", "bool", 73, 1),
+            _cdr.Field("heartbeat_type_parachute", "bool", 74, 1),
+            _cdr.Field("heartbeat_type_open_drone_id", "bool", 75, 1),
+            _cdr.Field("heartbeat_component_telemetry_radio", "bool", 76, 1),
+            _cdr.Field("heartbeat_component_log", "bool", 77, 1),
+            _cdr.Field("heartbeat_component_osd", "bool", 78, 1),
+            _cdr.Field("heartbeat_component_vio", "bool", 79, 1),
+            _cdr.Field("heartbeat_component_pairing_manager", "bool", 80, 1),
+            _cdr.Field("heartbeat_component_udp_bridge", "bool", 81, 1),
+            _cdr.Field("heartbeat_component_uart_bridge", "bool", 82, 1),
+            _cdr.Field("open_drone_id_system_healthy", "bool", 83, 1),
+            _cdr.Field("parachute_system_healthy", "bool", 84, 1),
         ),
     )

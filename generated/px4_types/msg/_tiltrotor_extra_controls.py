@@ -67,7 +67,7 @@ class TiltrotorExtraControls(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 23:
+        if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -83,8 +83,8 @@ class TiltrotorExtraControls(_cdr.Message):
         message_version=0,
         topics=("tiltrotor_extra_controls",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("collective_tilt_normalized_setpoint", "float32", 8, range="0, 1"),
-            _cdr.Field("collective_thrust_normalized_setpoint", "float32", 12, range="0, 1"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("collective_tilt_normalized_setpoint", "float32", 8, 4, range="0, 1"),
+            _cdr.Field("collective_thrust_normalized_setpoint", "float32", 12, 4, range="0, 1"),
         ),
     )

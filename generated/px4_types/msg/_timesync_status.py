@@ -88,7 +88,7 @@ class TimesyncStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 51:
+        if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -104,11 +104,11 @@ class TimesyncStatus(_cdr.Message):
         message_version=0,
         topics=("timesync_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("source_protocol", "uint8", 8, enum="SOURCE_PROTOCOL"),
-            _cdr.Field("remote_timestamp", "uint64", 16, unit="us"),
-            _cdr.Field("observed_offset", "int64", 24, unit="us"),
-            _cdr.Field("estimated_offset", "int64", 32, unit="us"),
-            _cdr.Field("round_trip_time", "uint32", 40, unit="us"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("source_protocol", "uint8", 8, 1, enum="SOURCE_PROTOCOL"),
+            _cdr.Field("remote_timestamp", "uint64", 16, 8, unit="us"),
+            _cdr.Field("observed_offset", "int64", 24, 8, unit="us"),
+            _cdr.Field("estimated_offset", "int64", 32, 8, unit="us"),
+            _cdr.Field("round_trip_time", "uint32", 40, 4, unit="us"),
         ),
     )

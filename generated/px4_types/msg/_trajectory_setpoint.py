@@ -99,7 +99,7 @@ class TrajectorySetpoint(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 71:
+        if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position = (position_0, position_1, position_2)
         message.velocity = (velocity_0, velocity_1, velocity_2)
@@ -119,12 +119,14 @@ class TrajectorySetpoint(_cdr.Message):
         message_version=0,
         topics=("trajectory_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("position", "float32[3]", 8, unit="m", invalid="NaN", frame="NED"),
-            _cdr.Field("velocity", "float32[3]", 20, unit="m/s", invalid="NaN", frame="NED"),
-            _cdr.Field("acceleration", "float32[3]", 32, unit="m/s^2", invalid="NaN", frame="NED"),
-            _cdr.Field("jerk", "float32[3]", 44, unit="m/s^3", invalid="NaN", frame="NED"),
-            _cdr.Field("yaw", "float32", 56, unit="rad", range="-pi, pi", invalid="NaN"),
-            _cdr.Field("yawspeed", "float32", 60, unit="rad/s", invalid="NaN", frame="NED"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("position", "float32[3]", 8, 12, unit="m", invalid="NaN", frame="NED"),
+            _cdr.Field("velocity", "float32[3]", 20, 12, unit="m/s", invalid="NaN", frame="NED"),
+            _cdr.Field(
+                "acceleration", "float32[3]", 32, 12, unit="m/s^2", invalid="NaN", frame="NED",
+            ),
+            _cdr.Field("jerk", "float32[3]", 44, 12, unit="m/s^3", invalid="NaN", frame="NED"),
+            _cdr.Field("yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN"),
+            _cdr.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN", frame="NED"),
         ),
     )

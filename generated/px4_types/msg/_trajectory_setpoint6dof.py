@@ -97,7 +97,7 @@ class TrajectorySetpoint6dof(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 91:
+        if header != _USUAL or not 88 <= len(data) <= 91:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position = (position_0, position_1, position_2)
         message.velocity = (velocity_0, velocity_1, velocity_2)
@@ -119,12 +119,12 @@ class TrajectorySetpoint6dof(_cdr.Message):
         message_version=0,
         topics=("trajectory_setpoint6dof",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("position", "float32[3]", 8, unit="m", frame="NED"),
-            _cdr.Field("velocity", "float32[3]", 20, unit="m/s", frame="NED"),
-            _cdr.Field("acceleration", "float32[3]", 32, unit="m/s^2", frame="NED"),
-            _cdr.Field("jerk", "float32[3]", 44, unit="m/s^3", frame="NED"),
-            _cdr.Field("quaternion", "float32[4]", 56, unit="-"),
-            _cdr.Field("angular_velocity", "float32[3]", 72, unit="rad/s"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("position", "float32[3]", 8, 12, unit="m", frame="NED"),
+            _cdr.Field("velocity", "float32[3]", 20, 12, unit="m/s", frame="NED"),
+            _cdr.Field("acceleration", "float32[3]", 32, 12, unit="m/s^2", frame="NED"),
+            _cdr.Field("jerk", "float32[3]", 44, 12, unit="m/s^3", frame="NED"),
+            _cdr.Field("quaternion", "float32[4]", 56, 16, unit="-"),
+            _cdr.Field("angular_velocity", "float32[3]", 72, 12, unit="rad/s"),
         ),
     )

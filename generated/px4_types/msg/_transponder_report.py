@@ -151,9 +151,9 @@ class TransponderReport(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 86 of values."""
         try:
             if len(self.callsign) != 9:
-                raise ValueError
+                raise _cdr.Refused
             if len(self.uas_id) != 18:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.icao_address, self.lat, self.lon, self.altitude_type,
                 self.altitude, self.heading, self.hor_velocity, self.ver_velocity, self.callsign,
@@ -175,7 +175,7 @@ class TransponderReport(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 93:
+        if header != _USUAL or not 90 <= len(data) <= 93:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -191,20 +191,20 @@ class TransponderReport(_cdr.Message):
         message_version=0,
         topics=("transponder_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("icao_address", "uint32", 8),
-            _cdr.Field("lat", "float64", 16, unit="deg"),
-            _cdr.Field("lon", "float64", 24, unit="deg"),
-            _cdr.Field("altitude_type", "uint8", 32),
-            _cdr.Field("altitude", "float32", 36, unit="m"),
-            _cdr.Field("heading", "float32", 40, unit="rad", range="0, 2pi"),
-            _cdr.Field("hor_velocity", "float32", 44, unit="m/s"),
-            _cdr.Field("ver_velocity", "float32", 48, unit="m/s"),
-            _cdr.Field("callsign", "char[9]", 52),
-            _cdr.Field("emitter_type", "uint8", 61, enum="ADSB_EMITTER_TYPE"),
-            _cdr.Field("tslc", "uint8", 62, unit="s"),
-            _cdr.Field("flags", "uint16", 64, enum="PX4_ADSB_FLAGS"),
-            _cdr.Field("squawk", "uint16", 66),
-            _cdr.Field("uas_id", "uint8[18]", 68),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("icao_address", "uint32", 8, 4),
+            _cdr.Field("lat", "float64", 16, 8, unit="deg"),
+            _cdr.Field("lon", "float64", 24, 8, unit="deg"),
+            _cdr.Field("altitude_type", "uint8", 32, 1),
+            _cdr.Field("altitude", "float32", 36, 4, unit="m"),
+            _cdr.Field("heading", "float32", 40, 4, unit="rad", range="0, 2pi"),
+            _cdr.Field("hor_velocity", "float32", 44, 4, unit="m/s"),
+            _cdr.Field("ver_velocity", "float32", 48, 4, unit="m/s"),
+            _cdr.Field("callsign", "char[9]", 52, 9),
+            _cdr.Field("emitter_type", "uint8", 61, 1, enum="ADSB_EMITTER_TYPE"),
+            _cdr.Field("tslc", "uint8", 62, 1, unit="s"),
+            _cdr.Field("flags", "uint16", 64, 2, enum="PX4_ADSB_FLAGS"),
+            _cdr.Field("squawk", "uint16", 66, 2),
+            _cdr.Field("uas_id", "uint8[18]", 68, 18),
         ),
     )

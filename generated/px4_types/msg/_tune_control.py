@@ -95,8 +95,8 @@ class TuneControl(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 21 of values."""
         try:
-            if (self.tune_override) not in (0, 1):
-                raise ValueError
+            if (False | self.tune_override) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.tune_id, self.tune_override, self.frequency, self.duration,
                 self.silence, self.volume,
@@ -115,7 +115,7 @@ class TuneControl(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 28:
+        if header != _USUAL or not 25 <= len(data) <= 28:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -131,12 +131,12 @@ class TuneControl(_cdr.Message):
         message_version=0,
         topics=("tune_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("tune_id", "uint8", 8, enum="TUNE_ID"),
-            _cdr.Field("tune_override", "bool", 9),
-            _cdr.Field("frequency", "uint16", 10, unit="Hz"),
-            _cdr.Field("duration", "uint32", 12, unit="us"),
-            _cdr.Field("silence", "uint32", 16, unit="us"),
-            _cdr.Field("volume", "uint8", 20, range="0, 100"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("tune_id", "uint8", 8, 1, enum="TUNE_ID"),
+            _cdr.Field("tune_override", "bool", 9, 1),
+            _cdr.Field("frequency", "uint16", 10, 2, unit="Hz"),
+            _cdr.Field("duration", "uint32", 12, 4, unit="us"),
+            _cdr.Field("silence", "uint32", 16, 4, unit="us"),
+            _cdr.Field("volume", "uint8", 20, 1, range="0, 100"),
         ),
     )

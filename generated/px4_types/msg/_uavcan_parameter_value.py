@@ -77,7 +77,7 @@ class UavcanParameterValue(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 44 of values."""
         try:
             if len(self.param_id) != 17:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.node_id, self.param_id, self.param_index, self.param_count,
                 self.param_type, self.int_value, self.real_value,
@@ -96,7 +96,7 @@ class UavcanParameterValue(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 51:
+        if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -112,13 +112,13 @@ class UavcanParameterValue(_cdr.Message):
         message_version=0,
         topics=("uavcan_parameter_value",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("node_id", "uint8", 8),
-            _cdr.Field("param_id", "char[17]", 9),
-            _cdr.Field("param_index", "int16", 26),
-            _cdr.Field("param_count", "uint16", 28),
-            _cdr.Field("param_type", "uint8", 30),
-            _cdr.Field("int_value", "int64", 32),
-            _cdr.Field("real_value", "float32", 40),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("node_id", "uint8", 8, 1),
+            _cdr.Field("param_id", "char[17]", 9, 17),
+            _cdr.Field("param_index", "int16", 26, 2),
+            _cdr.Field("param_count", "uint16", 28, 2),
+            _cdr.Field("param_type", "uint8", 30, 1),
+            _cdr.Field("int_value", "int64", 32, 8),
+            _cdr.Field("real_value", "float32", 40, 4),
         ),
     )

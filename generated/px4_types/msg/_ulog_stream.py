@@ -66,7 +66,7 @@ class UlogStream(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 262 of values."""
         try:
             if len(self.data) != 249:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.length, self.first_message_offset, self.msg_sequence, self.flags,
                 self.data,
@@ -85,7 +85,7 @@ class UlogStream(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 269:
+        if header != _USUAL or not 266 <= len(data) <= 269:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -101,11 +101,11 @@ class UlogStream(_cdr.Message):
         message_version=0,
         topics=("ulog_stream",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("length", "uint8", 8, unit="bytes"),
-            _cdr.Field("first_message_offset", "uint8", 9, unit="bytes", invalid="255"),
-            _cdr.Field("msg_sequence", "uint16", 10),
-            _cdr.Field("flags", "uint8", 12),
-            _cdr.Field("data", "uint8[249]", 13),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("length", "uint8", 8, 1, unit="bytes"),
+            _cdr.Field("first_message_offset", "uint8", 9, 1, unit="bytes", invalid="255"),
+            _cdr.Field("msg_sequence", "uint16", 10, 2),
+            _cdr.Field("flags", "uint8", 12, 1),
+            _cdr.Field("data", "uint8[249]", 13, 249),
         ),
     )

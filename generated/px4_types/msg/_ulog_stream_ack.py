@@ -58,7 +58,7 @@ class UlogStreamAck(_cdr.Message):
             (header, message.timestamp, message.msg_sequence) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 17:
+        if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -74,7 +74,7 @@ class UlogStreamAck(_cdr.Message):
         message_version=0,
         topics=("ulog_stream_ack",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("msg_sequence", "uint16", 8),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("msg_sequence", "uint16", 8, 2),
         ),
     )

@@ -58,7 +58,7 @@ class UnregisterExtComponent(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 36 of values."""
         try:
             if len(self.name) != 25:
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.name, self.arming_check_id, self.mode_id, self.mode_executor_id,
             )
@@ -76,7 +76,7 @@ class UnregisterExtComponent(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 43:
+        if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -92,10 +92,10 @@ class UnregisterExtComponent(_cdr.Message):
         message_version=0,
         topics=("unregister_ext_component",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("name", "char[25]", 8),
-            _cdr.Field("arming_check_id", "int8", 33, invalid="-1"),
-            _cdr.Field("mode_id", "int8", 34, invalid="-1"),
-            _cdr.Field("mode_executor_id", "int8", 35, invalid="-1"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("name", "char[25]", 8, 25),
+            _cdr.Field("arming_check_id", "int8", 33, 1, invalid="-1"),
+            _cdr.Field("mode_id", "int8", 34, 1, invalid="-1"),
+            _cdr.Field("mode_executor_id", "int8", 35, 1, invalid="-1"),
         ),
     )

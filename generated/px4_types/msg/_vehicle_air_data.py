@@ -101,7 +101,7 @@ class VehicleAirData(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 48:
+        if header != _USUAL or not 45 <= len(data) <= 48:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -117,14 +117,14 @@ class VehicleAirData(_cdr.Message):
         message_version=0,
         topics=("vehicle_air_data",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("baro_device_id", "uint32", 16),
-            _cdr.Field("baro_alt_meter", "float32", 20, unit="m", frame="MSL"),
-            _cdr.Field("baro_pressure_pa", "float32", 24, unit="Pa"),
-            _cdr.Field("ambient_temperature", "float32", 28, unit="degC"),
-            _cdr.Field("temperature_source", "uint8", 32),
-            _cdr.Field("rho", "float32", 36, unit="kg/m^3"),
-            _cdr.Field("calibration_count", "uint8", 40),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("baro_device_id", "uint32", 16, 4),
+            _cdr.Field("baro_alt_meter", "float32", 20, 4, unit="m", frame="MSL"),
+            _cdr.Field("baro_pressure_pa", "float32", 24, 4, unit="Pa"),
+            _cdr.Field("ambient_temperature", "float32", 28, 4, unit="degC"),
+            _cdr.Field("temperature_source", "uint8", 32, 1),
+            _cdr.Field("rho", "float32", 36, 4, unit="kg/m^3"),
+            _cdr.Field("calibration_count", "uint8", 40, 1),
         ),
     )

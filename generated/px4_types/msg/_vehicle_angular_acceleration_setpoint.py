@@ -57,7 +57,7 @@ class VehicleAngularAccelerationSetpoint(_cdr.Message):
             (header, message.timestamp, message.timestamp_sample, xyz_0, xyz_1, xyz_2) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 35:
+        if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.xyz = (xyz_0, xyz_1, xyz_2)
         return message
@@ -74,8 +74,8 @@ class VehicleAngularAccelerationSetpoint(_cdr.Message):
         message_version=0,
         topics=("vehicle_angular_acceleration_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("xyz", "float32[3]", 16, unit="rad/s^2", frame="FRD"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("xyz", "float32[3]", 16, 12, unit="rad/s^2", frame="FRD"),
         ),
     )

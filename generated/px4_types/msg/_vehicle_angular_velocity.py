@@ -72,7 +72,7 @@ class VehicleAngularVelocity(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.xyz = (xyz_0, xyz_1, xyz_2)
         message.xyz_derivative = (xyz_derivative_0, xyz_derivative_1, xyz_derivative_2)
@@ -90,9 +90,9 @@ class VehicleAngularVelocity(_cdr.Message):
         message_version=0,
         topics=("vehicle_angular_velocity", "vehicle_angular_velocity_groundtruth"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("xyz", "float32[3]", 16, unit="rad/s", frame="FRD"),
-            _cdr.Field("xyz_derivative", "float32[3]", 28, unit="rad/s^2", frame="FRD"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("xyz", "float32[3]", 16, 12, unit="rad/s", frame="FRD"),
+            _cdr.Field("xyz_derivative", "float32[3]", 28, 12, unit="rad/s^2", frame="FRD"),
         ),
     )

@@ -78,7 +78,7 @@ class VehicleAttitude(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 56:
+        if header != _USUAL or not 53 <= len(data) <= 56:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         message.delta_q_reset = (delta_q_reset_0, delta_q_reset_1, delta_q_reset_2, delta_q_reset_3)
@@ -98,10 +98,10 @@ class VehicleAttitude(_cdr.Message):
             "vehicle_attitude", "vehicle_attitude_groundtruth", "external_ins_attitude", "estimator_attitude",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("q", "float32[4]", 16),
-            _cdr.Field("delta_q_reset", "float32[4]", 32),
-            _cdr.Field("quat_reset_counter", "uint8", 48),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("q", "float32[4]", 16, 16),
+            _cdr.Field("delta_q_reset", "float32[4]", 32, 16),
+            _cdr.Field("quat_reset_counter", "uint8", 48, 1),
         ),
     )

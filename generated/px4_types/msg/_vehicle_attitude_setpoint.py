@@ -76,7 +76,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 47:
+        if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q_d = (q_d_0, q_d_1, q_d_2, q_d_3)
         message.thrust_body = (thrust_body_0, thrust_body_1, thrust_body_2)
@@ -96,9 +96,9 @@ class VehicleAttitudeSetpoint(_cdr.Message):
             "vehicle_attitude_setpoint", "mc_virtual_attitude_setpoint", "fw_virtual_attitude_setpoint",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("yaw_sp_move_rate", "float32", 8, unit="rad/s"),
-            _cdr.Field("q_d", "float32[4]", 12),
-            _cdr.Field("thrust_body", "float32[3]", 28, range="-1, 1", frame="FRD"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("yaw_sp_move_rate", "float32", 8, 4, unit="rad/s"),
+            _cdr.Field("q_d", "float32[4]", 12, 16),
+            _cdr.Field("thrust_body", "float32[3]", 28, 12, range="-1, 1", frame="FRD"),
         ),
     )

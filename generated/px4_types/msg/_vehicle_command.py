@@ -689,8 +689,8 @@ class VehicleCommand(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 56 of values."""
         try:
-            if (self.from_external) not in (0, 1):
-                raise ValueError
+            if (False | self.from_external) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.param1, self.param2, self.param3, self.param4, self.param5,
                 self.param6, self.param7, self.command, self.target_system, self.target_component,
@@ -712,7 +712,7 @@ class VehicleCommand(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 63:
+        if header != _USUAL or not 60 <= len(data) <= 63:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -728,20 +728,20 @@ class VehicleCommand(_cdr.Message):
         message_version=0,
         topics=("vehicle_command", "gimbal_v1_command", "vehicle_command_mode_executor"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("param1", "float32", 8),
-            _cdr.Field("param2", "float32", 12),
-            _cdr.Field("param3", "float32", 16),
-            _cdr.Field("param4", "float32", 20),
-            _cdr.Field("param5", "float64", 24),
-            _cdr.Field("param6", "float64", 32),
-            _cdr.Field("param7", "float32", 40),
-            _cdr.Field("command", "uint32", 44, enum="VEHICLE_CMD"),
-            _cdr.Field("target_system", "uint8", 48),
-            _cdr.Field("target_component", "uint8", 49),
-            _cdr.Field("source_system", "uint8", 50),
-            _cdr.Field("source_component", "uint16", 52),
-            _cdr.Field("confirmation", "uint8", 54),
-            _cdr.Field("from_external", "bool", 55),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("param1", "float32", 8, 4),
+            _cdr.Field("param2", "float32", 12, 4),
+            _cdr.Field("param3", "float32", 16, 4),
+            _cdr.Field("param4", "float32", 20, 4),
+            _cdr.Field("param5", "float64", 24, 8),
+            _cdr.Field("param6", "float64", 32, 8),
+            _cdr.Field("param7", "float32", 40, 4),
+            _cdr.Field("command", "uint32", 44, 4, enum="VEHICLE_CMD"),
+            _cdr.Field("target_system", "uint8", 48, 1),
+            _cdr.Field("target_component", "uint8", 49, 1),
+            _cdr.Field("source_system", "uint8", 50, 1),
+            _cdr.Field("source_component", "uint16", 52, 2),
+            _cdr.Field("confirmation", "uint8", 54, 1),
+            _cdr.Field("from_external", "bool", 55, 1),
         ),
     )

@@ -109,8 +109,8 @@ class VehicleCommandAck(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 25 of values."""
         try:
-            if (self.from_external) not in (0, 1):
-                raise ValueError
+            if (False | self.from_external) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.command, self.result, self.result_param1, self.result_param2,
                 self.target_system, self.target_component, self.from_external,
@@ -129,7 +129,7 @@ class VehicleCommandAck(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 32:
+        if header != _USUAL or not 29 <= len(data) <= 32:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -145,13 +145,13 @@ class VehicleCommandAck(_cdr.Message):
         message_version=0,
         topics=("vehicle_command_ack",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("command", "uint32", 8),
-            _cdr.Field("result", "uint8", 12, enum="VEHICLE_CMD_RESULT"),
-            _cdr.Field("result_param1", "uint8", 13),
-            _cdr.Field("result_param2", "int32", 16),
-            _cdr.Field("target_system", "uint8", 20),
-            _cdr.Field("target_component", "uint16", 22),
-            _cdr.Field("from_external", "bool", 24),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("command", "uint32", 8, 4),
+            _cdr.Field("result", "uint8", 12, 1, enum="VEHICLE_CMD_RESULT"),
+            _cdr.Field("result_param1", "uint8", 13, 1),
+            _cdr.Field("result_param2", "int32", 16, 4),
+            _cdr.Field("target_system", "uint8", 20, 1),
+            _cdr.Field("target_component", "uint16", 22, 2),
+            _cdr.Field("from_external", "bool", 24, 1),
         ),
     )

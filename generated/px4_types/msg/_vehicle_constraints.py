@@ -50,8 +50,8 @@ class VehicleConstraints(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 17 of values."""
         try:
-            if (self.want_takeoff) not in (0, 1):
-                raise ValueError
+            if (False | self.want_takeoff) not in (0, 1):
+                raise _cdr.Refused
             return _pack(_USUAL, self.timestamp, self.speed_up, self.speed_down, self.want_takeoff)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -66,7 +66,7 @@ class VehicleConstraints(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 24:
+        if header != _USUAL or not 21 <= len(data) <= 24:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -82,9 +82,9 @@ class VehicleConstraints(_cdr.Message):
         message_version=0,
         topics=("vehicle_constraints",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("speed_up", "float32", 8, unit="m/s", invalid="NaN"),
-            _cdr.Field("speed_down", "float32", 12, unit="m/s", invalid="NaN"),
-            _cdr.Field("want_takeoff", "bool", 16),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("speed_up", "float32", 8, 4, unit="m/s", invalid="NaN"),
+            _cdr.Field("speed_down", "float32", 12, 4, unit="m/s", invalid="NaN"),
+            _cdr.Field("want_takeoff", "bool", 16, 1),
         ),
     )

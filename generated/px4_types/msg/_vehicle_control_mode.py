@@ -125,7 +125,7 @@ class VehicleControlMode(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 23 of values."""
         try:
             if (
-                self.flag_armed | self.flag_multicopter_position_control_enabled
+                False | self.flag_armed | self.flag_multicopter_position_control_enabled
                 | self.flag_control_manual_enabled | self.flag_control_auto_enabled
                 | self.flag_control_offboard_enabled | self.flag_control_position_enabled
                 | self.flag_control_velocity_enabled | self.flag_control_altitude_enabled
@@ -133,7 +133,7 @@ class VehicleControlMode(_cdr.Message):
                 | self.flag_control_attitude_enabled | self.flag_control_rates_enabled
                 | self.flag_control_allocation_enabled | self.flag_control_termination_enabled
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.flag_armed, self.flag_multicopter_position_control_enabled,
                 self.flag_control_manual_enabled, self.flag_control_auto_enabled,
@@ -163,7 +163,7 @@ class VehicleControlMode(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 30:
+        if header != _USUAL or not 27 <= len(data) <= 30:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -179,21 +179,21 @@ class VehicleControlMode(_cdr.Message):
         message_version=0,
         topics=("vehicle_control_mode", "config_control_setpoints"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("flag_armed", "bool", 8),
-            _cdr.Field("flag_multicopter_position_control_enabled", "bool", 9),
-            _cdr.Field("flag_control_manual_enabled", "bool", 10),
-            _cdr.Field("flag_control_auto_enabled", "bool", 11),
-            _cdr.Field("flag_control_offboard_enabled", "bool", 12),
-            _cdr.Field("flag_control_position_enabled", "bool", 13),
-            _cdr.Field("flag_control_velocity_enabled", "bool", 14),
-            _cdr.Field("flag_control_altitude_enabled", "bool", 15),
-            _cdr.Field("flag_control_climb_rate_enabled", "bool", 16),
-            _cdr.Field("flag_control_acceleration_enabled", "bool", 17),
-            _cdr.Field("flag_control_attitude_enabled", "bool", 18),
-            _cdr.Field("flag_control_rates_enabled", "bool", 19),
-            _cdr.Field("flag_control_allocation_enabled", "bool", 20),
-            _cdr.Field("flag_control_termination_enabled", "bool", 21),
-            _cdr.Field("source_id", "uint8", 22),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("flag_armed", "bool", 8, 1),
+            _cdr.Field("flag_multicopter_position_control_enabled", "bool", 9, 1),
+            _cdr.Field("flag_control_manual_enabled", "bool", 10, 1),
+            _cdr.Field("flag_control_auto_enabled", "bool", 11, 1),
+            _cdr.Field("flag_control_offboard_enabled", "bool", 12, 1),
+            _cdr.Field("flag_control_position_enabled", "bool", 13, 1),
+            _cdr.Field("flag_control_velocity_enabled", "bool", 14, 1),
+            _cdr.Field("flag_control_altitude_enabled", "bool", 15, 1),
+            _cdr.Field("flag_control_climb_rate_enabled", "bool", 16, 1),
+            _cdr.Field("flag_control_acceleration_enabled", "bool", 17, 1),
+            _cdr.Field("flag_control_attitude_enabled", "bool", 18, 1),
+            _cdr.Field("flag_control_rates_enabled", "bool", 19, 1),
+            _cdr.Field("flag_control_allocation_enabled", "bool", 20, 1),
+            _cdr.Field("flag_control_termination_enabled", "bool", 21, 1),
+            _cdr.Field("source_id", "uint8", 22, 1),
         ),
     )

@@ -131,8 +131,8 @@ class VehicleGlobalPosition(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 70 of values."""
         try:
-            if (self.lat_lon_valid | self.alt_valid | self.terrain_alt_valid | self.dead_reckoning) not in (0, 1):
-                raise ValueError
+            if (False | self.lat_lon_valid | self.alt_valid | self.terrain_alt_valid | self.dead_reckoning) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.lat, self.lon, self.alt,
                 self.alt_ellipsoid, self.lat_lon_valid, self.alt_valid, self.delta_alt, self.delta_terrain,
@@ -156,7 +156,7 @@ class VehicleGlobalPosition(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 77:
+        if header != _USUAL or not 74 <= len(data) <= 77:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -175,23 +175,23 @@ class VehicleGlobalPosition(_cdr.Message):
             "estimator_global_position", "aux_global_position",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("lat", "float64", 16, unit="deg"),
-            _cdr.Field("lon", "float64", 24, unit="deg"),
-            _cdr.Field("alt", "float32", 32, unit="m"),
-            _cdr.Field("alt_ellipsoid", "float32", 36, unit="m"),
-            _cdr.Field("lat_lon_valid", "bool", 40),
-            _cdr.Field("alt_valid", "bool", 41),
-            _cdr.Field("delta_alt", "float32", 44, unit="m"),
-            _cdr.Field("delta_terrain", "float32", 48, unit="m"),
-            _cdr.Field("lat_lon_reset_counter", "uint8", 52),
-            _cdr.Field("alt_reset_counter", "uint8", 53),
-            _cdr.Field("terrain_reset_counter", "uint8", 54),
-            _cdr.Field("eph", "float32", 56, unit="m"),
-            _cdr.Field("epv", "float32", 60, unit="m"),
-            _cdr.Field("terrain_alt", "float32", 64, unit="m", frame="WGS84"),
-            _cdr.Field("terrain_alt_valid", "bool", 68),
-            _cdr.Field("dead_reckoning", "bool", 69),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("lat", "float64", 16, 8, unit="deg"),
+            _cdr.Field("lon", "float64", 24, 8, unit="deg"),
+            _cdr.Field("alt", "float32", 32, 4, unit="m"),
+            _cdr.Field("alt_ellipsoid", "float32", 36, 4, unit="m"),
+            _cdr.Field("lat_lon_valid", "bool", 40, 1),
+            _cdr.Field("alt_valid", "bool", 41, 1),
+            _cdr.Field("delta_alt", "float32", 44, 4, unit="m"),
+            _cdr.Field("delta_terrain", "float32", 48, 4, unit="m"),
+            _cdr.Field("lat_lon_reset_counter", "uint8", 52, 1),
+            _cdr.Field("alt_reset_counter", "uint8", 53, 1),
+            _cdr.Field("terrain_reset_counter", "uint8", 54, 1),
+            _cdr.Field("eph", "float32", 56, 4, unit="m"),
+            _cdr.Field("epv", "float32", 60, 4, unit="m"),
+            _cdr.Field("terrain_alt", "float32", 64, 4, unit="m", frame="WGS84"),
+            _cdr.Field("terrain_alt_valid", "bool", 68, 1),
+            _cdr.Field("dead_reckoning", "bool", 69, 1),
         ),
     )

@@ -127,7 +127,7 @@ class VehicleImu(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 67:
+        if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.delta_angle = (delta_angle_0, delta_angle_1, delta_angle_2)
         message.delta_velocity = (delta_velocity_0, delta_velocity_1, delta_velocity_2)
@@ -145,17 +145,17 @@ class VehicleImu(_cdr.Message):
         message_version=0,
         topics=("vehicle_imu",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("accel_device_id", "uint32", 16),
-            _cdr.Field("gyro_device_id", "uint32", 20),
-            _cdr.Field("delta_angle", "float32[3]", 24, unit="rad", frame="FRD"),
-            _cdr.Field("delta_velocity", "float32[3]", 36, unit="m/s", frame="FRD"),
-            _cdr.Field("delta_angle_dt", "uint32", 48, unit="us"),
-            _cdr.Field("delta_velocity_dt", "uint32", 52, unit="us"),
-            _cdr.Field("delta_angle_clipping", "uint8", 56),
-            _cdr.Field("delta_velocity_clipping", "uint8", 57),
-            _cdr.Field("accel_calibration_count", "uint8", 58),
-            _cdr.Field("gyro_calibration_count", "uint8", 59),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("accel_device_id", "uint32", 16, 4),
+            _cdr.Field("gyro_device_id", "uint32", 20, 4),
+            _cdr.Field("delta_angle", "float32[3]", 24, 12, unit="rad", frame="FRD"),
+            _cdr.Field("delta_velocity", "float32[3]", 36, 12, unit="m/s", frame="FRD"),
+            _cdr.Field("delta_angle_dt", "uint32", 48, 4, unit="us"),
+            _cdr.Field("delta_velocity_dt", "uint32", 52, 4, unit="us"),
+            _cdr.Field("delta_angle_clipping", "uint8", 56, 1),
+            _cdr.Field("delta_velocity_clipping", "uint8", 57, 1),
+            _cdr.Field("accel_calibration_count", "uint8", 58, 1),
+            _cdr.Field("gyro_calibration_count", "uint8", 59, 1),
         ),
     )

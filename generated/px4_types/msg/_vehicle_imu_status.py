@@ -175,7 +175,7 @@ class VehicleImuStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 139:
+        if header != _USUAL or not 136 <= len(data) <= 139:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.accel_clipping = (accel_clipping_0, accel_clipping_1, accel_clipping_2)
         message.gyro_clipping = (gyro_clipping_0, gyro_clipping_1, gyro_clipping_2)
@@ -197,25 +197,25 @@ class VehicleImuStatus(_cdr.Message):
         message_version=0,
         topics=("vehicle_imu_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("accel_device_id", "uint32", 8),
-            _cdr.Field("gyro_device_id", "uint32", 12),
-            _cdr.Field("accel_clipping", "uint32[3]", 16),
-            _cdr.Field("gyro_clipping", "uint32[3]", 28),
-            _cdr.Field("accel_error_count", "uint32", 40),
-            _cdr.Field("gyro_error_count", "uint32", 44),
-            _cdr.Field("accel_rate_hz", "float32", 48, unit="Hz"),
-            _cdr.Field("gyro_rate_hz", "float32", 52, unit="Hz"),
-            _cdr.Field("accel_raw_rate_hz", "float32", 56, unit="Hz"),
-            _cdr.Field("gyro_raw_rate_hz", "float32", 60, unit="Hz"),
-            _cdr.Field("accel_vibration_metric", "float32", 64, unit="m/s^2"),
-            _cdr.Field("gyro_vibration_metric", "float32", 68, unit="rad/s"),
-            _cdr.Field("delta_angle_coning_metric", "float32", 72, unit="rad^2"),
-            _cdr.Field("mean_accel", "float32[3]", 76, unit="m/s^2", frame="FRD"),
-            _cdr.Field("mean_gyro", "float32[3]", 88, unit="rad/s", frame="FRD"),
-            _cdr.Field("var_accel", "float32[3]", 100, unit="m^2/s^4", frame="FRD"),
-            _cdr.Field("var_gyro", "float32[3]", 112, unit="rad^2/s^2", frame="FRD"),
-            _cdr.Field("temperature_accel", "float32", 124, unit="degC"),
-            _cdr.Field("temperature_gyro", "float32", 128, unit="degC"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("accel_device_id", "uint32", 8, 4),
+            _cdr.Field("gyro_device_id", "uint32", 12, 4),
+            _cdr.Field("accel_clipping", "uint32[3]", 16, 12),
+            _cdr.Field("gyro_clipping", "uint32[3]", 28, 12),
+            _cdr.Field("accel_error_count", "uint32", 40, 4),
+            _cdr.Field("gyro_error_count", "uint32", 44, 4),
+            _cdr.Field("accel_rate_hz", "float32", 48, 4, unit="Hz"),
+            _cdr.Field("gyro_rate_hz", "float32", 52, 4, unit="Hz"),
+            _cdr.Field("accel_raw_rate_hz", "float32", 56, 4, unit="Hz"),
+            _cdr.Field("gyro_raw_rate_hz", "float32", 60, 4, unit="Hz"),
+            _cdr.Field("accel_vibration_metric", "float32", 64, 4, unit="m/s^2"),
+            _cdr.Field("gyro_vibration_metric", "float32", 68, 4, unit="rad/s"),
+            _cdr.Field("delta_angle_coning_metric", "float32", 72, 4, unit="rad^2"),
+            _cdr.Field("mean_accel", "float32[3]", 76, 12, unit="m/s^2", frame="FRD"),
+            _cdr.Field("mean_gyro", "float32[3]", 88, 12, unit="rad/s", frame="FRD"),
+            _cdr.Field("var_accel", "float32[3]", 100, 12, unit="m^2/s^4", frame="FRD"),
+            _cdr.Field("var_gyro", "float32[3]", 112, 12, unit="rad^2/s^2", frame="FRD"),
+            _cdr.Field("temperature_accel", "float32", 124, 4, unit="degC"),
+            _cdr.Field("temperature_gyro", "float32", 128, 4, unit="degC"),
         ),
     )

@@ -108,12 +108,12 @@ class VehicleLandDetected(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
         try:
             if (
-                self.freefall | self.ground_contact | self.maybe_landed | self.landed
+                False | self.freefall | self.ground_contact | self.maybe_landed | self.landed
                 | self.in_ground_effect | self.in_descend | self.has_low_throttle | self.vertical_movement
                 | self.horizontal_movement | self.rotational_movement | self.close_to_ground_or_skipped_check
                 | self.at_rest
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.freefall, self.ground_contact, self.maybe_landed, self.landed,
                 self.in_ground_effect, self.in_descend, self.has_low_throttle, self.vertical_movement,
@@ -136,7 +136,7 @@ class VehicleLandDetected(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -152,18 +152,18 @@ class VehicleLandDetected(_cdr.Message):
         message_version=0,
         topics=("vehicle_land_detected",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("freefall", "bool", 8),
-            _cdr.Field("ground_contact", "bool", 9),
-            _cdr.Field("maybe_landed", "bool", 10),
-            _cdr.Field("landed", "bool", 11),
-            _cdr.Field("in_ground_effect", "bool", 12),
-            _cdr.Field("in_descend", "bool", 13),
-            _cdr.Field("has_low_throttle", "bool", 14),
-            _cdr.Field("vertical_movement", "bool", 15),
-            _cdr.Field("horizontal_movement", "bool", 16),
-            _cdr.Field("rotational_movement", "bool", 17),
-            _cdr.Field("close_to_ground_or_skipped_check", "bool", 18),
-            _cdr.Field("at_rest", "bool", 19),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("freefall", "bool", 8, 1),
+            _cdr.Field("ground_contact", "bool", 9, 1),
+            _cdr.Field("maybe_landed", "bool", 10, 1),
+            _cdr.Field("landed", "bool", 11, 1),
+            _cdr.Field("in_ground_effect", "bool", 12, 1),
+            _cdr.Field("in_descend", "bool", 13, 1),
+            _cdr.Field("has_low_throttle", "bool", 14, 1),
+            _cdr.Field("vertical_movement", "bool", 15, 1),
+            _cdr.Field("horizontal_movement", "bool", 16, 1),
+            _cdr.Field("rotational_movement", "bool", 17, 1),
+            _cdr.Field("close_to_ground_or_skipped_check", "bool", 18, 1),
+            _cdr.Field("at_rest", "bool", 19, 1),
         ),
     )

@@ -110,7 +110,7 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 71:
+        if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.acceleration = (acceleration_0, acceleration_1, acceleration_2)
         message.thrust = (thrust_0, thrust_1, thrust_2)
@@ -128,18 +128,20 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
         message_version=0,
         topics=("vehicle_local_position_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("x", "float32", 8, unit="m", invalid="NaN", frame="NED"),
-            _cdr.Field("y", "float32", 12, unit="m", invalid="NaN", frame="NED"),
-            _cdr.Field("z", "float32", 16, unit="m", invalid="NaN", frame="NED"),
-            _cdr.Field("vx", "float32", 20, unit="m/s", invalid="NaN", frame="NED"),
-            _cdr.Field("vy", "float32", 24, unit="m/s", invalid="NaN", frame="NED"),
-            _cdr.Field("vz", "float32", 28, unit="m/s", invalid="NaN", frame="NED"),
-            _cdr.Field("acceleration", "float32[3]", 32, unit="m/s^2", invalid="NaN", frame="NED"),
-            _cdr.Field("thrust", "float32[3]", 44, unit="-", invalid="NaN", frame="NED"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("x", "float32", 8, 4, unit="m", invalid="NaN", frame="NED"),
+            _cdr.Field("y", "float32", 12, 4, unit="m", invalid="NaN", frame="NED"),
+            _cdr.Field("z", "float32", 16, 4, unit="m", invalid="NaN", frame="NED"),
+            _cdr.Field("vx", "float32", 20, 4, unit="m/s", invalid="NaN", frame="NED"),
+            _cdr.Field("vy", "float32", 24, 4, unit="m/s", invalid="NaN", frame="NED"),
+            _cdr.Field("vz", "float32", 28, 4, unit="m/s", invalid="NaN", frame="NED"),
             _cdr.Field(
-                "yaw", "float32", 56, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
+                "acceleration", "float32[3]", 32, 12, unit="m/s^2", invalid="NaN", frame="NED",
             ),
-            _cdr.Field("yawspeed", "float32", 60, unit="rad/s", invalid="NaN"),
+            _cdr.Field("thrust", "float32[3]", 44, 12, unit="-", invalid="NaN", frame="NED"),
+            _cdr.Field(
+                "yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
+            ),
+            _cdr.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN"),
         ),
     )

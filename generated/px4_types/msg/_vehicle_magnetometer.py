@@ -78,7 +78,7 @@ class VehicleMagnetometer(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 40:
+        if header != _USUAL or not 37 <= len(data) <= 40:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.magnetometer_ga = (magnetometer_ga_0, magnetometer_ga_1, magnetometer_ga_2)
         return message
@@ -95,10 +95,10 @@ class VehicleMagnetometer(_cdr.Message):
         message_version=0,
         topics=("vehicle_magnetometer",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("magnetometer_ga", "float32[3]", 20, unit="Gs", frame="FRD"),
-            _cdr.Field("calibration_count", "uint8", 32),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("magnetometer_ga", "float32[3]", 20, 12, unit="Gs", frame="FRD"),
+            _cdr.Field("calibration_count", "uint8", 32, 1),
         ),
     )

@@ -172,7 +172,7 @@ class VehicleOdometry(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 121:
+        if header != _USUAL or not 118 <= len(data) <= 121:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position = (position_0, position_1, position_2)
         message.q = (q_0, q_1, q_2, q_3)
@@ -197,28 +197,29 @@ class VehicleOdometry(_cdr.Message):
             "vehicle_odometry", "vehicle_mocap_odometry", "vehicle_visual_odometry", "estimator_odometry",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("pose_frame", "uint8", 16, enum="POSE_FRAME"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("pose_frame", "uint8", 16, 1, enum="POSE_FRAME"),
             _cdr.Field(
-                "position", "float32[3]", 20, unit="m", invalid="NaN If invalid/unknown", frame="local frame",
+                "position", "float32[3]", 20, 12, unit="m", invalid="NaN If invalid/unknown",
+                frame="local frame",
             ),
             _cdr.Field(
-                "q", "float32[4]", 32, unit="-", invalid="NaN First value if invalid/unknown",
+                "q", "float32[4]", 32, 16, unit="-", invalid="NaN First value if invalid/unknown",
             ),
-            _cdr.Field("velocity_frame", "uint8", 48, enum="VELOCITY_FRAME"),
+            _cdr.Field("velocity_frame", "uint8", 48, 1, enum="VELOCITY_FRAME"),
             _cdr.Field(
-                "velocity", "float32[3]", 52, unit="m/s", invalid="NaN If invalid/unknown",
+                "velocity", "float32[3]", 52, 12, unit="m/s", invalid="NaN If invalid/unknown",
                 frame="@velocity_frame",
             ),
             _cdr.Field(
-                "angular_velocity", "float32[3]", 64, unit="rad/s", invalid="NaN If invalid/unknown",
+                "angular_velocity", "float32[3]", 64, 12, unit="rad/s", invalid="NaN If invalid/unknown",
                 frame="@VELOCITY_FRAME_BODY_FRD",
             ),
-            _cdr.Field("position_variance", "float32[3]", 76, unit="m^2"),
-            _cdr.Field("orientation_variance", "float32[3]", 88, unit="rad^2"),
-            _cdr.Field("velocity_variance", "float32[3]", 100, unit="m^2/s^2"),
-            _cdr.Field("reset_counter", "uint8", 112, unit="-"),
-            _cdr.Field("quality", "int8", 113, unit="-", invalid="0"),
+            _cdr.Field("position_variance", "float32[3]", 76, 12, unit="m^2"),
+            _cdr.Field("orientation_variance", "float32[3]", 88, 12, unit="rad^2"),
+            _cdr.Field("velocity_variance", "float32[3]", 100, 12, unit="m^2/s^2"),
+            _cdr.Field("reset_counter", "uint8", 112, 1, unit="-"),
+            _cdr.Field("quality", "int8", 113, 1, unit="-", invalid="0"),
         ),
     )

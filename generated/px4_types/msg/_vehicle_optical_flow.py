@@ -114,7 +114,7 @@ class VehicleOpticalFlow(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 71:
+        if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.pixel_flow = (pixel_flow_0, pixel_flow_1)
         message.delta_angle = (delta_angle_0, delta_angle_1, delta_angle_2)
@@ -132,16 +132,18 @@ class VehicleOpticalFlow(_cdr.Message):
         message_version=0,
         topics=("vehicle_optical_flow",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16),
-            _cdr.Field("pixel_flow", "float32[2]", 20, unit="rad", frame="Body"),
-            _cdr.Field("delta_angle", "float32[3]", 28, unit="rad", invalid="NaN", frame="Body"),
-            _cdr.Field("distance_m", "float32", 40, unit="m", invalid="NaN"),
-            _cdr.Field("integration_timespan_us", "uint32", 44, unit="us"),
-            _cdr.Field("quality", "uint8", 48, range="0, 255"),
-            _cdr.Field("max_flow_rate", "float32", 52, unit="rad/s"),
-            _cdr.Field("min_ground_distance", "float32", 56, unit="m"),
-            _cdr.Field("max_ground_distance", "float32", 60, unit="m"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("pixel_flow", "float32[2]", 20, 8, unit="rad", frame="Body"),
+            _cdr.Field(
+                "delta_angle", "float32[3]", 28, 12, unit="rad", invalid="NaN", frame="Body",
+            ),
+            _cdr.Field("distance_m", "float32", 40, 4, unit="m", invalid="NaN"),
+            _cdr.Field("integration_timespan_us", "uint32", 44, 4, unit="us"),
+            _cdr.Field("quality", "uint8", 48, 1, range="0, 255"),
+            _cdr.Field("max_flow_rate", "float32", 52, 4, unit="rad/s"),
+            _cdr.Field("min_ground_distance", "float32", 56, 4, unit="m"),
+            _cdr.Field("max_ground_distance", "float32", 60, 4, unit="m"),
         ),
     )

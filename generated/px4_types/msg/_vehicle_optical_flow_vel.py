@@ -124,7 +124,7 @@ class VehicleOpticalFlowVel(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 107:
+        if header != _USUAL or not 104 <= len(data) <= 107:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.vel_body = (vel_body_0, vel_body_1)
         message.vel_ne = (vel_ne_0, vel_ne_1)
@@ -149,16 +149,16 @@ class VehicleOpticalFlowVel(_cdr.Message):
         message_version=0,
         topics=("estimator_optical_flow_vel", "vehicle_optical_flow_vel"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("vel_body", "float32[2]", 16, unit="m/s", frame="FRD"),
-            _cdr.Field("vel_ne", "float32[2]", 24, unit="m/s", frame="NED"),
-            _cdr.Field("vel_body_filtered", "float32[2]", 32, unit="m/s", frame="FRD"),
-            _cdr.Field("vel_ne_filtered", "float32[2]", 40, unit="m/s", frame="NED"),
-            _cdr.Field("flow_rate_uncompensated", "float32[2]", 48, unit="rad/s"),
-            _cdr.Field("flow_rate_compensated", "float32[2]", 56, unit="rad/s"),
-            _cdr.Field("gyro_rate", "float32[3]", 64, unit="rad/s"),
-            _cdr.Field("gyro_bias", "float32[3]", 76, unit="rad/s"),
-            _cdr.Field("ref_gyro", "float32[3]", 88, unit="rad/s"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("vel_body", "float32[2]", 16, 8, unit="m/s", frame="FRD"),
+            _cdr.Field("vel_ne", "float32[2]", 24, 8, unit="m/s", frame="NED"),
+            _cdr.Field("vel_body_filtered", "float32[2]", 32, 8, unit="m/s", frame="FRD"),
+            _cdr.Field("vel_ne_filtered", "float32[2]", 40, 8, unit="m/s", frame="NED"),
+            _cdr.Field("flow_rate_uncompensated", "float32[2]", 48, 8, unit="rad/s"),
+            _cdr.Field("flow_rate_compensated", "float32[2]", 56, 8, unit="rad/s"),
+            _cdr.Field("gyro_rate", "float32[3]", 64, 12, unit="rad/s"),
+            _cdr.Field("gyro_bias", "float32[3]", 76, 12, unit="rad/s"),
+            _cdr.Field("ref_gyro", "float32[3]", 88, 12, unit="rad/s"),
         ),
     )

@@ -65,8 +65,8 @@ class VehicleRatesSetpoint(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 33 of values."""
         try:
             (thrust_body_0, thrust_body_1, thrust_body_2) = self.thrust_body
-            if (self.reset_integral) not in (0, 1):
-                raise ValueError
+            if (False | self.reset_integral) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.roll, self.pitch, self.yaw, thrust_body_0, thrust_body_1,
                 thrust_body_2, self.reset_integral,
@@ -85,7 +85,7 @@ class VehicleRatesSetpoint(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 40:
+        if header != _USUAL or not 37 <= len(data) <= 40:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.thrust_body = (thrust_body_0, thrust_body_1, thrust_body_2)
         return message
@@ -102,11 +102,11 @@ class VehicleRatesSetpoint(_cdr.Message):
         message_version=0,
         topics=("vehicle_rates_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("roll", "float32", 8, unit="rad/s", frame="FRD"),
-            _cdr.Field("pitch", "float32", 12, unit="rad/s", frame="FRD"),
-            _cdr.Field("yaw", "float32", 16, unit="rad/s", frame="FRD"),
-            _cdr.Field("thrust_body", "float32[3]", 20, unit="-", range="-1, 1", frame="FRD"),
-            _cdr.Field("reset_integral", "bool", 32),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("roll", "float32", 8, 4, unit="rad/s", frame="FRD"),
+            _cdr.Field("pitch", "float32", 12, 4, unit="rad/s", frame="FRD"),
+            _cdr.Field("yaw", "float32", 16, 4, unit="rad/s", frame="FRD"),
+            _cdr.Field("thrust_body", "float32[3]", 20, 12, unit="-", range="-1, 1", frame="FRD"),
+            _cdr.Field("reset_integral", "bool", 32, 1),
         ),
     )

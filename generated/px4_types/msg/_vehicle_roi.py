@@ -108,7 +108,7 @@ class VehicleRoi(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 55:
+        if header != _USUAL or not 52 <= len(data) <= 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -124,13 +124,13 @@ class VehicleRoi(_cdr.Message):
         message_version=0,
         topics=("vehicle_roi",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("mode", "uint8", 8, enum="ROI"),
-            _cdr.Field("lat", "float64", 16, unit="deg"),
-            _cdr.Field("lon", "float64", 24, unit="deg"),
-            _cdr.Field("alt", "float32", 32, unit="m"),
-            _cdr.Field("roll_offset", "float32", 36, unit="rad"),
-            _cdr.Field("pitch_offset", "float32", 40, unit="rad"),
-            _cdr.Field("yaw_offset", "float32", 44, unit="rad"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("mode", "uint8", 8, 1, enum="ROI"),
+            _cdr.Field("lat", "float64", 16, 8, unit="deg"),
+            _cdr.Field("lon", "float64", 24, 8, unit="deg"),
+            _cdr.Field("alt", "float32", 32, 4, unit="m"),
+            _cdr.Field("roll_offset", "float32", 36, 4, unit="rad"),
+            _cdr.Field("pitch_offset", "float32", 40, 4, unit="rad"),
+            _cdr.Field("yaw_offset", "float32", 44, 4, unit="rad"),
         ),
     )

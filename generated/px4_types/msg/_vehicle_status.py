@@ -377,7 +377,7 @@ class VehicleStatus(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 80 of values."""
         try:
             if (
-                self.failsafe | self.failsafe_and_user_took_over | self.gcs_connection_lost
+                False | self.failsafe | self.failsafe_and_user_took_over | self.gcs_connection_lost
                 | self.high_latency_data_link_lost | self.is_vtol | self.is_vtol_tailsitter
                 | self.in_transition_mode | self.in_transition_to_fw | self.safety_button_available
                 | self.safety_off | self.power_input_valid | self.usb_connected
@@ -385,7 +385,7 @@ class VehicleStatus(_cdr.Message):
                 | self.parachute_system_present | self.parachute_system_healthy
                 | self.rc_calibration_in_progress | self.calibration_enabled | self.pre_flight_checks_pass
             ) not in (0, 1):
-                raise ValueError
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.armed_time, self.takeoff_time, self.arming_state,
                 self.latest_arming_reason, self.latest_disarming_reason, self.nav_state_timestamp,
@@ -426,7 +426,7 @@ class VehicleStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 87:
+        if header != _USUAL or not 84 <= len(data) <= 87:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -442,44 +442,44 @@ class VehicleStatus(_cdr.Message):
         message_version=1,
         topics=("vehicle_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("armed_time", "uint64", 8, unit="us"),
-            _cdr.Field("takeoff_time", "uint64", 16, unit="us"),
-            _cdr.Field("arming_state", "uint8", 24, enum="ARMING_STATE"),
-            _cdr.Field("latest_arming_reason", "uint8", 25, enum="ARM_DISARM_REASON"),
-            _cdr.Field("latest_disarming_reason", "uint8", 26, enum="ARM_DISARM_REASON"),
-            _cdr.Field("nav_state_timestamp", "uint64", 32, unit="us"),
-            _cdr.Field("nav_state_user_intention", "uint8", 40, enum="NAVIGATION_STATE"),
-            _cdr.Field("nav_state", "uint8", 41, enum="NAVIGATION_STATE"),
-            _cdr.Field("executor_in_charge", "uint8", 42),
-            _cdr.Field("valid_nav_states_mask", "uint32", 44),
-            _cdr.Field("can_set_nav_states_mask", "uint32", 48),
-            _cdr.Field("failure_detector_status", "uint16", 52, enum="FAILURE"),
-            _cdr.Field("hil_state", "uint8", 54, enum="HIL_STATE"),
-            _cdr.Field("vehicle_type", "uint8", 55, enum="VEHICLE_TYPE"),
-            _cdr.Field("failsafe", "bool", 56),
-            _cdr.Field("failsafe_and_user_took_over", "bool", 57),
-            _cdr.Field("failsafe_defer_state", "uint8", 58, enum="FAILSAFE_DEFER_STATE"),
-            _cdr.Field("gcs_connection_lost", "bool", 59),
-            _cdr.Field("gcs_connection_lost_counter", "uint8", 60),
-            _cdr.Field("high_latency_data_link_lost", "bool", 61),
-            _cdr.Field("is_vtol", "bool", 62),
-            _cdr.Field("is_vtol_tailsitter", "bool", 63),
-            _cdr.Field("in_transition_mode", "bool", 64),
-            _cdr.Field("in_transition_to_fw", "bool", 65),
-            _cdr.Field("system_type", "uint8", 66),
-            _cdr.Field("system_id", "uint8", 67),
-            _cdr.Field("component_id", "uint8", 68),
-            _cdr.Field("safety_button_available", "bool", 69),
-            _cdr.Field("safety_off", "bool", 70),
-            _cdr.Field("power_input_valid", "bool", 71),
-            _cdr.Field("usb_connected", "bool", 72),
-            _cdr.Field("open_drone_id_system_present", "bool", 73),
-            _cdr.Field("open_drone_id_system_healthy", "bool", 74),
-            _cdr.Field("parachute_system_present", "bool", 75),
-            _cdr.Field("parachute_system_healthy", "bool", 76),
-            _cdr.Field("rc_calibration_in_progress", "bool", 77),
-            _cdr.Field("calibration_enabled", "bool", 78),
-            _cdr.Field("pre_flight_checks_pass", "bool", 79),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("armed_time", "uint64", 8, 8, unit="us"),
+            _cdr.Field("takeoff_time", "uint64", 16, 8, unit="us"),
+            _cdr.Field("arming_state", "uint8", 24, 1, enum="ARMING_STATE"),
+            _cdr.Field("latest_arming_reason", "uint8", 25, 1, enum="ARM_DISARM_REASON"),
+            _cdr.Field("latest_disarming_reason", "uint8", 26, 1, enum="ARM_DISARM_REASON"),
+            _cdr.Field("nav_state_timestamp", "uint64", 32, 8, unit="us"),
+            _cdr.Field("nav_state_user_intention", "uint8", 40, 1, enum="NAVIGATION_STATE"),
+            _cdr.Field("nav_state", "uint8", 41, 1, enum="NAVIGATION_STATE"),
+            _cdr.Field("executor_in_charge", "uint8", 42, 1),
+            _cdr.Field("valid_nav_states_mask", "uint32", 44, 4),
+            _cdr.Field("can_set_nav_states_mask", "uint32", 48, 4),
+            _cdr.Field("failure_detector_status", "uint16", 52, 2, enum="FAILURE"),
+            _cdr.Field("hil_state", "uint8", 54, 1, enum="HIL_STATE"),
+            _cdr.Field("vehicle_type", "uint8", 55, 1, enum="VEHICLE_TYPE"),
+            _cdr.Field("failsafe", "bool", 56, 1),
+            _cdr.Field("failsafe_and_user_took_over", "bool", 57, 1),
+            _cdr.Field("failsafe_defer_state", "uint8", 58, 1, enum="FAILSAFE_DEFER_STATE"),
+            _cdr.Field("gcs_connection_lost", "bool", 59, 1),
+            _cdr.Field("gcs_connection_lost_counter", "uint8", 60, 1),
+            _cdr.Field("high_latency_data_link_lost", "bool", 61, 1),
+            _cdr.Field("is_vtol", "bool", 62, 1),
+            _cdr.Field("is_vtol_tailsitter", "bool", 63, 1),
+            _cdr.Field("in_transition_mode", "bool", 64, 1),
+            _cdr.Field("in_transition_to_fw", "bool", 65, 1),
+            _cdr.Field("system_type", "uint8", 66, 1),
+            _cdr.Field("system_id", "uint8", 67, 1),
+            _cdr.Field("component_id", "uint8", 68, 1),
+            _cdr.Field("safety_button_available", "bool", 69, 1),
+            _cdr.Field("safety_off", "bool", 70, 1),
+            _cdr.Field("power_input_valid", "bool", 71, 1),
+            _cdr.Field("usb_connected", "bool", 72, 1),
+            _cdr.Field("open_drone_id_system_present", "bool", 73, 1),
+            _cdr.Field("open_drone_id_system_healthy", "bool", 74, 1),
+            _cdr.Field("parachute_system_present", "bool", 75, 1),
+            _cdr.Field("parachute_system_healthy", "bool", 76, 1),
+            _cdr.Field("rc_calibration_in_progress", "bool", 77, 1),
+            _cdr.Field("calibration_enabled", "bool", 78, 1),
+            _cdr.Field("pre_flight_checks_pass", "bool", 79, 1),
         ),
     )

@@ -66,7 +66,7 @@ class VelocityLimits(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 27:
+        if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -82,9 +82,9 @@ class VelocityLimits(_cdr.Message):
         message_version=0,
         topics=("velocity_limits",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("horizontal_velocity", "float32", 8, unit="m/s", invalid="NaN"),
-            _cdr.Field("vertical_velocity", "float32", 12, unit="m/s", invalid="NaN"),
-            _cdr.Field("yaw_rate", "float32", 16, unit="rad/s", invalid="NaN"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("horizontal_velocity", "float32", 8, 4, unit="m/s", invalid="NaN"),
+            _cdr.Field("vertical_velocity", "float32", 12, 4, unit="m/s", invalid="NaN"),
+            _cdr.Field("yaw_rate", "float32", 16, 4, unit="rad/s", invalid="NaN"),
         ),
     )

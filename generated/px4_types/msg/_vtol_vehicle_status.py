@@ -64,8 +64,8 @@ class VtolVehicleStatus(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 10 of values."""
         try:
-            if (self.fixed_wing_system_failure) not in (0, 1):
-                raise ValueError
+            if (False | self.fixed_wing_system_failure) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.vehicle_vtol_state, self.fixed_wing_system_failure,
             )
@@ -82,7 +82,7 @@ class VtolVehicleStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 17:
+        if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
@@ -98,8 +98,8 @@ class VtolVehicleStatus(_cdr.Message):
         message_version=0,
         topics=("vtol_vehicle_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("vehicle_vtol_state", "uint8", 8, enum="VEHICLE_VTOL_STATE"),
-            _cdr.Field("fixed_wing_system_failure", "bool", 9),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("vehicle_vtol_state", "uint8", 8, 1, enum="VEHICLE_VTOL_STATE"),
+            _cdr.Field("fixed_wing_system_failure", "bool", 9, 1),
         ),
     )

@@ -63,7 +63,7 @@ class WheelEncoders(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 31:
+        if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.wheel_speed = (wheel_speed_0, wheel_speed_1)
         message.wheel_angle = (wheel_angle_0, wheel_angle_1)
@@ -81,8 +81,8 @@ class WheelEncoders(_cdr.Message):
         message_version=0,
         topics=("wheel_encoders",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("wheel_speed", "float32[2]", 8, unit="rad/s"),
-            _cdr.Field("wheel_angle", "float32[2]", 16, unit="rad"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("wheel_speed", "float32[2]", 8, 8, unit="rad/s"),
+            _cdr.Field("wheel_angle", "float32[2]", 16, 8, unit="rad"),
         ),
     )

@@ -85,8 +85,8 @@ class YawEstimatorStatus(_cdr.Message):
             (innov_vn_0, innov_vn_1, innov_vn_2, innov_vn_3, innov_vn_4) = self.innov_vn
             (innov_ve_0, innov_ve_1, innov_ve_2, innov_ve_3, innov_ve_4) = self.innov_ve
             (weight_0, weight_1, weight_2, weight_3, weight_4) = self.weight
-            if (self.yaw_composite_valid) not in (0, 1):
-                raise ValueError
+            if (False | self.yaw_composite_valid) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.yaw_composite, self.yaw_variance,
                 self.yaw_composite_valid, yaw_0, yaw_1, yaw_2, yaw_3, yaw_4, innov_vn_0, innov_vn_1,
@@ -109,7 +109,7 @@ class YawEstimatorStatus(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 115:
+        if header != _USUAL or not 112 <= len(data) <= 115:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.yaw = (yaw_0, yaw_1, yaw_2, yaw_3, yaw_4)
         message.innov_vn = (innov_vn_0, innov_vn_1, innov_vn_2, innov_vn_3, innov_vn_4)
@@ -129,14 +129,14 @@ class YawEstimatorStatus(_cdr.Message):
         message_version=0,
         topics=("yaw_estimator_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, unit="us"),
-            _cdr.Field("yaw_composite", "float32", 16, unit="rad"),
-            _cdr.Field("yaw_variance", "float32", 20, unit="rad^2"),
-            _cdr.Field("yaw_composite_valid", "bool", 24),
-            _cdr.Field("yaw", "float32[5]", 28, unit="rad"),
-            _cdr.Field("innov_vn", "float32[5]", 48, unit="m/s"),
-            _cdr.Field("innov_ve", "float32[5]", 68, unit="m/s"),
-            _cdr.Field("weight", "float32[5]", 88, unit="-", range="0, 1"),
+            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
+            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            _cdr.Field("yaw_composite", "float32", 16, 4, unit="rad"),
+            _cdr.Field("yaw_variance", "float32", 20, 4, unit="rad^2"),
+            _cdr.Field("yaw_composite_valid", "bool", 24, 1),
+            _cdr.Field("yaw", "float32[5]", 28, 20, unit="rad"),
+            _cdr.Field("innov_vn", "float32[5]", 48, 20, unit="m/s"),
+            _cdr.Field("innov_ve", "float32[5]", 68, 20, unit="m/s"),
+            _cdr.Field("weight", "float32[5]", 88, 20, unit="-", range="0, 1"),
         ),
     )

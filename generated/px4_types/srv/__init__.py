@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from ._vehicle_command__request import VehicleCommand_Request as VehicleCommand_Request
     from ._vehicle_command__response import VehicleCommand_Response as VehicleCommand_Response
 
+_AttributeError = AttributeError  # a message may have this name
 _MODULES = {
     "VehicleCommand": "_vehicle_command",
     "VehicleCommand_Request": "_vehicle_command__request",
@@ -31,13 +32,13 @@ def _load(module: str) -> object:
 
 def __getattr__(name: str) -> object:
     if name.startswith("_"):
-        raise AttributeError(name)
+        raise _AttributeError(name)
     if name not in _MODULES:
         from difflib import get_close_matches
 
         near = get_close_matches(name, _MODULES, n=1)
         hint = f", did you mean '{near[0]}'?" if near else ""
-        raise AttributeError(f"module '{__name__}' has no message '{name}'{hint}")
+        raise _AttributeError(f"module '{__name__}' has no message '{name}'{hint}")
     found: object = getattr(_load(_MODULES[name]), name)
     globals()[name] = found
     return found

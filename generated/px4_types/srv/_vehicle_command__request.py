@@ -36,8 +36,8 @@ class VehicleCommand_Request(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 56 of values."""
         try:
             request = self.request
-            if (request.from_external) not in (0, 1):
-                raise ValueError
+            if (False | request.from_external) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, request.timestamp, request.param1, request.param2, request.param3, request.param4,
                 request.param5, request.param6, request.param7, request.command, request.target_system,
@@ -61,7 +61,7 @@ class VehicleCommand_Request(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 63:
+        if header != _USUAL or not 60 <= len(data) <= 63:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.request = request
         return message
@@ -78,6 +78,6 @@ class VehicleCommand_Request(_cdr.Message):
         message_version=0,
         topics=(),
         fields=(
-            _cdr.Field("request", "VehicleCommand", 0),
+            _cdr.Field("request", "VehicleCommand", 0, 56),
         ),
     )

@@ -36,8 +36,8 @@ class VehicleCommand_Response(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 25 of values."""
         try:
             reply = self.reply
-            if (reply.from_external) not in (0, 1):
-                raise ValueError
+            if (False | reply.from_external) not in (0, 1):
+                raise _cdr.Refused
             return _pack(
                 _USUAL, reply.timestamp, reply.command, reply.result, reply.result_param1,
                 reply.result_param2, reply.target_system, reply.target_component, reply.from_external,
@@ -57,7 +57,7 @@ class VehicleCommand_Response(_cdr.Message):
             ) = _unpack_from(data)
         except _cdr.StructError:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or len(data) > 32:
+        if header != _USUAL or not 29 <= len(data) <= 32:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.reply = reply
         return message
@@ -74,6 +74,6 @@ class VehicleCommand_Response(_cdr.Message):
         message_version=0,
         topics=(),
         fields=(
-            _cdr.Field("reply", "VehicleCommandAck", 0),
+            _cdr.Field("reply", "VehicleCommandAck", 0, 25),
         ),
     )
