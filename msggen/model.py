@@ -34,6 +34,8 @@ STRINGS = ("string", "wstring")
 PRIMITIVES = ("bool", *INTEGER_RANGES, *FLOATS, *STRINGS)
 """The types that ROS 2's `.msg` grammar has built in."""
 
+_PRIMITIVES = frozenset(PRIMITIVES)
+
 SIZES: Mapping[str, int] = {
     **{name: (high - low + 1).bit_length() // 8 for name, (low, high) in INTEGER_RANGES.items()},
     "bool": 1,
@@ -86,7 +88,7 @@ class FieldType:
     @property
     def is_primitive(self) -> bool:
         """Whether the grammar has the type built in; every other type is a message."""
-        return self.package is None and self.name in PRIMITIVES
+        return self.package is None and self.name in _PRIMITIVES
 
     @property
     def is_fixed_size(self) -> bool:

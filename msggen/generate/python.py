@@ -130,7 +130,16 @@ class MessageView:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The uORB topics of the message; halves of services have none."""
+        """The uORB topics of the message, as literals; halves of services have none."""
+        return tuple(map(literal, self._topic_names))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the fields, as literals."""
+        return tuple(literal(field.name) for field in self.fields)
+
+    @property
+    def _topic_names(self) -> tuple[str, ...]:
         return self.message.topic_names if self.message.folder == "msg" else ()
 
     @property
@@ -141,8 +150,8 @@ class MessageView:
     @property
     def summary(self) -> str:
         """Where the message comes from and goes to, for its docstring."""
-        topics = f"uORB topics: {', '.join(self.topics)}. " if len(self.topics) > 1 else ""
-        topics = topics or (f"uORB topic: {self.topics[0]}. " if self.topics else "")
+        names = self._topic_names
+        topics = f"uORB topic{'s' if len(names) > 1 else ''}: {', '.join(names)}. " if names else ""
         version = f"Version {self.message.message_version}, " if self.message.message_version else ""
         return f"{topics}{version}{self.cdr_size} bytes."
 
