@@ -1,18 +1,23 @@
 """The command line: arguments, settings and exit codes; everything it does is done elsewhere.
 
-argparse on purpose: a build with nothing to do takes about 40 ms, and every larger library adds half of that
-again to each run (docs/libraries.md).
+argparse on purpose: larger libraries take longer to import than a build with nothing to do (docs/libraries.md).
 """
 
 from __future__ import annotations
 
 import argparse
+import keyword
 import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from msggen import __version__
+from msggen.diagnostics import Diagnostic, InputError, fault
+from msggen.firmware.source import Sources, find_sources
+from msggen.generate.build import Build, Outcome, depfile, write_if_changed
+from msggen.generate.output import Plan
+from msggen.settings import Settings, read_settings
 
 DONE, FINDINGS, FAILED = 0, 1, 2
 """Exit codes: all well, something found, and usage, input or I/O errors."""
@@ -21,24 +26,17 @@ DONE, FINDINGS, FAILED = 0, 1, 2
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
     try:
-        return _run(arguments)
+        options = _parser().parse_args(arguments)
+        return int(options.run(options))
+    except InputError as error:
+        _print_faults(error.diagnostics)
+        return FAILED
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         print(f"msggen: {place}{error.strerror or error}", file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
         print("msggen: interrupted, nothing is half-written", file=sys.stderr)
-        return FAILED
-
-
-def _run(arguments: Sequence[str] | None) -> int:
-    options = _parser().parse_args(arguments)
-    try:
-        return int(options.run(options))
-    except Exception as error:
-        if type(error).__name__ != "InputError":
-            raise
-        _print_faults([str(fault) for fault in getattr(error, "diagnostics", ())])
         return FAILED
 
 
@@ -80,21 +78,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from msggen.firmware.source import find_sources
-    from msggen.generate.build import Build, depfile, write_if_changed
-    from msggen.settings import read_settings
-
     started = time.perf_counter()
-    settings = read_settings(".")
-    package = options.package or settings.package or "px4_types"
-    _check_package_name(package)
-    sources = find_sources(
-        options.px4 or settings.px4,
-        tuple(options.msg_dir or settings.msg_dir),
-        options.topics or settings.topics,
-        options.release or settings.release,
-    )
-    build = Build(sources, options.output or settings.output or "generated", package)
+    build, sources = _prepare(options, read_settings("."))
     if options.list_outputs:
         print("\n".join(os.path.join(build.folder, name) for name in build.outputs()))
         return DONE
@@ -102,63 +87,67 @@ def _build(options: argparse.Namespace) -> int:
     outcome = build.run(write=writes)
     if options.depfile and writes:
         write_if_changed(options.depfile, depfile(outcome.folder, outcome.outputs, sources))
-    if outcome.plan is None or (not outcome.plan.is_stale and not writes):
-        _say(options, f"{outcome.summary}\n{outcome.folder} is up to date, {len(outcome.outputs)} files")
-        return DONE
+    lines = list(_report(outcome, time.perf_counter() - started, writes=writes, verbose=options.verbose))
+    if options.diff and outcome.plan:
+        _print_diff(outcome.plan)
+    for name in outcome.plan.edited if outcome.plan else ():
+        print(f"{os.path.join(build.folder, name)} is no longer needed, but was edited: left in place", file=sys.stderr)
+    if not options.quiet:
+        print("\n".join(lines))
+    return FINDINGS if outcome.plan and outcome.plan.is_stale and not writes else DONE
+
+
+def _prepare(options: argparse.Namespace, settings: Settings) -> tuple[Build, Sources]:
+    """Merge the command line with the settings; the command line wins."""
+    package = options.package or settings.package or "px4_types"
+    if not (package.isidentifier() and package.isascii()) or keyword.iskeyword(package):
+        text = f"'{package}' cannot be imported: expected a name such as 'px4_types'"
+        raise fault("--package", "S103", text, line=0)
+    sources = find_sources(
+        options.px4 or settings.px4,
+        tuple(options.msg_dir or settings.msg_dir),
+        options.topics or settings.topics,
+        options.release or settings.release,
+    )
+    return Build(sources, options.output or settings.output or "generated", package), sources
+
+
+def _report(outcome: Outcome, seconds: float, *, writes: bool, verbose: bool) -> Iterator[str]:
+    """Say what was done, or what there would be to do."""
     plan = outcome.plan
-    if options.diff:
-        _print_diff(plan.folder, plan.files, (*plan.written, *plan.removed))
-    for name in plan.edited:
-        text = "was edited since msggen wrote it and is no longer needed: left in place"
-        print(f"{os.path.join(plan.folder, name)}: {text}", file=sys.stderr)
-    if options.verbose:
-        for verb, names in (
-            ("wrote" if writes else "to write:", plan.written),
-            ("removed" if writes else "to remove:", plan.removed),
-        ):
-            for name in names:
-                print(f"{verb} {os.path.join(plan.folder, name)}")
+    if plan is None or not (writes or plan.is_stale):
+        yield f"{outcome.summary}\n{outcome.folder} is up to date, {len(outcome.outputs)} files"
+        return
+    for verb, names in zip(
+        ("wrote", "removed") if writes else ("to write:", "to remove:"), (plan.written, plan.removed), strict=True
+    ):
+        yield from (f"{verb} {os.path.join(plan.folder, name)}" for name in names if verbose)
     if not writes:
-        _say(options, f"{plan.folder} is stale: {len(plan.written)} files to write, {len(plan.removed)} to remove")
-        return FINDINGS
+        yield f"{plan.folder} is stale: {len(plan.written)} files to write, {len(plan.removed)} to remove"
+        return
     unchanged = len(plan.files) - len(plan.written)
     counts = f"{len(plan.written)} files written, {len(plan.removed)} removed, {unchanged} unchanged"
-    _say(options, f"{outcome.summary}\n{plan.folder}: {counts}, in {time.perf_counter() - started:.2f} s")
-    return DONE
+    yield f"{outcome.summary}\n{plan.folder}: {counts}, in {seconds:.2f} s"
 
 
-def _check_package_name(name: str) -> None:
-    import keyword
-
-    if not (name.isidentifier() and name.isascii()) or keyword.iskeyword(name):
-        from msggen.diagnostics import fault
-
-        raise fault("--package", "S103", f"'{name}' cannot be imported: expected a name such as 'px4_types'", line=0)
-
-
-def _say(options: argparse.Namespace, text: str) -> None:
-    if not options.quiet:
-        print(text)
-
-
-def _print_diff(folder: str, files: Mapping[str, str], names: Sequence[str]) -> None:
+def _print_diff(plan: Plan) -> None:
     from difflib import unified_diff
 
-    for name in names:
-        path = os.path.join(folder, name)
+    for name in (*plan.written, *plan.removed):
+        path = os.path.join(plan.folder, name)
         try:
             with open(path, encoding="utf-8", errors="replace") as stream:
                 before = stream.read().splitlines(keepends=True)
         except OSError:
             before = []
-        after = files.get(name, "").splitlines(keepends=True)
+        after = plan.files.get(name, "").splitlines(keepends=True)
         sys.stdout.writelines(unified_diff(before, after, path, path))
 
 
-def _print_faults(faults: list[str]) -> None:
+def _print_faults(faults: Sequence[Diagnostic]) -> None:
     colour = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
-    for fault in faults:
-        place, _, rest = fault.partition(": ")
-        code, _, message = rest.partition(" ")
-        print(f"\033[1m{place}\033[0m: \033[31m{code}\033[0m {message}" if colour else fault, file=sys.stderr)
+    for found in faults:
+        place, code, message = found
+        text = f"\033[1m{place}\033[0m: \033[31m{code}\033[0m {message}" if colour else str(found)
+        print(text, file=sys.stderr)
     print(f"{len(faults)} error{'' if len(faults) == 1 else 's'}, nothing written", file=sys.stderr)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from difflib import get_close_matches
+from typing import NamedTuple
 
-from msggen.model import Location
+from msggen.location import Location
 
 _SHORTEST = 4
 """The beginning of a name is near it from so many letters on, where nothing is nearer."""
@@ -52,8 +51,7 @@ CODES: dict[str, str] = {
 """Every code, and what it stands for. docs/errors.md shows each with an example."""
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Diagnostic:
+class Diagnostic(NamedTuple):
     """One fault, at one place."""
 
     location: Location
@@ -79,6 +77,8 @@ def fault(path: str, code: str, message: str, line: int = 1, column: int = 1) ->
 
 def suggestion(wrong: str, known: Iterable[str]) -> str:
     """Return ", did you mean 'x'?" for the nearest of `known`, or "" when none is near."""
+    from difflib import get_close_matches
+
     by_lower_case = {name.lower(): name for name in known}
     near = get_close_matches(wrong.lower(), by_lower_case, n=1, cutoff=0.6)
     near = near or [name for name in by_lower_case if name.startswith(wrong.lower().ljust(_SHORTEST))]

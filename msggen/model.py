@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Union
 
+from msggen.location import Location
+
 Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated, and it names itself
 """What a constant or a default may hold; tuples only as defaults of arrays."""
 
@@ -51,19 +53,6 @@ DEFAULT_PACKAGE = "px4_msgs"
 def snake_case(name: str) -> str:
     """Return `name` as uORB spells topics: an underscore before every later capital (FACTS 1)."""
     return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Location:
-    """A place in a file; lines and columns count from 1. Line 0 is no place in it: an option, say."""
-
-    path: str
-    line: int = 1
-    column: int = 1
-
-    def __str__(self) -> str:
-        path = self.path if self.path.isprintable() else repr(self.path)
-        return f"{path}:{self.line}:{self.column}" if self.line else path
 
 
 class ArrayKind(Enum):

@@ -7,6 +7,8 @@ import re
 import sys
 from typing import Any, NamedTuple, NoReturn
 
+from msggen.diagnostics import fault, suggestion
+
 
 class Settings(NamedTuple):
     """What a build is told; None or empty where it is told nothing."""
@@ -79,8 +81,6 @@ def _parse(text: str, path: str) -> Settings | None:
 def _field(key: str, text: str, path: str) -> str:
     known = {name.replace("_", "-"): name for name in Settings._fields}
     if key not in known:
-        from msggen.diagnostics import suggestion
-
         _fail(path, "C102", f"unknown setting '{key}'{suggestion(key, known)}", *_place(text, key))
     return known[key]
 
@@ -106,6 +106,4 @@ def _place(text: str, key: str) -> tuple[int, int]:
 
 
 def _fail(path: str, code: str, message: str, line: int = 1, column: int = 1) -> NoReturn:
-    from msggen.diagnostics import fault
-
     raise fault(path, code, message, line, column)

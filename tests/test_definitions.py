@@ -10,6 +10,7 @@ import pytest
 from conftest import ROOT
 
 from msggen.diagnostics import Diagnostic
+from msggen.location import Location
 from msggen.model import (
     INTEGER_RANGES,
     PRIMITIVES,
@@ -19,7 +20,6 @@ from msggen.model import (
     Constant,
     Field,
     FieldType,
-    Location,
     Message,
     Service,
     Value,

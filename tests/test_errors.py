@@ -22,7 +22,7 @@ from msggen.cli import DONE, FAILED, main
 from msggen.diagnostics import CODES, Diagnostic, InputError, suggestion
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.source import File, Sources
-from msggen.model import Location
+from msggen.location import Location
 
 STAMP = "uint64 timestamp\n"
 FOO = "in/msg/Foo.msg"

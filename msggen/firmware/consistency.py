@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from msggen.diagnostics import Diagnostic, suggestion
-from msggen.model import PRIMITIVES, SIZES, BridgeEntry, Field, Location, Message, Service, snake_case
+from msggen.location import Location
+from msggen.model import PRIMITIVES, SIZES, BridgeEntry, Field, Message, Service, snake_case
 
 MAX_SIZE = 2**16 - 1
 """uORB keeps the size of a message in 16 bits."""

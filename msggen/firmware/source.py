@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from typing import NamedTuple, NoReturn
 
+from msggen.diagnostics import fault
+
 EMBEDDED = "embedded"
 """What the embedded set calls itself where a path would stand."""
 
@@ -133,6 +135,4 @@ def _fail_without_definitions(root: str) -> NoReturn:
 
 
 def _fail(path: str, code: str, message: str) -> NoReturn:
-    from msggen.diagnostics import fault
-
     raise fault(path, code, message)

@@ -12,8 +12,9 @@ from hashlib import sha256
 from typing import NamedTuple
 
 from msggen import __version__
+from msggen.diagnostics import fault
 from msggen.firmware.source import Sources, read_files
-from msggen.generate.output import Plan, is_current, plan_output, read_record, write_output
+from msggen.generate.output import ForeignFileError, Plan, is_current, plan_output, read_record, write_output
 from msggen.resources import resource
 
 TYPE_CHECKING = False
@@ -81,9 +82,6 @@ class Build:
         return state.hexdigest()
 
     def _plan(self, files: Mapping[str, str]) -> Plan:
-        from msggen.diagnostics import fault
-        from msggen.generate.output import ForeignFileError
-
         try:
             return plan_output(self.folder, files, self.record)
         except ForeignFileError as error:

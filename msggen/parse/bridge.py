@@ -9,7 +9,8 @@ from typing import Any
 import yaml
 
 from msggen.diagnostics import Diagnostic, suggestion
-from msggen.model import BridgeEntry, Direction, Location
+from msggen.location import Location
+from msggen.model import BridgeEntry, Direction
 
 _LISTS = {
     "publications": (Direction.OUT, False),

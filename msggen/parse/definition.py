@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 from msggen.diagnostics import Diagnostic, suggestion
+from msggen.location import Location
 from msggen.model import (
     INTEGER_RANGES,
     PRIMITIVES,
@@ -19,7 +20,6 @@ from msggen.model import (
     Constant,
     Field,
     FieldType,
-    Location,
     Message,
     Service,
     Topic,

@@ -6,7 +6,7 @@ import codecs
 import re
 
 from msggen.diagnostics import Diagnostic
-from msggen.model import Location
+from msggen.location import Location
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
