@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterator, Sequence
 
 from msggen import __version__
-from msggen.diagnostics import Diagnostic, InputError, fault
+from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
 from msggen.firmware.source import Sources, find_sources
 from msggen.generate.build import Build, Outcome, depfile, write_if_changed
 from msggen.generate.output import Plan
@@ -23,14 +23,23 @@ DONE, FINDINGS, FAILED = 0, 1, 2
 """Exit codes: all well, something found, and usage, input or I/O errors."""
 
 
+_FEW = 10
+"""So many stale files are named without being asked for."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
     try:
-        options = _parser().parse_args(arguments)
+        options, unknown = _parser().parse_known_args(arguments)
+        if unknown:
+            options.parser.error(f"unknown argument '{unknown[0]}'{suggestion(unknown[0], options.known)}")
         return int(options.run(options))
     except InputError as error:
         _print_faults(error.diagnostics)
         return FAILED
+    except BrokenPipeError:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - who read us has left: say no more
+        return FINDINGS
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         print(f"msggen: {place}{error.strerror or error}", file=sys.stderr)
@@ -56,25 +65,45 @@ def _parser() -> argparse.ArgumentParser:
         "Options may stand in [tool.msggen] of pyproject.toml.",
         allow_abbrev=False,
     )
-    build.set_defaults(run=_build)
     source = build.add_argument_group("sources")
-    source.add_argument("--px4", metavar="PATH", help="PX4-Autopilot tree, px4_msgs package or folder of .msg files")
     source.add_argument(
-        "--msg-dir", metavar="DIR", action="append", help="further .msg files, as of external modules; repeatable"
+        "--px4", metavar="PATH", type=_given, help="PX4-Autopilot tree, px4_msgs package or folder of .msg files"
     )
-    source.add_argument("--topics", metavar="FILE", help="dds_topics.yaml to use instead of the tree's own")
-    source.add_argument("--release", help="conventions to follow, not those the tree shows: v1.14 to v1.17, main")
+    source.add_argument(
+        "--msg-dir",
+        metavar="DIR",
+        type=_given,
+        action="append",
+        help="further .msg files, as of external modules; repeatable",
+    )
+    source.add_argument(
+        "--topics", metavar="FILE", type=_given, help="dds_topics.yaml to use instead of the tree's own"
+    )
+    source.add_argument(
+        "--release", type=_given, help="conventions to follow, not those the tree shows: v1.14 to v1.17, main"
+    )
     output = build.add_argument_group("output")
-    output.add_argument("-o", "--output", metavar="DIR", help="folder to put the package into (generated)")
-    output.add_argument("--package", metavar="NAME", help="name of the Python package (px4_types)")
+    output.add_argument("-o", "--output", metavar="DIR", type=_given, help="folder to put the package into (generated)")
+    output.add_argument("--package", metavar="NAME", type=_given, help="name of the Python package (px4_types)")
     output.add_argument("--check", action="store_true", help="write nothing; exit 1 when the package is stale")
     output.add_argument("--diff", action="store_true", help="write nothing; show the changes, exit 1 if any")
-    output.add_argument("--depfile", metavar="FILE", help="write a Makefile rule with all inputs, for CMake and Ninja")
+    output.add_argument(
+        "--depfile", metavar="FILE", type=_given, help="write a Makefile rule with all inputs, for CMake and Ninja"
+    )
     output.add_argument("--list-outputs", action="store_true", help="write nothing; list the files of the package")
     loudness = build.add_mutually_exclusive_group()
     loudness.add_argument("-q", "--quiet", action="store_true", help="say nothing but what is wrong")
     loudness.add_argument("-v", "--verbose", action="store_true", help="name every file written and removed")
+    known = [option for action in build._actions for option in action.option_strings]  # noqa: SLF001 - argparse has no other way
+    build.set_defaults(run=_build, parser=build, known=known)
     return parser
+
+
+def _given(text: str) -> str:
+    """Refuse an empty value: an unset variable in a script must not mean the default."""
+    if not text:
+        raise argparse.ArgumentTypeError("expected a value, found an empty text")
+    return text
 
 
 def _build(options: argparse.Namespace) -> int:
@@ -87,7 +116,7 @@ def _build(options: argparse.Namespace) -> int:
     outcome = build.run(write=writes)
     if options.depfile and writes:
         write_if_changed(options.depfile, depfile(outcome.folder, outcome.outputs, sources))
-    lines = list(_report(outcome, time.perf_counter() - started, writes=writes, verbose=options.verbose))
+    lines = list(_report(outcome, sources.label, time.perf_counter() - started, writes=writes, verbose=options.verbose))
     if options.diff and outcome.plan:
         _print_diff(outcome.plan)
     for name in outcome.plan.edited if outcome.plan else ():
@@ -99,7 +128,7 @@ def _build(options: argparse.Namespace) -> int:
 
 def _prepare(options: argparse.Namespace, settings: Settings) -> tuple[Build, Sources]:
     """Merge the command line with the settings; the command line wins."""
-    package = options.package or settings.package or "px4_types"
+    package = settings.package or "px4_types" if options.package is None else options.package
     if not (package.isidentifier() and package.isascii()) or keyword.iskeyword(package):
         text = f"'{package}' cannot be imported: expected a name such as 'px4_types'"
         raise fault("--package", "S103", text, line=0)
@@ -112,22 +141,34 @@ def _prepare(options: argparse.Namespace, settings: Settings) -> tuple[Build, So
     return Build(sources, options.output or settings.output or "generated", package), sources
 
 
-def _report(outcome: Outcome, seconds: float, *, writes: bool, verbose: bool) -> Iterator[str]:
+def _report(outcome: Outcome, label: str, seconds: float, *, writes: bool, verbose: bool) -> Iterator[str]:
     """Say what was done, or what there would be to do."""
     plan = outcome.plan
     if plan is None or not (writes or plan.is_stale):
-        yield f"{outcome.summary}\n{outcome.folder} is up to date, {len(outcome.outputs)} files"
+        yield f"{os.path.basename(outcome.folder)} from {label}: {outcome.summary}"
+        yield f"{outcome.folder} is up to date, {len(outcome.outputs)} files"
         return
-    for verb, names in zip(
-        ("wrote", "removed") if writes else ("to write:", "to remove:"), (plan.written, plan.removed), strict=True
-    ):
-        yield from (f"{verb} {os.path.join(plan.folder, name)}" for name in names if verbose)
+    verbs = ("wrote", "removed") if writes else ("to write:", "to remove:")
+    changes = [
+        f"{verb} {os.path.join(plan.folder, name)}"
+        for verb, names in zip(verbs, (plan.written, plan.removed), strict=True)
+        for name in names
+    ]
+    shown = len(changes) if verbose else 0 if writes else _FEW
+    yield from changes[:shown]
+    if not writes and len(changes) > shown:
+        yield f"... and {len(changes) - shown} more"
     if not writes:
-        yield f"{plan.folder} is stale: {len(plan.written)} files to write, {len(plan.removed)} to remove"
+        yield f"{plan.folder} is stale: {_files(len(plan.written))} to write, {len(plan.removed)} to remove"
         return
     unchanged = len(plan.files) - len(plan.written)
-    counts = f"{len(plan.written)} files written, {len(plan.removed)} removed, {unchanged} unchanged"
-    yield f"{outcome.summary}\n{plan.folder}: {counts}, in {seconds:.2f} s"
+    counts = f"{_files(len(plan.written))} written, {len(plan.removed)} removed, {unchanged} unchanged"
+    yield f"{os.path.basename(outcome.folder)} from {label}: {outcome.summary}"
+    yield f"{plan.folder}: {counts}, in {seconds:.2f} s"
+
+
+def _files(number: int) -> str:
+    return f"{number} file{'' if number == 1 else 's'}"
 
 
 def _print_diff(plan: Plan) -> None:
@@ -141,7 +182,8 @@ def _print_diff(plan: Plan) -> None:
         except OSError:
             before = []
         after = plan.files.get(name, "").splitlines(keepends=True)
-        sys.stdout.writelines(unified_diff(before, after, path, path))
+        for line in unified_diff(before, after, path, path):
+            sys.stdout.write(line.encode(sys.stdout.encoding, "backslashreplace").decode(sys.stdout.encoding))
 
 
 def _print_faults(faults: Sequence[Diagnostic]) -> None:

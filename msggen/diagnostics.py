@@ -44,6 +44,8 @@ CODES: dict[str, str] = {
     "S103": "a name of a package that Python forbids",
     "S104": "an output that msggen did not write",
     "S105": "an unknown release",
+    "S106": "a second ROS package",
+    "S107": "a package.xml that cannot be read",
     "C101": "a pyproject.toml that cannot be read",
     "C102": "an unknown setting",
     "C103": "a setting of the wrong kind",

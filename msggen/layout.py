@@ -103,11 +103,12 @@ def struct_size(catalog: Catalog, message: Message) -> int:
 
     Fields stand sorted by size, so only nested messages, at the end and aligned to 8, bring padding.
     """
-    offset = sum(_field_size(field.type) for field in message.fields if field.type.is_primitive)
+    primitives = [field.type for field in message.fields if field.type.is_primitive]
+    offset = sum(SIZES[type_.name] * type_.count for type_ in primitives)
     for field in message.fields:
         if not field.type.is_primitive:
             inner = -(-struct_size(catalog, catalog.nested(message, field.type)) // 8) * 8
-            offset = -(-offset // 8) * 8 + inner * max(field.type.length, 1)
+            offset = -(-offset // 8) * 8 + inner * field.type.count
     return offset
 
 
@@ -136,7 +137,7 @@ class _Writer:
 
     def _leaf(self, type_: FieldType, path: Path) -> None:
         size = SIZES[type_.name]
-        count = max(type_.length, 1)
+        count = type_.count
         padding = self._pad(size)
         self.items.append(Leaf(path, type_, count, size, self.offset, padding))
         self.offset += size * count
@@ -186,7 +187,3 @@ def _join(runs: Iterable[tuple[int, str]]) -> Iterator[str]:
         total, previous = count, code
     if total:
         yield f"{total}{previous}" if total > 1 or previous == "s" else previous
-
-
-def _field_size(type_: FieldType) -> int:
-    return SIZES[type_.name] * max(type_.length, 1)

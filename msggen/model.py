@@ -80,6 +80,11 @@ class FieldType:
         return self.package is None and self.name in _PRIMITIVES
 
     @property
+    def count(self) -> int:
+        """How many values there are, of one or of an array of fixed length."""
+        return self.length if self.array is ArrayKind.FIXED else 1
+
+    @property
     def is_fixed_size(self) -> bool:
         """Whether the field itself has a static size; a nested message may still have none."""
         return self.name not in STRINGS and self.array in (ArrayKind.SCALAR, ArrayKind.FIXED)
@@ -168,6 +173,10 @@ class Message:
     def key(self) -> str:
         """The name that other definitions nest it by, and catalogs find it by."""
         return f"{self.package}/{self.name}"
+
+    def key_of(self, nested: FieldType) -> str:
+        """The name that the message of a nested field is found by."""
+        return f"{nested.package or self.package}/{nested.name}"
 
     @property
     def ros_type(self) -> str:
@@ -273,7 +282,7 @@ class Catalog:
 
     def nested(self, outer: Message, type_: FieldType) -> Message:
         """Return the message that a nested field of `outer` holds."""
-        return self.messages[f"{type_.package or outer.package}/{type_.name}"]
+        return self.messages[outer.key_of(type_)]
 
     def nested_all(self, outer: Message) -> tuple[Message, ...]:
         """Return every message nested in `outer`, at any depth, once each and sorted by ROS type."""

@@ -533,7 +533,7 @@ def test_a_build_says_what_it_made(capsys: pytest.CaptureFixture[str]) -> None:
     firmware()
     assert build("--px4", "firmware") == 0
     said = capsys.readouterr()
-    assert "px4_types: 6 messages, 1 service, " in said.out
+    assert "px4_types from firmware: 6 messages, 1 service, " in said.out
     assert "2 endpoints" in said.out
     assert re.search(r"^generated/px4_types: \d+ files written, 0 removed, 0 unchanged", said.out, re.MULTILINE)
     assert said.err == ""
@@ -909,7 +909,7 @@ def test_an_interrupted_build_says_so_and_leaves_nothing(
 
 def test_no_source_and_no_output_give_the_embedded_set_in_generated(capsys: pytest.CaptureFixture[str]) -> None:
     assert build() == 0
-    assert "px4_types: 235 messages, " in capsys.readouterr().out
+    assert "px4_types from the embedded PX4 v1.17: 235 messages, " in capsys.readouterr().out
     assert (PACKAGE / "msg" / "_sensor_combined.py").is_file()
 
 
@@ -1067,8 +1067,8 @@ def test_the_order_of_folders_changes_no_type_and_no_id() -> None:
     assert [name for name in there if there[name] != back[name] and not name.endswith(RECORD)] == []
 
 
-def test_a_firmware_tree_stays_one_beside_a_ros_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A folder of one's own definitions may well be a ROS package: the tree's conventions and names hold."""
+def test_a_firmware_tree_stays_one_beside_the_messages_of_a_ros_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tree's conventions and names hold; the package as a whole is refused, its types have names of their own."""
     tree = firmware(versioned="")
     write_definitions(
         Path("our_msgs"),
@@ -1077,7 +1077,8 @@ def test_a_firmware_tree_stays_one_beside_a_ros_package(monkeypatch: pytest.Monk
             "package.xml": "<package format='3'><name>our_msgs</name></package>\n",
         },
     )
-    package = built(monkeypatch, "--px4", tree, "--msg-dir", "our_msgs")
+    assert build("--px4", str(tree), "--msg-dir", "our_msgs") == 2
+    package = built(monkeypatch, "--px4", tree, "--msg-dir", "our_msgs/msg")
     assert package.VehicleStatus.__msg__.ros_type == "px4_msgs/msg/VehicleStatus"
     assert conventions(package) == V1_14
 
@@ -1105,7 +1106,7 @@ def test_topics_given_make_endpoints_of_a_bare_folder(monkeypatch: pytest.Monkey
 def test_topics_given_alone_go_with_the_embedded_set(capsys: pytest.CaptureFixture[str]) -> None:
     write_definitions(Path(), {"given.yaml": BRIDGE})
     assert build("--topics", "given.yaml") == 0
-    assert re.search(r"px4_types: 235 messages, .* 2 endpoints\b", capsys.readouterr().out, re.MULTILINE)
+    assert re.search(r"px4_types from .*: 235 messages, .* 2 endpoints\b", capsys.readouterr().out, re.MULTILINE)
 
 
 def test_a_tree_without_a_bridge_gives_types_and_ids(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -1130,3 +1131,45 @@ def test_a_real_tree_gives_all_messages_but_the_archived(release: str, messages:
     tree = shared(f"firmware/{release}")
     assert build("-q", "--px4", tree) == 0
     assert len(os.listdir(PACKAGE / "msg")) == messages + 1, "and __init__.py"
+
+
+# --- Two at once, and values that are none
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_builds_at_the_same_time_leave_the_package_of_one_of_them() -> None:
+    """Runs on one folder wait for each other, record and all: nothing is mixed, and nothing is left over."""
+    stamp = "uint64 timestamp\n"
+    few = {"msg/Lamp.msg": stamp}
+    many = {**few, "msg/Fan.msg": stamp, "srv/Ask.srv": "bool a\n---\nbool b\n"}
+    write_definitions(Path("few"), few)
+    write_definitions(Path("many"), many)
+    for name in ("few", "many"):
+        build("-q", "--px4", name, "-o", f"only_{name}")
+    for _ in range(5):
+        children = []
+        for name in ("few", "many", "few", "many"):
+            child = os.fork()
+            if child == 0:
+                os._exit(build("-q", "--px4", name, "-o", "out"))
+            children.append(child)
+        assert [os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children] == [0, 0, 0, 0]
+        assert content(Path("out")) in (content(Path("only_few")), content(Path("only_many")))
+
+
+@pytest.mark.parametrize(
+    "option", ["--px4", "--msg-dir", "--topics", "--release", "--output", "--package", "--depfile"]
+)
+def test_an_empty_value_is_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """An unset variable in a script must not mean the default."""
+    with pytest.raises(SystemExit) as stopped:
+        build(option, "")
+    assert stopped.value.code == 2
+    assert "empty" in capsys.readouterr().err
+
+
+def test_a_misspelt_option_is_answered_with_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        build("--pxx4", "tree")
+    assert stopped.value.code == 2
+    assert "did you mean '--px4'?" in capsys.readouterr().err

@@ -59,7 +59,7 @@ FAULTS = [
     line("M101", 3, "found 'uint8 = 5'", "  uint8 = 5"),
     Fault("M102", f"{FOO}:2:10", "byte 0xff is not UTF-8", {FOO: STAMP.encode() + b"uint8 x #\xff\n"}),
     Fault("M102", f"{FOO}:1:1", "byte order mark", {FOO: b"\xef\xbb\xbf" + STAMP.encode()}),
-    Fault("M102", f"{YAML}:1:3", "byte 0xe4 is not UTF-8", {FOO: STAMP, YAML: b"# \xe4\n"}),
+    Fault("Y101", f"{YAML}:1:3", "byte 0xe4 is not UTF-8", {FOO: STAMP, YAML: b"# \xe4\n"}),
     Fault("M103", f"{FOO}:1:1", "'Foo' is empty", {FOO: ""}),
     Fault("M103", f"{FOO}:1:1", "'Foo' is empty", {FOO: "# Only words.\n\n"}),
     line("M104", 10, r"'\x07'", "uint8 x #\a"),
@@ -68,14 +68,13 @@ FAULTS = [
     Fault("M105", f"{SERVICE}:1:1", "found 0", {FOO: STAMP, SERVICE: "uint8 a"}),
     Fault("M105", f"{SERVICE}:4:1", "found 2", {FOO: STAMP, SERVICE: "uint8 a\n---\nuint8 b\n---\nuint8 c\n"}),
     Fault("M106", f"{FOO}:2:8", "CR LF", {FOO: f"{STAMP}uint8 a\r\nuint8 b\r\n"}),
-    Fault("M106", f"{YAML}:1:7", "CR LF", {FOO: STAMP, YAML: "# note\r\n"}),
     # names
     line("M201", 7, "for example 'max_speed'", "uint8 max__speed"),
     line("M201", 7, "for example 'speed'", "uint8 Speed"),
     line("M201", 7, "for example 'FAST'", "uint8 fast = 1"),
     Fault("M201", "in/msg/esc-report.msg:1:1", "for example 'EscReport'", {"in/msg/esc-report.msg": STAMP}),
     line("M202", 7, "'class' is a Python keyword", "uint8 class"),
-    line("M202", 7, "'encode' is taken by the generated class", "uint8 encode"),
+    line("M202", 7, "'encode' is reserved in generated classes", "uint8 encode"),
     Fault("M202", "in/msg/None.msg:1:1", "'None' is reserved", {"in/msg/None.msg": STAMP}),
     line("M203", 7, "already defined on line 1", "uint8 timestamp"),
     line("M203", 7, "but for case ('timestamp')", "uint8 TIMESTAMP = 1"),
@@ -144,7 +143,7 @@ FAULTS = [
     bridge("Y102", "3:9", "found px4_msgs/msg/Foo", "publications:\n- topic: /fmu/out/foo\n  type: px4_msgs/msg/Foo\n"),
     bridge("Y102", "4:15", "expected a frequency in Hz or 'unlimited', found fast", f"{ENTRY}  rate_limit: fast\n"),
     bridge("Y102", "4:15", "found -5", f"{ENTRY}  rate_limit: -5\n"),
-    bridge("Y102", "4:13", "a whole number from 0, found 1.5", f"{ENTRY}  instance: 1.5\n"),
+    bridge("Y102", "4:13", "a whole number from 0 to 255, found 1.5", f"{ENTRY}  instance: 1.5\n"),
     bridge("Y102", "4:12", "expected a mapping, found a list", f"{ENTRY}  options: [1]\n"),
     bridge("Y103", "1:1", "did you mean 'publications'?", "publicatoins:\n"),
     bridge("Y103", "4:3", "did you mean 'rate_limit'?", f"{ENTRY}  ratelimit: 5\n"),
@@ -165,6 +164,15 @@ FAULTS = [
     Fault("S103", "--package", "'class' cannot be imported", {FOO: STAMP}, (*TREE, "--package", "class")),
     Fault("S103", "--package", "'../up' cannot be imported", {FOO: STAMP}, (*TREE, "--package", "../up")),
     Fault("S104", "out/px4_types/cdr.py:1:1", "did not write this file", {FOO: STAMP, "out/px4_types/cdr.py": "#\n"}),
+    Fault(
+        "S106",
+        "other/package.xml",
+        "the ROS package 'other' beside those of 'px4_msgs'",
+        {FOO: STAMP, "other/package.xml": "<package><name>other</name></package>", "other/msg/Baz.msg": STAMP},
+        (*TREE, "--msg-dir", "other"),
+    ),
+    Fault("S107", "in/package.xml:1:10", "not XML", {FOO: STAMP, "in/package.xml": "<package>"}),
+    Fault("S107", "in/package.xml", "'a b' is no name", {FOO: STAMP, "in/package.xml": "<p><name>a b</name></p>"}),
     Fault("S105", "--release", "did you mean 'v1.17'?", {FOO: STAMP}, (*TREE, "--release", "v1.71")),
 ]
 
@@ -186,9 +194,7 @@ def files_below(folder: Path) -> dict[str, bytes]:
 
 def faults_in(message: bytes, yaml: bytes = b"", service: bytes = b"---") -> tuple[Diagnostic, ...]:
     """Return what is wrong with three files; any exception but InputError goes through."""
-    sources = Sources(
-        (File(FOO, FOO),), (File(SERVICE, SERVICE),), File(YAML, YAML), None, release=None, is_firmware=False
-    )
+    sources = Sources((File(FOO, FOO),), (File(SERVICE, SERVICE),), File(YAML, YAML), None, (), release=None, own=1)
     try:
         read_catalog(sources, {FOO: message, YAML: yaml, SERVICE: service})
     except InputError as error:
@@ -257,7 +263,7 @@ def test_both_missing_keys_of_an_entry_are_told() -> None:
 def test_two_cycles_are_both_found() -> None:
     names = {"A": "B", "B": "A", "C": "D", "D": "E", "E": "C"}
     files = {f"{name}.msg": f"{STAMP}{inner} x\n" for name, inner in names.items()}
-    sources = Sources(tuple(File(name, name) for name in files), (), None, None, None, is_firmware=False)
+    sources = Sources(tuple(File(name, name) for name in files), (), None, None, (), None, own=0)
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in files.items()})
     assert [fault.message.split(": ")[1] for fault in caught.value.diagnostics] == ["A > B > A", "C > D > E > C"]
@@ -407,7 +413,7 @@ def test_any_service_is_read_or_refused(data: bytes) -> None:
 
 def test_a_yaml_that_nests_without_end_is_refused() -> None:
     # In a process of its own: what overflows the stack takes the interpreter with it.
-    program = "from msggen.parse import parse_bridge; print(parse_bridge('[' * 100_000, 'topics.yaml')[1][0].code)"
+    program = "from msggen.parse import parse_bridge; print(parse_bridge(b'[' * 100_000, 'topics.yaml')[1][0].code)"
     outcome = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert (outcome.returncode, outcome.stdout) == (0, "Y101\n")
 
@@ -415,7 +421,7 @@ def test_a_yaml_that_nests_without_end_is_refused() -> None:
 def test_a_long_chain_of_nested_messages_is_an_error_not_a_crash() -> None:
     length = 1000
     texts = {f"M{index}.msg": f"{STAMP}M{index + 1} inner\n" for index in range(length)} | {f"M{length}.msg": STAMP}
-    sources = Sources(tuple(File(name, name) for name in texts), (), None, None, None, is_firmware=False)
+    sources = Sources(tuple(File(name, name) for name in texts), (), None, None, (), None, own=0)
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in texts.items()})
     assert {fault.code for fault in caught.value.diagnostics} == {"M302"}

@@ -13,9 +13,11 @@ import itertools
 import math
 import mmap
 import pickle
+import pprint
 import struct
 import subprocess
 import sys
+import typing
 from collections.abc import Callable, Hashable
 from enum import IntEnum
 from pathlib import Path
@@ -730,23 +732,23 @@ WRONG_LENGTHS = [
     ("SensorCombined", "gyro_rad", (0.0, 0.0), "expected 3 values, got 2"),
     ("SensorCombined", "gyro_rad", [0.0] * 4, "expected 3 values, got 4"),
     ("SensorCombined", "gyro_rad", (), "expected 3 values, got 0"),
-    ("SensorCombined", "gyro_rad", 0.5, "expected 3 values, got 0.5"),
-    ("SensorCombined", "gyro_rad", None, "expected 3 values, got None"),
+    ("SensorCombined", "gyro_rad", 0.5, "expected 3 values, got one: 0.5"),
+    ("SensorCombined", "gyro_rad", None, "expected 3 values, got one: None"),
     ("DebugKeyValue", "key", b"", "expected 10 bytes, got 0"),
     ("DebugKeyValue", "key", b"123456789", "expected 10 bytes, got 9"),
     ("DebugKeyValue", "key", b"12345678901", "expected 10 bytes, got 11"),
     ("DebugKeyValue", "key", bytearray(11), "expected 10 bytes, got 11"),
     ("DebugKeyValue", "key", "1234567890", "expected 10 bytes, got '1234567890'"),
-    ("DebugKeyValue", "key", [0] * 10, "expected 10 bytes, got 10 in a list"),
+    ("DebugKeyValue", "key", [0] * 10, "expected 10 bytes, got a list of 10"),
     ("DebugKeyValue", "key", None, "expected 10 bytes, got None"),
     ("DebugArray", "data", array.array("f", [0.0] * 57), "expected 58 values, got 57"),
     ("DebugArray", "data", array.array("f", [0.0] * 59), "expected 58 values, got 59"),
     ("DebugArray", "data", array.array("d", [0.0] * 59), "expected 58 values, got 59"),
     ("DebugArray", "data", array.array("f"), "expected 58 values, got 0"),
     ("DebugArray", "data", [0.0] * 57, "expected 58 values, got 57"),
-    ("DebugArray", "data", 1, "expected 58 values, got 1"),
+    ("DebugArray", "data", 1, "expected 58 values, got one: 1"),
     ("EscStatus", "esc", (), "expected 8 values, got 0"),
-    ("EscStatus", "esc", 8, "expected 8 values, got 8"),
+    ("EscStatus", "esc", 8, "expected 8 values, got one: 8"),
 ]
 
 
@@ -935,3 +937,33 @@ def test_topics_exports_its_public_names_only(px4_types: Any) -> None:
     assert set(topics.__all__) == public
     tree = ast.parse(Path(str(topics.__file__)).read_text(encoding="utf-8"))
     assert ast.get_docstring(tree)
+
+
+# --- What tools of others do with messages
+
+
+def test_annotations_can_be_evaluated(px4_types: Any) -> None:
+    """As pydantic, cattrs and Sphinx do; the names that only type checkers need are there at run time too."""
+    for name in ("SensorCombined", "ObstacleDistance", "EscStatus", "OnboardComputerStatus"):
+        message_type = getattr(px4_types, name)
+        hints = typing.get_type_hints(message_type)
+        assert set(message_type.__match_args__) <= hints.keys()
+        assert typing.get_type_hints(message_type.__init__).keys() >= set(message_type.__match_args__)
+        assert inspect.signature(message_type.decode, eval_str=True).return_annotation is message_type
+
+
+def test_messages_are_printed_prettily(px4_types: Any) -> None:
+    messages = [px4_types.VehicleStatus(), px4_types.EscStatus()]
+    assert "VehicleStatus(timestamp=0" in pprint.pformat(messages)
+
+
+def test_help_names_topics_and_units(px4_types: Any) -> None:
+    text = inspect.getdoc(px4_types.SensorCombined) or ""
+    assert "gyro_rad [rad/s]" in text
+    assert "uORB topic: sensor_combined" in text
+
+
+def test_a_buffer_with_gaps_decodes(px4_types: Any) -> None:
+    sample = px4_types.SensorCombined(timestamp=7).encode()
+    spread = bytes(byte for value in sample for byte in (value, 0xFF))
+    assert px4_types.SensorCombined.decode(memoryview(spread)[::2]).timestamp == 7

@@ -9,10 +9,11 @@ from __future__ import annotations
 import struct
 import sys
 from array import array as array
+from collections.abc import Iterable
+from collections.abc import Sequence as Sequence
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Iterable
     from typing import Any
 
 

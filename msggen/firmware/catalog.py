@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
+from xml.etree import ElementTree as ET
 
 from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
 from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_timestamps, check_topics
 from msggen.firmware.release import CONVENTIONS, recognise
 from msggen.firmware.source import File, Sources, read_files
+from msggen.location import Location
 from msggen.model import DEFAULT_PACKAGE, BridgeEntry, Catalog, Conventions, Message, Service
 from msggen.parse import decode_text, parse_bridge, parse_message, parse_service
 
@@ -48,12 +50,13 @@ def _conventions(sources: Sources, messages: list[Message], bridge: tuple[Bridge
             hint = hint or f": expected {', '.join(CONVENTIONS)}"
             raise fault("--release", "S105", f"unknown release '{sources.release}'{hint}", line=0)
         return CONVENTIONS[sources.release]
-    if not sources.is_firmware:
-        return CONVENTIONS["main"]
-    has_versioned_folder = any("versioned/" in file.name for file in sources.messages)
     has_instances = any(entry.instance is not None for entry in bridge)
-    names = {message.name for message in messages}
-    return recognise(names, has_versioned_folder=has_versioned_folder, has_instances=has_instances)
+    own = messages[: sources.own]
+    if sources.is_tree:
+        has_versions = any("versioned/" in file.name for file in sources.messages[: sources.own])
+    else:
+        has_versions = any(constant.name == "MESSAGE_VERSION" for message in own for constant in message.constants)
+    return recognise(own, has_versions=has_versions, has_instances=has_instances)
 
 
 class _Reader:
@@ -63,7 +66,7 @@ class _Reader:
         self.sources = sources
         self.contents = contents
         self.faults: list[Diagnostic] = []
-        self.package = self._package() or DEFAULT_PACKAGE
+        self.package = self._package()
 
     def messages(self) -> list[Message]:
         messages = []
@@ -84,7 +87,8 @@ class _Reader:
     def bridge(self) -> tuple[BridgeEntry, ...]:
         if self.sources.bridge is None:
             return ()
-        entries, faults = parse_bridge(self.text(self.sources.bridge), self.sources.bridge.path)
+        path = self.sources.bridge.path
+        entries, faults = parse_bridge(self.contents[path], path)
         self.faults += faults
         return entries
 
@@ -97,8 +101,25 @@ class _Reader:
         self.faults += faults
         return text
 
-    def _package(self) -> str | None:
-        if self.sources.manifest is None:
-            return None
-        found = re.search(r"<name>\s*([A-Za-z0-9_]+)\s*</name>", self.text(self.sources.manifest))
-        return found[1] if found else None
+    def _package(self) -> str:
+        """Return the ROS package that all messages belong to."""
+        package = self._name_in(self.sources.manifest) if self.sources.manifest else DEFAULT_PACKAGE
+        for manifest in self.sources.other_manifests:
+            other = self._name_in(manifest)
+            if other != package:
+                text = f"not yet: types of the ROS package '{other}' beside those of '{package}'"
+                text += "; where the firmware builds them, name their msg folder"
+                self.faults.append(Diagnostic(Location(manifest.path, 0), "S106", text))
+        return package
+
+    def _name_in(self, manifest: File) -> str:
+        """Return the name of the package that a package.xml describes."""
+        try:
+            name = ET.fromstring(self.contents[manifest.path]).findtext("name", "").strip()  # noqa: S314
+        except ET.ParseError as error:
+            line, column = error.position
+            self.faults.append(Diagnostic(Location(manifest.path, line, column + 1), "S107", f"not XML: {error}"))
+            return DEFAULT_PACKAGE
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+            self.faults.append(Diagnostic(Location(manifest.path, 0), "S107", f"'{name}' is no name of a ROS package"))
+        return name

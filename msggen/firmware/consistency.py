@@ -101,7 +101,7 @@ def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message]) ->
 def _unknown_types(outer: Message, known: Mapping[str, Message]) -> Iterator[Diagnostic]:
     for field in outer.fields:
         type_ = field.type
-        if type_.is_primitive or f"{type_.package or outer.package}/{type_.name}" in known:
+        if type_.is_primitive or outer.key_of(type_) in known:
             continue
         if type_.package and not any(key.startswith(f"{type_.package}/") for key in known):
             text = f"unknown type '{type_.base}': the package '{type_.package}' is not among the sources"
@@ -113,7 +113,7 @@ def _unknown_types(outer: Message, known: Mapping[str, Message]) -> Iterator[Dia
 
 def _nested(outer: Message, known: Mapping[str, Message]) -> Iterator[tuple[Field, Message]]:
     for field in outer.fields:
-        inner = known.get(f"{field.type.package or outer.package}/{field.type.name}")
+        inner = known.get(outer.key_of(field.type))
         if inner is not None and not field.type.is_primitive:
             yield field, inner
 
@@ -154,9 +154,8 @@ def _field_size(outer: Message, field: Field, known: Mapping[str, Message], size
     if not type_.is_fixed_size:
         return 0
     if type_.is_primitive:
-        return SIZES[type_.name] * max(type_.length, 1)
-    inner = known[f"{type_.package or outer.package}/{type_.name}"]
-    return _data_size(inner, known, sizes) * max(type_.length, 1)
+        return SIZES[type_.name] * type_.count
+    return _data_size(known[outer.key_of(type_)], known, sizes) * type_.count
 
 
 def _topics(message: Message) -> Iterator[tuple[str, Location]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from msggen.model import Conventions
+from msggen.model import Conventions, Message
 
 CONVENTIONS = {
     convention.release: convention
@@ -19,14 +19,16 @@ CONVENTIONS = {
 """By release. Newer releases follow the newest one known."""
 
 
-def recognise(message_names: Collection[str], *, has_versioned_folder: bool, has_instances: bool) -> Conventions:
-    """Return the conventions of the tree that holds `message_names`.
+def recognise(messages: Collection[Message], *, has_versions: bool, has_instances: bool) -> Conventions:
+    """Return the conventions of the firmware whose own `messages` these are.
 
-    v1.16 brought `msg/versioned/`; v1.15 the registration of external modes; `instance:` in the YAML came on
-    main in 2026. Between v1.16 and v1.17 the conventions did not change.
+    v1.16 brought versions of messages; v1.15 the registration of external modes; `instance:` in the YAML came on
+    main in 2026. Between v1.16 and v1.17 the conventions did not change. What is not the firmware's set, as a
+    folder of one's own messages, follows the newest.
     """
-    if has_instances:
+    names = {message.name for message in messages}
+    if has_instances or "VehicleStatus" not in names:
         return CONVENTIONS["main"]
-    if has_versioned_folder:
+    if has_versions:
         return CONVENTIONS["v1.16"]
-    return CONVENTIONS["v1.15" if "RegisterExtComponentRequest" in message_names else "v1.14"]
+    return CONVENTIONS["v1.15" if "RegisterExtComponentRequest" in names else "v1.14"]

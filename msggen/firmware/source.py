@@ -26,19 +26,28 @@ class File(NamedTuple):
 
 
 class Sources(NamedTuple):
-    """The files of one catalog. `manifest` is the package.xml that names its ROS package, unless it is the firmware."""
+    """The files of one catalog.
+
+    `manifest` is the package.xml of the first source, unless that is the firmware, and names the ROS package of all;
+    `other_manifests` are those of further sources. `own` counts the messages of the first source, which come
+    first: by them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in
+    a few words what the sources are.
+    """
 
     messages: tuple[File, ...]
     services: tuple[File, ...]
     bridge: File | None
     manifest: File | None
+    other_manifests: tuple[File, ...]
     release: str | None
-    is_firmware: bool
+    own: int
+    is_tree: bool = False
+    label: str = ""
 
     def files(self) -> tuple[File, ...]:
         """Return all of them, in an order that does not depend on the machine."""
-        others = [file for file in (self.bridge, self.manifest) if file]
-        return (*self.messages, *self.services, *others)
+        single = [file for file in (self.bridge, self.manifest) if file]
+        return (*self.messages, *self.services, *single, *self.other_manifests)
 
 
 def find_sources(
@@ -49,6 +58,7 @@ def find_sources(
     `topics` replaces the bridge's YAML, `release` overrules what the tree looks like. Without `px4` and
     `folders` it is the embedded set. Raises InputError where there is nothing to read.
     """
+    label = ", ".join(filter(None, (px4, *folders))) or "the embedded PX4 v1.17"
     if px4 is None and not folders:
         px4 = embedded_root()
     roots = [*([px4] if px4 is not None else []), *folders]
@@ -63,9 +73,12 @@ def find_sources(
     bridge = File(topics, os.path.basename(topics)) if topics is not None else None
     if bridge is None and px4 is not None:
         bridge = _bridge(px4)
-    manifest = _manifest(roots[0])
-    is_firmware = px4 is not None and manifest is None
-    return Sources(tuple(messages), tuple(services), bridge, manifest, release, is_firmware)
+    own = len(_definitions(roots[0], "msg", ".msg"))
+    manifest, *others = map(_manifest, roots)
+    other_manifests = tuple(file for file in others if file)
+    return Sources(
+        tuple(messages), tuple(services), bridge, manifest, other_manifests, release, own, _is_tree(roots[0]), label
+    )
 
 
 def read_files(sources: Sources) -> dict[str, bytes]:
@@ -121,9 +134,11 @@ def _bridge(root: str) -> File | None:
 def _manifest(root: str) -> File | None:
     """Return the package.xml of a ROS package; the firmware's own tree has one too, and is none."""
     path = os.path.join(root, "package.xml")
-    if os.path.isfile(path) and not os.path.isdir(os.path.join(root, "src", "modules")):
-        return File(path, "package.xml")
-    return None
+    return File(path, os.path.basename(path)) if os.path.isfile(path) and not _is_tree(root) else None
+
+
+def _is_tree(root: str) -> bool:
+    return os.path.isdir(os.path.join(root, "src", "modules"))
 
 
 def _fail_without_definitions(root: str) -> NoReturn:

@@ -7,7 +7,7 @@ compares digests.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from contextlib import suppress
 from hashlib import sha256
 from typing import NamedTuple
 
@@ -55,10 +55,15 @@ class Build:
 
         catalog = read_catalog(self.sources, self.contents)
         files = render_package(catalog, self.name)
-        plan = self._plan(files)
-        summary = _summary(self.name, catalog)
-        if write:
-            write_output(plan, self.record, self.fingerprint, summary)
+        summary = _summary(catalog)
+        try:
+            if write:
+                plan = write_output(self.folder, files, self.fingerprint, summary)
+            else:
+                plan = plan_output(self.folder, files, self.record)
+        except ForeignFileError as error:
+            text = "msggen did not write this file and leaves it alone: move it, or choose another folder or package"
+            raise fault(error.path, "S104", text) from None
         return Outcome(self.folder, summary, tuple(sorted(files)), plan)
 
     def outputs(self) -> tuple[str, ...]:
@@ -73,22 +78,13 @@ class Build:
     def _fingerprint(self) -> str:
         """Digest all that the output depends on: the tool, its templates, the options and every input."""
         state = sha256()
-        for part in (__version__, self.name, self.sources.release or "", str(self.sources.is_firmware)):
+        for part in (__version__, self.name, self.sources.release or "", str(self.sources.own)):
             state.update(part.encode() + b"\0")
         state.update(_tool_digest())
         for file in self.sources.files():
             data = self.contents[file.path]
             state.update(b"\0%s\0%d\0" % (os.fsencode(file.name), len(data)) + data)
         return state.hexdigest()
-
-    def _plan(self, files: Mapping[str, str]) -> Plan:
-        try:
-            return plan_output(self.folder, files, self.record)
-        except ForeignFileError as error:
-            text = (
-                "msggen did not write this file and leaves it alone: move it, or choose another --output or --package"
-            )
-            raise fault(error.path, "S104", text) from None
 
 
 def depfile(outcome_folder: str, outputs: tuple[str, ...], sources: Sources) -> str:
@@ -102,16 +98,14 @@ def depfile(outcome_folder: str, outputs: tuple[str, ...], sources: Sources) -> 
 
 def write_if_changed(path: str, text: str) -> None:
     """Write `text` to `path`, whole or not at all, unless it stands there already."""
-    try:
-        with open(path, encoding="utf-8") as stream:
-            if stream.read() == text:
-                return
-    except (OSError, ValueError):
-        pass
+    data = os.fsencode(text)
+    with suppress(OSError), open(path, "rb") as stream:
+        if stream.read() == data:
+            return
     os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
     staged = f"{path}.tmp"
-    with open(staged, "w", encoding="utf-8") as stream:
-        stream.write(text)
+    with open(staged, "wb") as stream:
+        stream.write(data)
     os.replace(staged, path)
 
 
@@ -119,7 +113,7 @@ def _escaped(path: str) -> str:
     return path.replace("$", "$$").replace("#", "\\#").replace(" ", "\\ ")
 
 
-def _summary(name: str, catalog: Catalog) -> str:
+def _summary(catalog: Catalog) -> str:
     topics = sum(len(message.topic_names) for message in catalog.messages.values())
     counts = (
         _count(len(catalog.messages), "message"),
@@ -127,7 +121,9 @@ def _summary(name: str, catalog: Catalog) -> str:
         _count(topics, "uORB topic"),
         _count(len(catalog.bridge), "endpoint"),
     )
-    return f"{name}: {', '.join(counts)}; DDS names as since {catalog.conventions.release}"
+    release = catalog.conventions.release
+    named = release if release < "v1.16" and release != "main" else "v1.16 and later"
+    return f"{', '.join(counts)}; DDS names of {named}"
 
 
 def _count(number: int, noun: str) -> str:

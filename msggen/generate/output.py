@@ -102,26 +102,30 @@ def plan_output(folder: str, files: Mapping[str, str], record: Record) -> Plan:
     return Plan(folder, files, tuple(written), removed, edited)
 
 
-def write_output(plan: Plan, record: Record, fingerprint: str, summary: str) -> None:
-    """Carry out `plan`. Raises OSError, with nothing changed, where the folder cannot be written.
+def write_output(folder: str, files: Mapping[str, str], fingerprint: str, summary: str) -> Plan:
+    """Write `files`, and remove what an earlier run made and this one would not; return what was done.
 
     All files are written aside first, then a record of old and new, then they are moved into place: a run that
     is killed leaves only whole files, and the next one knows them as its own and what is left to do. Runs on
-    the same folder wait for each other.
+    the same folder wait for each other. Raises ForeignFileError, or OSError where the folder cannot be written;
+    nothing is changed then.
     """
-    digests = {name: digest(text.encode()) for name, text in plan.files.items()}
-    obsolete = {name: value for name, value in record.files.items() if name not in {*plan.files, *plan.edited}}
-    stage = os.path.join(plan.folder, STAGE)
-    os.makedirs(plan.folder, exist_ok=True)
-    with _locked(plan.folder):
+    os.makedirs(folder, exist_ok=True)
+    with _locked(folder):
+        record = read_record(folder)
+        plan = plan_output(folder, files, record)
+        digests = {name: digest(text.encode()) for name, text in files.items()}
+        obsolete = {name: value for name, value in record.files.items() if name not in {*files, *plan.edited}}
+        stage = os.path.join(folder, STAGE)
         _clear(stage)
         os.makedirs(stage)
         try:
             _move_into_place(plan, stage, Record("", summary, {**obsolete, **digests}))
-            _remove(plan.folder, obsolete)
+            _remove(folder, obsolete)
         finally:
             _clear(stage)
-        _write_record(plan.folder, Record(fingerprint, summary, digests))
+        _write_record(folder, Record(fingerprint, summary, digests))
+        return plan
 
 
 def _move_into_place(plan: Plan, stage: str, during: Record) -> None:
@@ -178,7 +182,8 @@ def _write_record(folder: str, record: Record) -> None:
         _write(staged, json.dumps(stored, indent=1) + "\n")
         os.replace(staged, os.path.join(folder, MANIFEST))
     except BaseException:
-        os.unlink(staged)
+        with suppress(FileNotFoundError):
+            os.unlink(staged)
         raise
 
 

@@ -17,7 +17,8 @@ _EXAMPLE = "SensorCombined"
 
 
 def list_package(catalog: Catalog) -> tuple[str, ...]:
-    """Return the names of the files that `render_package` makes, sorted."""
+    """Return the names of the files that `render_package` makes, sorted. Raises InputError as that does."""
+    check_fixed_size(_definitions(catalog))
     names = ["__init__.py", "arrays.py", "cdr.py", "registry.py", "py.typed", "topics.py", "msg/__init__.py"]
     names += [f"msg/{module_name(message.name)}.py" for message in catalog.messages.values()]
     if catalog.services:
@@ -32,8 +33,8 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
 
     Raises InputError where a message has no fixed size.
     """
-    halves = [half for service in catalog.services for half in (service.request, service.response)]
     messages = list(catalog.messages.values())
+    halves = _definitions(catalog)[len(messages) :]
     check_fixed_size([*messages, *halves])
     made = environment()
 
@@ -71,6 +72,12 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
             response_module=module_name(service.response.name),
         )
     return {path: files[path] for path in sorted(files)}
+
+
+def _definitions(catalog: Catalog) -> list[Message]:
+    """Return the messages, then both halves of each service."""
+    halves = [half for service in catalog.services for half in (service.request, service.response)]
+    return [*catalog.messages.values(), *halves]
 
 
 def _copied(name: str) -> str:

@@ -54,7 +54,7 @@ _CODEC_LOCALS = frozenset({"cls", "self", "data", "allow_surplus", "message", "h
 _LARGEST_GROUP = 100
 """Python compiles longer chains of operators by ever deeper recursion."""
 
-_SHADOWING = frozenset({"int", "float", "bool", "bytes", "tuple", "type"})
+_SHADOWING = frozenset({"int", "float", "bool", "bytes", "tuple"})
 
 
 def module_name(name: str) -> str:
@@ -126,7 +126,6 @@ class MessageView:
     """What stands before the names of built-in types: nothing, unless a field hides them."""
     has_large_arrays: bool
     """Its own, or in what it nests: the codec unfolds that."""
-    needs_sequence: bool
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -143,9 +142,21 @@ class MessageView:
         return self.message.topic_names if self.message.folder == "msg" else ()
 
     @property
+    def underscore(self) -> str:
+        """What stands before names of typing: nothing, unless a message here has such a name."""
+        names = {self.message.name, *(name for _, name in self.nested)}
+        return "_" if names & {"ClassVar", "Final"} else ""
+
+    @property
     def documentation(self) -> str:
         """What the definition says about the message, or at least what it is called."""
         return self.message.comment or f"{self.message.ros_type}."
+
+    @property
+    def units(self) -> str:
+        """The fields with their units, for its docstring."""
+        fields = [f"{field.name} [{field.comment.unit}]" if field.comment.unit else field.name for field in self.fields]
+        return f"Fields: {', '.join(fields)}."
 
     @property
     def summary(self) -> str:
@@ -176,7 +187,6 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         tuple(_nested_imports(catalog, message)),
         prefix,
         any(is_large(leaf.type) for leaf in layout.leaves),
-        any(is_large(field.type) for field in message.fields),
     )
 
 
@@ -197,7 +207,7 @@ def _nested_imports(catalog: Catalog, message: Message) -> Iterator[tuple[str, s
 
 def _field_view(field: Field, offset: int, size: int, prefix: str) -> FieldView:
     annotation = _annotation(field.type, prefix)
-    default, initial = _initial(field)
+    default, initial = _initial(field, prefix)
     parameter = f"{field.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
     return FieldView(field.name, field.type, offset, size, field.comment, annotation, parameter, initial)
 
@@ -214,19 +224,19 @@ def _annotation(type_: FieldType, prefix: str) -> str:
     if type_.array is ArrayKind.SCALAR:
         return item
     if is_large(type_):
-        return f"Sequence[{item}]"
+        return f"_arrays.Sequence[{item}]"
     if type_.length <= SPELLED_OUT_TO:
         return f"{prefix}tuple[{', '.join([item] * type_.length)}]"
     return f"{prefix}tuple[{item}, ...]"
 
 
-def _initial(field: Field) -> tuple[str, str]:
+def _initial(field: Field, prefix: str) -> tuple[str, str]:
     """Return the default of the parameter, and what the attribute is set to."""
     name, type_ = field.name, field.type
     if not type_.is_primitive or is_large(type_):
         return "None", f"{_fresh(field)} if {name} is None else {name}"
     if type_.array is ArrayKind.FIXED and is_bytes(type_):
-        return f"bytes({field.default or type_.length!r})", name
+        return f"{prefix}bytes({field.default or type_.length!r})", name
     if field.default is not None:
         return literal(field.default), name
     zero = "False" if type_.name == "bool" else "0.0" if type_.name in FLOATS else "0"
@@ -241,7 +251,12 @@ def _fresh(field: Field) -> str:
     """Return what makes a value that can be changed, anew for each message."""
     type_ = field.type
     if not type_.is_primitive:
-        return f"_cdr.fresh({type_.name}, {type_.length})" if type_.array is ArrayKind.FIXED else f"{type_.name}()"
+        if type_.array is ArrayKind.SCALAR:
+            return f"{type_.name}()"
+        spelled_out = type_.length <= SPELLED_OUT_TO
+        return (
+            _tuple([f"{type_.name}()"] * type_.length) if spelled_out else f"_cdr.fresh({type_.name}, {type_.length})"
+        )
     code = literal(_CODES[type_.name])
     return (
         f"_arrays.array({code}, {literal(field.default)})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import yaml
@@ -21,13 +21,17 @@ _KEYS = ("topic", "type", "rate_limit", "instance", "options")
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _TYPE = re.compile(r"[a-z][a-z0-9_]*::msg::[A-Z][A-Za-z0-9]*")
 _MAX_DEPTH = 32
+_MAX_INSTANCE = 255
+"""uORB counts instances in 8 bits."""
+
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-def parse_bridge(text: str, path: str) -> tuple[tuple[BridgeEntry, ...], list[Diagnostic]]:
-    """Read the `text` of `path`; return its entries, publications first, with all that is wrong with it."""
+def parse_bridge(data: bytes, path: str) -> tuple[tuple[BridgeEntry, ...], list[Diagnostic]]:
+    """Read the bytes of `path`; return its entries, publications first, with all that is wrong with it."""
     reader = _Reader(path)
     try:
+        text = data.decode("utf-8-sig")
         _check_depth(text)
         root = yaml.compose(text, Loader=_LOADER)
     except yaml.MarkedYAMLError as error:
@@ -35,6 +39,10 @@ def parse_bridge(text: str, path: str) -> tuple[tuple[BridgeEntry, ...], list[Di
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
         what = " ".join(str(part) for part in (error.context, error.problem) if part)
         return (), [Diagnostic(Location(path, line, column), "Y101", f"not YAML: {what}")]
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        column = error.start - data.rfind(b"\n", 0, error.start)
+        return (), [Diagnostic(Location(path, line, column), "Y101", f"byte 0x{data[error.start]:02x} is not UTF-8")]
     except yaml.YAMLError as error:
         return (), [Diagnostic(Location(path), "Y101", f"not YAML: {str(error).splitlines()[0]}")]
     return (tuple(reader.entries(root)) if root else ()), reader.faults
@@ -78,8 +86,10 @@ class _Reader:
                 self.fault(node, "Y104", f"expected the key '{key}'")
         topic = self.text(values.get("topic"), "topic", _TOPIC, "a name such as '/fmu/out/vehicle_status'")
         type_name = self.text(values.get("type"), "type", _TYPE, "a type such as 'px4_msgs::msg::VehicleStatus'")
-        rate_limit = self.number(values.get("rate_limit"), "rate_limit", float, "a frequency in Hz or 'unlimited'")
-        instance = self.number(values.get("instance"), "instance", int, "a whole number from 0")
+        rate_limit = self.number(values.get("rate_limit"), "rate_limit", float, 1e9, "a frequency in Hz or 'unlimited'")
+        instance = self.number(
+            values.get("instance"), "instance", int, _MAX_INSTANCE, f"a whole number from 0 to {_MAX_INSTANCE}"
+        )
         options = values.get("options")
         if options and not isinstance(options, yaml.MappingNode) and not _is_null(options):
             self.fault(options, "Y102", f"'options': expected a mapping, found {_found(options)}")
@@ -118,17 +128,13 @@ class _Reader:
             return ""
         return str(node.value)
 
-    def number(self, node: yaml.Node | None, key: str, kind: Callable[[str], float], expected: str) -> float | None:
+    def number(self, node: yaml.Node | None, key: str, kind: type[float], most: float, expected: str) -> float | None:
         if node is None:
             return None
         if key == "rate_limit" and node.value == "unlimited":
             return 0.0
-        numeric = node.tag.endswith((":int", ":float")) if isinstance(node, yaml.ScalarNode) else False
-        try:
-            value = kind(node.value) if numeric else -1
-        except ValueError:
-            value = -1
-        if not 0 <= value < float("inf"):
+        value = _number(node) if kind is float or node.tag.endswith(":int") else -1
+        if not 0 <= value <= most:
             self.fault(node, "Y102", f"'{key}': expected {expected}, found {_found(node)}")
         return value
 
@@ -137,6 +143,17 @@ class _Reader:
 
     def fault(self, node: yaml.Node, code: str, message: str) -> None:
         self.faults.append(Diagnostic(self.place(node), code, message))
+
+
+def _number(node: yaml.Node) -> float:
+    """Return the number that YAML takes the node for, or -1."""
+    if not isinstance(node, yaml.ScalarNode) or not node.tag.endswith((":int", ":float")):
+        return -1
+    try:
+        value: float = yaml.constructor.SafeConstructor().construct_object(node)
+    except ValueError:
+        return -1
+    return value
 
 
 def _is_null(node: yaml.Node) -> bool:

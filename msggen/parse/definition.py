@@ -37,7 +37,7 @@ MAX_BOUND = 2**31 - 1
 RESERVED_NAMES = frozenset(
     {"self", "cls", "encode", "decode", "encode_batch", "decode_batch", "dtype", "from_row", "upgrade", "downgrade"}
 )
-"""Names of fields that the generated classes need for themselves."""
+"""Names that the generated classes have for themselves, or will have: a field must not change its name later."""
 
 _ELEMENT = re.compile(r"\s*(?P<type>\S+)(?:\s+(?P<name>[^\s=]+)\s*(?P<equals>=?)\s*(?P<value>.*))?")
 _TYPE = re.compile(
@@ -63,7 +63,7 @@ _OTHER_SPELLINGS = {
     "unsigned": "uint32",
 }
 """What these types are called elsewhere."""
-_LOOKS_LIKE_TOPICS = re.compile(r"\s*#\s*TOPICS\b")
+_LOOKS_LIKE_TOPICS = re.compile(r"\s*#\s*TOPICS?\b")
 
 
 def parse_message(text: str, path: str, name: str, package: str) -> tuple[Message, list[Diagnostic]]:
@@ -144,9 +144,9 @@ class _Body:
             self._read_element(element)
 
     def _elements(self, lines: list[str], first_line: int) -> list[_Element]:
-        """Group lines into elements with their comments, as rosidl does: a block at the top of the file is the
-        message's own; a block right above a node is the node's, and so is what trails it on its line or goes on
-        on indented lines below.
+        """Group lines into elements with their comments: a block at the top of the file is the message's own; a
+        block right above a node is the node's, and so is what trails it on its line or goes on on indented lines
+        below. A block with a blank line after it is a heading, and nobody's.
         """
         elements: list[_Element] = []
         above: list[str] = []
@@ -194,9 +194,17 @@ class _Body:
 
     def _read_element(self, element: _Element) -> None:
         match = _ELEMENT.fullmatch(element.code.rstrip())
-        if match is None or not match["name"] or match["name"].startswith("["):
+        if (
+            match is None
+            or not match["name"]
+            or match["name"].startswith(("[", "//"))
+            or match["value"].startswith("//")
+        ):
             column = len(element.code) - len(element.code.lstrip()) + 1
             text = element.code.strip()
+            if "//" in text:
+                self.fault("M101", element.line, element.code.index("//") + 1, "comments start with '#', found '//'")
+                return
             self.fault("M101", element.line, column, f"expected 'TYPE NAME' or 'TYPE NAME = VALUE', found {text!r}")
             return
         type_column, name_column = match.start("type") + 1, match.start("name") + 1
@@ -227,12 +235,14 @@ class _Body:
         kind = "constant" if is_constant else "field"
         pattern, wanted = (_CONSTANT_NAME, "UPPER_CASE") if is_constant else (_FIELD_NAME, "lower_case")
         if not pattern.fullmatch(name):
-            near = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+            near = re.sub(r"[^a-z0-9]+", "_", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()).strip("_")
             near = near.upper() if is_constant else near
             hint = f", for example '{near}'" if pattern.fullmatch(near) else ""
+            array = re.fullmatch(r"(\w+)(\[.*\])", name)
+            hint = f": the length of an array stands behind its type, 'TYPE{array[2]} {array[1]}'" if array else hint
             self.fault("M201", line, column, f"{kind} name {name!r}: expected {wanted} with single underscores{hint}")
         elif keyword.iskeyword(name) or name in RESERVED_NAMES:
-            owner = "a Python keyword" if keyword.iskeyword(name) else "taken by the generated class"
+            owner = "a Python keyword" if keyword.iskeyword(name) else "reserved in generated classes"
             self.fault("M202", line, column, f"{kind} name '{name}' is {owner}, for example '{name}_value' is free")
         before = self._seen.setdefault(name.lower(), (name, line))
         if before[1] != line:

@@ -8,7 +8,7 @@ import re
 from msggen.diagnostics import Diagnostic
 from msggen.location import Location
 
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def decode_text(data: bytes, path: str) -> tuple[str, list[Diagnostic]]:

@@ -38,6 +38,8 @@ def _array(type_: FieldType, text: str) -> tuple[Value, ...]:
 
 
 def _items(inside: str) -> list[str]:
+    if inside.endswith(","):
+        raise ValueError("expected a value after the last comma")
     items, position = [], 0
     while position < len(inside):
         match = _STRING_ITEM.match(inside, position)
@@ -49,7 +51,7 @@ def _items(inside: str) -> list[str]:
 
 
 def _scalar(type_: FieldType, text: str) -> Value:
-    if not text:
+    if not text and type_.name not in STRINGS:
         raise ValueError(f"expected a value of type '{type_.base}', found none")
     if type_.name in INTEGER_RANGES:
         return _integer(type_.name, text)

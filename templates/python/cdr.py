@@ -10,15 +10,29 @@ import struct
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from dataclasses import Field as DataclassField
-    from typing import Any, ClassVar, TypeVar, Union
+    from typing import Any, ClassVar, TypeVar
 
     from typing_extensions import Self
 
-    BytesLike = Union[bytes, bytearray, memoryview]
     MessageType = TypeVar("MessageType", bound="Message")
+else:
+
+    class ClassVar:
+        """Stands in for typing's: importing that takes longer than importing a message."""
+
+        def __class_getitem__(cls, item: object) -> type:
+            return cls
+
+    class Final:
+        """Likewise."""
+
+
+BytesLike = bytes | bytearray | memoryview
 
 new = object.__new__
-StructError = struct.error
+DECODE_FAILURES = (struct.error, BufferError)
+"""What unpacking too few bytes raises, and a buffer with gaps."""
+
 
 HEADER = b"\x00\x01\x00\x00"
 """The encapsulation header of what `encode` writes: XCDR1, little-endian, no options."""
@@ -222,12 +236,15 @@ class Layout:
         self.delimiters = delimiters
 
 
-class _DataclassFields:
+class _FromDataclass:
     """Lets `dataclasses.fields`, `asdict` and `replace` take a message, and imports dataclasses only for them."""
 
-    def __get__(self, instance: object, owner: type[Message]) -> dict[str, DataclassField[Any]]:
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get__(self, instance: object, owner: type[Message]) -> Any:
         if "__msg__" not in dir(owner):
-            raise AttributeError("__dataclass_fields__")
+            raise AttributeError(self.name)
         from dataclasses import field, make_dataclass
 
         zero = owner()
@@ -237,8 +254,9 @@ class _DataclassFields:
             specified: Any = field(default_factory=_Fresh(owner, name)) if _is_mutable(value) else field(default=value)
             specifications.append((name, owner.__annotations__.get(name, "object"), specified))
         made: Any = make_dataclass(owner.__name__, specifications)
-        owner.__dataclass_fields__ = made.__dataclass_fields__
-        return owner.__dataclass_fields__
+        for name in ("__dataclass_fields__", "__dataclass_params__"):
+            setattr(owner, name, getattr(made, name))
+        return getattr(owner, self.name)
 
 
 class _Fresh:
@@ -273,7 +291,8 @@ class Message:
         __dataclass_fields__: ClassVar[dict[str, DataclassField[Any]]]
         __hash__: ClassVar[None]  # type: ignore[assignment]
     else:
-        __dataclass_fields__ = _DataclassFields()
+        __dataclass_fields__ = _FromDataclass("__dataclass_fields__")
+        __dataclass_params__ = _FromDataclass("__dataclass_params__")
         __hash__ = None
 
     def encode(self) -> bytes:
@@ -345,10 +364,10 @@ def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes
     Raises DecodeError where there is no sample of `cls` in it.
     """
     name, layout = cls.__msg__.name, cls.__layout__
-    view = memoryview(data).cast("B")
+    view = memoryview(data).tobytes()
     if len(view) < len(HEADER):
         raise DecodeError(f"{name}: expected an encapsulation header of 4 bytes, got {len(view)} in all")
-    header, body = bytes(view[:2]), view[4:]
+    header, body = view[:2], view[4:]
     if header not in _BYTE_ORDERS:
         given = header.hex(" ")
         raise DecodeError(f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {given}")
@@ -369,7 +388,7 @@ def _field_at(cls: type[Message], position: int) -> str:
     return "." + next(field.name for field in cls.__msg__.fields if field.offset + field.size > position)
 
 
-def _check_delimiters(name: str, layout: Layout, order: str, body: memoryview) -> None:
+def _check_delimiters(name: str, layout: Layout, order: str, body: bytes) -> None:
     for offset, size in layout.delimiters:
         given = struct.unpack_from(f"{order}I", body, offset)[0]
         if given != size:
@@ -405,11 +424,12 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
     if field.base in ("uint8", "char", "byte"):
         if isinstance(value, (bytes, bytearray)) and len(value) == field.length:
             return ""
-        return f"{path}: expected {field.length} bytes, got {_given(value)}"
+        given = str(len(value)) if isinstance(value, (bytes, bytearray)) else _given(value)
+        return f"{path}: expected {field.length} bytes, got {given}"
     try:
         items = list(value)
     except TypeError:
-        return f"{path}: expected {field.length} values, got {_given(value)}"
+        return f"{path}: expected {field.length} values, got one: {_given(value)}"
     if len(items) != field.length:
         return f"{path}: expected {field.length} values, got {len(items)}"
     problems = (_value_problem(field.base, item, f"{path}[{index}]") for index, item in enumerate(items))
@@ -447,7 +467,7 @@ def _is_number(value: object) -> bool:
 
 def _given(value: Any) -> str:
     if value.__class__.__name__ in ("bytes", "bytearray", *_SEQUENCES):
-        return f"{len(value)} in a {value.__class__.__name__}"
+        return f"a {value.__class__.__name__} of {len(value)}"
     try:
         text = repr(value)
     except ValueError:

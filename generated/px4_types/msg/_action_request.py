@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ActionRequest(_cdr.Message):
     """Asks for arming, killing or a mode or VTOL transition change on behalf of the pilot's switches and
     stick gestures. manual_control publishes it; commander and vtol_att_control act on it.
+
+    Fields: timestamp [us], action, source, mode.
 
     uORB topic: action_request. 11 bytes.
     """
@@ -88,7 +93,7 @@ class ActionRequest(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.action, message.source, message.mode) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 15 <= len(data) <= 18:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ActuatorArmed(_cdr.Message):
     """Commander's permission for the outputs: output drivers read it to decide whether motors and servos
     may run.
+
+    Fields: timestamp [us], armed, prearmed, ready_to_arm, lockdown, kill, termination,
+    in_esc_calibration_mode.
 
     uORB topic: actuator_armed. 15 bytes.
     """
@@ -97,7 +102,7 @@ class ActuatorArmed(_cdr.Message):
                 header, message.timestamp, message.armed, message.prearmed, message.ready_to_arm,
                 message.lockdown, message.kill, message.termination, message.in_esc_calibration_mode,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 19 <= len(data) <= 22:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ActuatorControlsStatus(_cdr.Message):
     """Control effort of the rate controllers: mean squared torque command (fixed wing: its change) over
     half a second. Autotune reads it to judge how strongly the vehicle is being excited.
+
+    Fields: timestamp [us], control_power [-].
 
     uORB topics: actuator_controls_status_0, actuator_controls_status_1. 20 bytes.
     """
@@ -53,7 +57,7 @@ class ActuatorControlsStatus(_cdr.Message):
             (
                 header, message.timestamp, control_power_0, control_power_1, control_power_2,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

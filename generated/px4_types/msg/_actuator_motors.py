@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QH2x12f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ActuatorMotors(_cdr.Message):
     """Thrust wanted from each of up to 12 motors, normalised. The control allocator publishes it, the
     motor output drivers read it; an offboard computer may send it for direct motor control.
+
+    Fields: timestamp [us], timestamp_sample [us], reversible_flags [-], control.
 
     uORB topic: actuator_motors. 68 bytes.
     """
@@ -78,7 +83,7 @@ class ActuatorMotors(_cdr.Message):
                 control_1, control_2, control_3, control_4, control_5, control_6, control_7, control_8,
                 control_9, control_10, control_11,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 72 <= len(data) <= 75:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,8 +7,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI64s", words="Q17I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -18,6 +20,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ActuatorOutputs(_cdr.Message):
     """Final values an output driver (PWM, DShot, UAVCAN, simulation) sends to its channels, mainly for
     telemetry and logs.
+
+    Fields: timestamp [us], noutputs, output.
 
     uORB topics: actuator_outputs, actuator_outputs_sim, actuator_outputs_debug. 76 bytes.
     """
@@ -34,14 +38,14 @@ class ActuatorOutputs(_cdr.Message):
     noutputs: int
     """uint32 Number of leading entries in use."""
 
-    output: Sequence[float]
+    output: _arrays.Sequence[float]
     """float32[16] Scale set by the driver, such as PWM pulse width; -1 to 1 for the sim topic."""
 
     def __init__(
         self,
         timestamp: int = 0,
         noutputs: int = 0,
-        output: Sequence[float] | None = None,
+        output: _arrays.Sequence[float] | None = None,
     ) -> None:
         self.timestamp = timestamp
         self.noutputs = noutputs
@@ -62,7 +66,7 @@ class ActuatorOutputs(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.noutputs, output_raw) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 80 <= len(data) <= 83:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q8f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ActuatorServos(_cdr.Message):
     """Servo positions computed by control allocation; the output drivers turn them into PWM or CAN
     commands.
+
+    Fields: timestamp [us], timestamp_sample [us], control [-].
 
     uORB topic: actuator_servos. 48 bytes.
     """
@@ -71,7 +76,7 @@ class ActuatorServos(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, control_0, control_1, control_2,
                 control_3, control_4, control_5, control_6, control_7,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 52 <= len(data) <= 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q8f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ActuatorServosTrim(_cdr.Message):
     """Carries the configured trim of each servo, an offset on top of its command. control_allocator
     publishes it from the trim parameters; actuator tests move servos around it.
+
+    Fields: timestamp [us], trim.
 
     uORB topic: actuator_servos_trim. 40 bytes.
     """
@@ -57,7 +62,7 @@ class ActuatorServosTrim(_cdr.Message):
             (
                 header, message.timestamp, trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

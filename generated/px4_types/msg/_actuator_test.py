@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QBxHfI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ActuatorTest(_cdr.Message):
     """Drives a single motor or servo for a bench test; sent on a command from the ground station or by the
     `actuator_test` shell command, carried out by the output drivers while the vehicle is disarmed.
+
+    Fields: timestamp [us], action, function, value, timeout_ms [ms].
 
     uORB topic: actuator_test. 20 bytes.
     """
@@ -80,7 +85,7 @@ class ActuatorTest(_cdr.Message):
                 header, message.timestamp, message.action, message.function, message.value,
                 message.timeout_ms,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI12h12iIf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class AdcReport(_cdr.Message):
     """Raw samples of one analog-to-digital converter, published by its driver and read by battery and
     power monitoring.
+
+    Fields: timestamp [us], device_id, channel_id, raw_data [-], resolution [-], v_ref [V].
 
     uORB topic: adc_report. 92 bytes.
     """
@@ -90,7 +94,7 @@ class AdcReport(_cdr.Message):
                 raw_data_4, raw_data_5, raw_data_6, raw_data_7, raw_data_8, raw_data_9, raw_data_10,
                 raw_data_11, message.resolution, message.v_ref,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 96 <= len(data) <= 99:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

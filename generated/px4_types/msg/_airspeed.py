@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class Airspeed(_cdr.Message):
     """Reading of one airspeed sensor, from its driver or the simulator. The airspeed selector checks all
     of them and forwards the best one as airspeed_validated.
+
+    Fields: timestamp [us], timestamp_sample [us], indicated_airspeed_m_s [m/s], true_airspeed_m_s
+    [m/s], confidence.
 
     uORB topic: airspeed. 28 bytes.
     """
@@ -75,7 +80,7 @@ class Airspeed(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.indicated_airspeed_m_s,
                 message.true_airspeed_m_s, message.confidence,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3fb3x5f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,11 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class AirspeedValidated(_cdr.Message):
     """The airspeed that PX4 trusts after checking its sensors, published by the airspeed selector.
     Fixed-wing and VTOL controllers, the estimator and telemetry read it.
+
+    Fields: timestamp [us], indicated_airspeed_m_s [m/s], calibrated_airspeed_m_s [m/s],
+    true_airspeed_m_s [m/s], airspeed_source, calibrated_ground_minus_wind_m_s [m/s],
+    calibraded_airspeed_synth_m_s [m/s], airspeed_derivative_filtered [m/s^2], throttle_filtered [-],
+    pitch_filtered [rad].
 
     uORB topic: airspeed_validated. Version 1, 44 bytes.
     """
@@ -138,7 +146,7 @@ class AirspeedValidated(_cdr.Message):
                 message.calibraded_airspeed_synth_m_s, message.airspeed_derivative_filtered,
                 message.throttle_filtered, message.pitch_filtered,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q11fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,11 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class AirspeedWind(_cdr.Message):
     """Wind and airspeed scale found by the airspeed selector, one instance per source; meant for logs and
     debugging.
+
+    Fields: timestamp [us], timestamp_sample [us], windspeed_north [m/s], windspeed_east [m/s],
+    variance_north [(m/s)^2], variance_east [(m/s)^2], tas_innov [m/s], tas_innov_var [m/s],
+    tas_scale_raw [-], tas_scale_raw_var [-], tas_scale_validated [-], beta_innov [rad], beta_innov_var
+    [rad^2], source.
 
     uORB topic: airspeed_wind. 61 bytes.
     """
@@ -140,7 +148,7 @@ class AirspeedWind(_cdr.Message):
                 message.tas_innov_var, message.tas_scale_raw, message.tas_scale_raw_var,
                 message.tas_scale_validated, message.beta_innov, message.beta_innov_var, message.source,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 65 <= len(data) <= 68:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

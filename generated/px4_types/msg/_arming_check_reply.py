@@ -7,7 +7,10 @@ from ._event import Event
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout(
     "Q3B4?BQIH25sBQIH25sBQIH25sBQIH25sBQIH25sB11?", xcdr2="Q8B4xQIH25sBQIH25sBQIH25sBQIH25sBQIH25s12B",
@@ -20,6 +23,13 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ArmingCheckReply(_cdr.Message):
     """Answer of an external mode or check (usually a ROS 2 node) to an ArmingCheckRequest. PX4 learns from
     it whether the component is ready and which estimates its mode needs.
+
+    Fields: timestamp [us], request_id [-], registration_id [-], health_component_index,
+    health_component_is_present, health_component_warning, health_component_error, can_arm_and_run,
+    num_events, events, mode_req_angular_velocity, mode_req_attitude, mode_req_local_alt,
+    mode_req_local_position, mode_req_local_position_relaxed, mode_req_global_position,
+    mode_req_global_position_relaxed, mode_req_mission, mode_req_home_position, mode_req_prevent_arming,
+    mode_req_manual_control.
 
     uORB topic: arming_check_reply. Version 1, 227 bytes.
     """
@@ -229,7 +239,7 @@ class ArmingCheckReply(_cdr.Message):
                 message.mode_req_home_position, message.mode_req_prevent_arming,
                 message.mode_req_manual_control,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 231 <= len(data) <= 234:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

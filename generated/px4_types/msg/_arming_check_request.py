@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB3xI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +20,8 @@ class ArmingCheckRequest(_cdr.Message):
     """Asks all registered external components, such as ROS 2 modes, for their arming checks, sent back as
     ArmingCheckReply. The commander repeats it regularly, in flight as well, and treats components that
     stay silent as unresponsive.
+
+    Fields: timestamp [us], request_id [-], valid_registrations_mask [-].
 
     uORB topic: arming_check_request. Version 1, 16 bytes.
     """
@@ -60,7 +65,7 @@ class ArmingCheckRequest(_cdr.Message):
             (
                 header, message.timestamp, message.request_id, message.valid_registrations_mask,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

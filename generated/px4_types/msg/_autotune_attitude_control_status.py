@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q23fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class AutotuneAttitudeControlStatus(_cdr.Message):
     """Progress of an autotune run, published by the multicopter and fixed-wing autotune modules. Attitude
     controllers add rate_sp to excite the vehicle; the rest documents the identified model and gains.
+
+    Fields: timestamp [us], coeff [-], coeff_var [-], fitness [-], innov [rad/s], dt_model [s], kc [-],
+    ki [-], kd [-], kff [-], att_p [-], rate_sp [rad/s], u_filt [-], y_filt [rad/s], state.
 
     uORB topic: autotune_attitude_control_status. 101 bytes.
     """
@@ -170,7 +176,7 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
                 message.dt_model, message.kc, message.ki, message.kd, message.kff, message.att_p, rate_sp_0,
                 rate_sp_1, rate_sp_2, message.u_filt, message.y_filt, message.state,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 105 <= len(data) <= 108:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QB32s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class BatteryInfo(_cdr.Message):
     """Describes a battery pack by data that hardly ever changes, such as its serial number. Smart battery
     and CAN drivers publish it at a low rate, next to BatteryStatus.
+
+    Fields: timestamp [us], id, serial_number.
 
     uORB topic: battery_info. 41 bytes.
     """
@@ -57,7 +61,7 @@ class BatteryInfo(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.id, message.serial_number) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 45 <= len(data) <= 48:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q?3x8f3Bx6HBxH15f2?BxH2x2fH2x8f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,16 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class BatteryStatus(_cdr.Message):
     """State of one battery, one topic instance per pack. Power module, smart battery and ESC drivers
     publish it; the commander, the ground station and low-battery failsafes read it.
+
+    Fields: timestamp [us], connected, voltage_v [V], current_a [A], current_average_a [A],
+    discharged_mah [mAh], remaining, scale [-], time_remaining_s [s], temperature [°C], cell_count [-],
+    source, priority [-], capacity [mAh], cycle_count [-], average_time_to_empty [minutes],
+    manufacture_date [-], state_of_health [%], max_error [%], id [-], interface_error [-],
+    voltage_cell_v [V], max_cell_voltage_delta [V], is_powering_off, is_required, warning, faults,
+    full_charge_capacity_wh [Wh], remaining_capacity_wh [Wh], over_discharge_count [-], nominal_voltage
+    [V], internal_resistance_estimate [Ohm], ocv_estimate [V], ocv_estimate_filtered [V],
+    volt_based_soc_estimate [-], voltage_prediction [V], prediction_error [V],
+    estimation_covariance_norm [-].
 
     uORB topic: battery_status. Version 1, 176 bytes.
     """
@@ -357,7 +370,7 @@ class BatteryStatus(_cdr.Message):
                 message.volt_based_soc_estimate, message.voltage_prediction, message.prediction_error,
                 message.estimation_covariance_norm,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 180 <= len(data) <= 183:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

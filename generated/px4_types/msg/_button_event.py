@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ButtonEvent(_cdr.Message):
     """Press of a hardware button, above all the safety switch, from its driver. Commander reads
     `safety_button` to release the outputs.
+
+    Fields: timestamp [us], triggered.
 
     uORB topics: button_event, safety_button. 9 bytes.
     """
@@ -54,7 +59,7 @@ class ButtonEvent(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.triggered) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

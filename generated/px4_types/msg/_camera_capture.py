@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI4x2d6fb", xcdr2="2QI2Q6IB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class CameraCapture(_cdr.Message):
     """One picture taken, with the position and attitude at that moment. Published by camera_feedback for
     geotagging in the log and on the ground.
+
+    Fields: timestamp [us], timestamp_utc [us], seq, lat [deg], lon [deg], alt [m], ground_distance [m],
+    q, result.
 
     uORB topic: camera_capture. 65 bytes.
     """
@@ -96,7 +101,7 @@ class CameraCapture(_cdr.Message):
                 header, message.timestamp, message.timestamp_utc, message.seq, message.lat, message.lon,
                 message.alt, message.ground_distance, q_0, q_1, q_2, q_3, message.result,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 69 <= len(data) <= 72:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

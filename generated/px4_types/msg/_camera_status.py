@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class CameraStatus(_cdr.Message):
     """Tells which MAVLink camera is in use, so that trigger commands can be addressed to it. The MAVLink
     receiver publishes it when it hears a camera.
+
+    Fields: timestamp [us], active_sys_id, active_comp_id.
 
     uORB topic: camera_status. 10 bytes.
     """
@@ -55,7 +59,7 @@ class CameraStatus(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.active_sys_id, message.active_comp_id) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class CameraTrigger(_cdr.Message):
     """One picture requested from, or confirmed by, a camera. The camera drivers publish it; geotagging and
     MAVLink telemetry read it.
+
+    Fields: timestamp [us], timestamp_utc [us], seq, feedback.
 
     uORB topic: camera_trigger. 21 bytes.
     """
@@ -66,7 +71,7 @@ class CameraTrigger(_cdr.Message):
             (
                 header, message.timestamp, message.timestamp_utc, message.seq, message.feedback,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 25 <= len(data) <= 28:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

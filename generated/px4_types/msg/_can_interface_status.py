@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QB7x3Q", xcdr2="QB3x3Q")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class CanInterfaceStatus(_cdr.Message):
     """Counts traffic and errors of one CAN interface, for judging the health of the bus. The UAVCAN driver
     publishes one instance for each interface.
+
+    Fields: timestamp [us], interface, io_errors, frames_tx, frames_rx.
 
     uORB topic: can_interface_status. 40 bytes.
     """
@@ -70,7 +74,7 @@ class CanInterfaceStatus(_cdr.Message):
                 header, message.timestamp, message.interface, message.io_errors, message.frames_tx,
                 message.frames_rx,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,8 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    import builtins
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH3Bx3H")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class CellularStatus(_cdr.Message):
     """State of an onboard cellular modem, as reported over MAVLink. Only kept for the log.
+
+    Fields: timestamp [us], status, failure_reason, type, quality [dBm], mcc, mnc, lac.
 
     uORB topic: cellular_status. 20 bytes.
     """
@@ -64,40 +68,40 @@ class CellularStatus(_cdr.Message):
     CELLULAR_NETWORK_RADIO_TYPE_WCDMA: Final = 3
     CELLULAR_NETWORK_RADIO_TYPE_LTE: Final = 4
 
-    timestamp: builtins.int
+    timestamp: int
     """uint64 [us] Time since boot."""
 
-    status: builtins.int
+    status: int
     """uint16 [@enum STATUS_FLAG] Bitmask."""
 
-    failure_reason: builtins.int
+    failure_reason: int
     """uint8 [@enum FAILURE_REASON]"""
 
-    type: builtins.int
+    type: int
     """uint8 [@enum CELLULAR_NETWORK_RADIO_TYPE]"""
 
-    quality: builtins.int
+    quality: int
     """uint8 [dBm] Signal strength without its minus sign."""
 
-    mcc: builtins.int
+    mcc: int
     """uint16 [@invalid UINT16_MAX] Country code of the network."""
 
-    mnc: builtins.int
+    mnc: int
     """uint16 [@invalid UINT16_MAX] Operator code within the country."""
 
-    lac: builtins.int
+    lac: int
     """uint16 [@invalid 0] Location area of the cell."""
 
     def __init__(
         self,
-        timestamp: builtins.int = 0,
-        status: builtins.int = 0,
-        failure_reason: builtins.int = 0,
-        type: builtins.int = 0,
-        quality: builtins.int = 0,
-        mcc: builtins.int = 0,
-        mnc: builtins.int = 0,
-        lac: builtins.int = 0,
+        timestamp: int = 0,
+        status: int = 0,
+        failure_reason: int = 0,
+        type: int = 0,
+        quality: int = 0,
+        mcc: int = 0,
+        mnc: int = 0,
+        lac: int = 0,
     ) -> None:
         self.timestamp = timestamp
         self.status = status
@@ -108,7 +112,7 @@ class CellularStatus(_cdr.Message):
         self.mnc = mnc
         self.lac = lac
 
-    def encode(self) -> builtins.bytes:
+    def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
         try:
             return _pack(
@@ -119,7 +123,7 @@ class CellularStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> CellularStatus:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> CellularStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -127,7 +131,7 @@ class CellularStatus(_cdr.Message):
                 header, message.timestamp, message.status, message.failure_reason, message.type,
                 message.quality, message.mcc, message.mnc, message.lac,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

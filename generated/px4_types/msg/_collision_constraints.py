@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q4f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class CollisionConstraints(_cdr.Message):
     """Horizontal setpoint before and after collision prevention limited it, published while that feature
     is active.
+
+    Fields: timestamp [us], original_setpoint, adapted_setpoint.
 
     uORB topic: collision_constraints. 24 bytes.
     """
@@ -65,7 +69,7 @@ class CollisionConstraints(_cdr.Message):
                 header, message.timestamp, original_setpoint_0, original_setpoint_1, adapted_setpoint_0,
                 adapted_setpoint_1,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

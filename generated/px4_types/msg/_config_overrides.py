@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2?hbB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +20,9 @@ class ConfigOverrides(_cdr.Message):
     """Lets an external mode or mode executor switch off auto disarm or postpone failsafes while it is in
     charge. Components send config_overrides_request; the commander publishes what applies as
     config_overrides.
+
+    Fields: timestamp [us], disable_auto_disarm, defer_failsafes, defer_failsafes_timeout_s [s],
+    source_type, source_id.
 
     uORB topics: config_overrides, config_overrides_request. 14 bytes.
     """
@@ -90,7 +96,7 @@ class ConfigOverrides(_cdr.Message):
                 header, message.timestamp, message.disable_auto_disarm, message.defer_failsafes,
                 message.defer_failsafes_timeout_s, message.source_type, message.source_id,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 18 <= len(data) <= 21:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,8 +7,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q?3x3f?3x3f16s2H", words="QB3x3IB3x3I16B2H")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -19,6 +21,9 @@ class ControlAllocatorStatus(_cdr.Message):
     """Tells how well control_allocator could turn the torque and thrust setpoints into actuator commands.
     Rate controllers use it to stop their integrators from winding up. Each allocation matrix has an
     instance.
+
+    Fields: timestamp [us], torque_setpoint_achieved, unallocated_torque [-], thrust_setpoint_achieved,
+    unallocated_thrust [-], actuator_saturation, handled_motor_failure_mask, motor_stop_mask.
 
     uORB topic: control_allocator_status. 60 bytes.
     """
@@ -65,7 +70,7 @@ class ControlAllocatorStatus(_cdr.Message):
     achieved.
     """
 
-    actuator_saturation: Sequence[int]
+    actuator_saturation: _arrays.Sequence[int]
     """int8[16] [@enum ACTUATOR_SATURATION] One entry per actuator; setpoints may still be met while one is
     saturated.
     """
@@ -83,7 +88,7 @@ class ControlAllocatorStatus(_cdr.Message):
         unallocated_torque: tuple[float, float, float] = (0.0, 0.0, 0.0),
         thrust_setpoint_achieved: bool = False,
         unallocated_thrust: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        actuator_saturation: Sequence[int] | None = None,
+        actuator_saturation: _arrays.Sequence[int] | None = None,
         handled_motor_failure_mask: int = 0,
         motor_stop_mask: int = 0,
     ) -> None:
@@ -124,7 +129,7 @@ class ControlAllocatorStatus(_cdr.Message):
                 unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2, actuator_saturation_raw,
                 message.handled_motor_failure_mask, message.motor_stop_mask,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class Cpuload(_cdr.Message):
     """Processor and memory use of the autopilot, published about twice a second by load_mon.
+
+    Fields: timestamp [us], load [-], ram_usage [-].
 
     uORB topic: cpuload. 16 bytes.
     """
@@ -54,7 +58,7 @@ class Cpuload(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.load, message.ram_usage) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

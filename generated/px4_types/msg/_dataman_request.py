@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3BxI56sI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class DatamanRequest(_cdr.Message):
     """Request to the dataman storage (mission, geofence, rally points); the outcome comes back as
     DatamanResponse.
+
+    Fields: timestamp [us], client_id, request_type, item, index, data, data_length [bytes].
 
     uORB topic: dataman_request. 76 bytes.
     """
@@ -83,7 +87,7 @@ class DatamanRequest(_cdr.Message):
                 header, message.timestamp, message.client_id, message.request_type, message.item,
                 message.index, message.data, message.data_length,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 80 <= len(data) <= 83:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3BxI56sB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class DatamanResponse(_cdr.Message):
     """Answers a DatamanRequest with the outcome and, for a read, the stored item. dataman publishes it;
     the client whose client_id it carries takes it.
+
+    Fields: timestamp [us], client_id, request_type, item, index, data, status.
 
     uORB topic: dataman_response. 73 bytes.
     """
@@ -90,7 +95,7 @@ class DatamanResponse(_cdr.Message):
                 header, message.timestamp, message.client_id, message.request_type, message.item,
                 message.index, message.data, message.status,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 77 <= len(data) <= 80:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,8 +7,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH10s232s", words="QH10s58I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -18,6 +20,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class DebugArray(_cdr.Message):
     """Carries a named array of numbers for debugging, to and from the ground as MAVLink DEBUG_FLOAT_ARRAY.
     Any module may publish it; the logger and MAVLink pass it on.
+
+    Fields: timestamp [us], id, name, data.
 
     uORB topic: debug_array. 252 bytes.
     """
@@ -36,7 +40,7 @@ class DebugArray(_cdr.Message):
     name: bytes
     """char[10] At most 10 characters."""
 
-    data: Sequence[float]
+    data: _arrays.Sequence[float]
     """float32[58]"""
 
     def __init__(
@@ -44,7 +48,7 @@ class DebugArray(_cdr.Message):
         timestamp: int = 0,
         id: int = 0,
         name: bytes = bytes(10),
-        data: Sequence[float] | None = None,
+        data: _arrays.Sequence[float] | None = None,
     ) -> None:
         self.timestamp = timestamp
         self.id = id
@@ -68,7 +72,7 @@ class DebugArray(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.id, message.name, data_raw) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 256 <= len(data) <= 259:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

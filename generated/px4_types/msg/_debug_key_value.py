@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q10s2xf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class DebugKeyValue(_cdr.Message):
     """A named number for debugging. User code or MAVLink NAMED_VALUE_FLOAT fills it; it is logged and
     shown on the ground.
+
+    Fields: timestamp [us], key, value.
 
     uORB topic: debug_key_value. 24 bytes.
     """
@@ -57,7 +61,7 @@ class DebugKeyValue(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.key, message.value) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Qb3xf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class DebugValue(_cdr.Message):
     """A number to watch while developing: own code publishes it, and the log and MAVLink DEBUG carry it
     on.
+
+    Fields: timestamp [us], ind, value.
 
     uORB topic: debug_value. 16 bytes.
     """
@@ -55,7 +59,7 @@ class DebugValue(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.ind, message.value) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

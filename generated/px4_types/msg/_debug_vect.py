@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q10s2x3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class DebugVect(_cdr.Message):
     """Three numbers of a developer's choice under a name, for the log and MAVLink's DEBUG_VECT; names can
     share the topic.
+
+    Fields: timestamp [us], name, x, y, z.
 
     uORB topic: debug_vect. 32 bytes.
     """
@@ -67,7 +71,7 @@ class DebugVect(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.name, message.x, message.y, message.z) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 36 <= len(data) <= 39:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

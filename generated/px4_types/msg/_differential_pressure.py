@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI2fI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class DifferentialPressure(_cdr.Message):
     """Gives the pressure difference across the pitot tube as measured by an airspeed sensor. Airspeed
     sensor drivers publish it; the sensors module works out the airspeed from it.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, differential_pressure_pa [Pa], temperature
+    [degC], error_count.
 
     uORB topic: differential_pressure. 32 bytes.
     """
@@ -82,7 +87,7 @@ class DifferentialPressure(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.device_id,
                 message.differential_pressure_pa, message.temperature, message.error_count,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 36 <= len(data) <= 39:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,8 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    import builtins
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI4fbB2x6f2B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class DistanceSensor(_cdr.Message):
     """One range measurement of a lidar, sonar or radar, published by its driver or sent in by a companion
     computer. EKF2 uses downward ones for height above ground, collision prevention the horizontal ones.
+
+    Fields: timestamp [us], device_id, min_distance [m], max_distance [m], current_distance [m],
+    variance [m^2], signal_quality [%], type, h_fov [rad], v_fov [rad], q, orientation, mode.
 
     uORB topic: distance_sensor. 58 bytes.
     """
@@ -63,66 +68,66 @@ class DistanceSensor(_cdr.Message):
     MODE_ENABLED: Final = 1
     MODE_DISABLED: Final = 2
 
-    timestamp: builtins.int
+    timestamp: int
     """uint64 [us] Time since boot."""
 
-    device_id: builtins.int
+    device_id: int
     """uint32 Identifies the physical sensor across reboots."""
 
-    min_distance: builtins.float
+    min_distance: float
     """float32 [m] Shortest range that can be measured."""
 
-    max_distance: builtins.float
+    max_distance: float
     """float32 [m] Longest range that can be measured."""
 
-    current_distance: builtins.float
+    current_distance: float
     """float32 [m] Measured range."""
 
-    variance: builtins.float
+    variance: float
     """float32 [m^2] [@invalid 0] Noise variance of the measured range."""
 
-    signal_quality: builtins.int
+    signal_quality: int
     """int8 [%] [@range 0, 100] [@invalid -1] Trust in the reading: 0 marks it as unusable, 100 is best."""
 
-    type: builtins.int
+    type: int
     """uint8 [@enum MAV_DISTANCE_SENSOR] Measuring principle."""
 
-    h_fov: builtins.float
+    h_fov: float
     """float32 [rad] Horizontal opening angle."""
 
-    v_fov: builtins.float
+    v_fov: float
     """float32 [rad] Vertical opening angle."""
 
-    q: builtins.tuple[builtins.float, builtins.float, builtins.float, builtins.float]
+    q: tuple[float, float, float, float]
     """float32[4] Quaternion (w, x, y, z) turning sensor axes into body axes. Only read when orientation is
     ROTATION_CUSTOM.
     """
 
-    orientation: builtins.int
+    orientation: int
     """uint8 [@enum ROTATION] Where the sensor points relative to the body. Numbers match MAVLink
     MAV_SENSOR_ORIENTATION.
     """
 
-    mode: builtins.int
+    mode: int
     """uint8 [@enum MODE] Whether the driver has the sensor switched on. A disabled sensor may stay silent
     without failing checks.
     """
 
     def __init__(
         self,
-        timestamp: builtins.int = 0,
-        device_id: builtins.int = 0,
-        min_distance: builtins.float = 0.0,
-        max_distance: builtins.float = 0.0,
-        current_distance: builtins.float = 0.0,
-        variance: builtins.float = 0.0,
-        signal_quality: builtins.int = 0,
-        type: builtins.int = 0,
-        h_fov: builtins.float = 0.0,
-        v_fov: builtins.float = 0.0,
-        q: builtins.tuple[builtins.float, builtins.float, builtins.float, builtins.float] = (0.0, 0.0, 0.0, 0.0),
-        orientation: builtins.int = 0,
-        mode: builtins.int = 0,
+        timestamp: int = 0,
+        device_id: int = 0,
+        min_distance: float = 0.0,
+        max_distance: float = 0.0,
+        current_distance: float = 0.0,
+        variance: float = 0.0,
+        signal_quality: int = 0,
+        type: int = 0,
+        h_fov: float = 0.0,
+        v_fov: float = 0.0,
+        q: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+        orientation: int = 0,
+        mode: int = 0,
     ) -> None:
         self.timestamp = timestamp
         self.device_id = device_id
@@ -138,7 +143,7 @@ class DistanceSensor(_cdr.Message):
         self.orientation = orientation
         self.mode = mode
 
-    def encode(self) -> builtins.bytes:
+    def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 58 of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
@@ -151,7 +156,7 @@ class DistanceSensor(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> DistanceSensor:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> DistanceSensor:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -160,7 +165,7 @@ class DistanceSensor(_cdr.Message):
                 message.current_distance, message.variance, message.signal_quality, message.type,
                 message.h_fov, message.v_fov, q_0, q_1, q_2, q_3, message.orientation, message.mode,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 62 <= len(data) <= 65:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

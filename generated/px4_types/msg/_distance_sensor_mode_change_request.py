@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class DistanceSensorModeChangeRequest(_cdr.Message):
     """Navigator turns rangefinders on when height over ground is needed and off otherwise. Read by drivers
     that support it.
+
+    Fields: timestamp [us], request_on_off.
 
     uORB topic: distance_sensor_mode_change_request. 9 bytes.
     """
@@ -53,7 +58,7 @@ class DistanceSensorModeChangeRequest(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.request_on_off) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

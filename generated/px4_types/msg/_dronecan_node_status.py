@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH2xI3BxH")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class DronecanNodeStatus(_cdr.Message):
     """Heartbeat of one node on the CAN bus, passed on by the DroneCAN driver as the node broadcasts it.
+
+    Fields: timestamp [us], node_id, uptime_sec [s], health, mode, sub_mode,
+    vendor_specific_status_code.
 
     uORB topic: dronecan_node_status. 22 bytes.
     """
@@ -94,7 +100,7 @@ class DronecanNodeStatus(_cdr.Message):
                 header, message.timestamp, message.node_id, message.uptime_sec, message.health, message.mode,
                 message.sub_mode, message.vendor_specific_status_code,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 26 <= len(data) <= 29:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

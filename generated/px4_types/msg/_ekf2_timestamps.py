@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q7h")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class Ekf2Timestamps(_cdr.Message):
     """Which sensor samples EKF2 took in at one update, as offsets from its IMU time in `timestamp`. EKF2
     logs it so that the replay tool can feed the same samples in the same order.
+
+    Fields: timestamp [us], airspeed_timestamp_rel, airspeed_validated_timestamp_rel,
+    distance_sensor_timestamp_rel, optical_flow_timestamp_rel, vehicle_air_data_timestamp_rel,
+    vehicle_magnetometer_timestamp_rel, visual_odometry_timestamp_rel.
 
     uORB topic: ekf2_timestamps. 22 bytes.
     """
@@ -100,7 +107,7 @@ class Ekf2Timestamps(_cdr.Message):
                 message.optical_flow_timestamp_rel, message.vehicle_air_data_timestamp_rel,
                 message.vehicle_magnetometer_timestamp_rel, message.visual_odometry_timestamp_rel,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 26 <= len(data) <= 29:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIi3f4BHb")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class EscReport(_cdr.Message):
     """Telemetry of one ESC and its motor; an element of EscStatus. Not every ESC sends all of it.
+
+    Fields: timestamp [us], esc_errorcount, esc_rpm [rpm], esc_voltage [V], esc_current [A],
+    esc_temperature [degC], esc_address, esc_cmdcount, esc_state, actuator_function, failures, esc_power
+    [%].
 
     uORB topic: esc_report. 35 bytes.
     """
@@ -128,7 +135,7 @@ class EscReport(_cdr.Message):
                 message.esc_current, message.esc_temperature, message.esc_address, message.esc_cmdcount,
                 message.esc_state, message.actuator_function, message.failures, message.esc_power,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 39 <= len(data) <= 42:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

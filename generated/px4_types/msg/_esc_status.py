@@ -7,7 +7,10 @@ from ._esc_report import EscReport
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout(
     "QH4B2xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb",
@@ -20,6 +23,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class EscStatus(_cdr.Message):
     """Feedback of all ESCs behind one interface, published by the ESC drivers (DShot, DroneCAN, serial)
     for the failure detector, the log and the telemetry.
+
+    Fields: timestamp [us], counter, esc_count, esc_connectiontype, esc_online_flags, esc_armed_flags,
+    esc.
 
     uORB topic: esc_status. 331 bytes.
     """
@@ -154,7 +160,7 @@ class EscStatus(_cdr.Message):
                 esc_7.esc_temperature, esc_7.esc_address, esc_7.esc_cmdcount, esc_7.esc_state,
                 esc_7.actuator_function, esc_7.failures, esc_7.esc_power,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 335 <= len(data) <= 338:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

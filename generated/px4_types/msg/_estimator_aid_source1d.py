@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QB3xIQ7f2?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class EstimatorAidSource1d(_cdr.Message):
     """How EKF2 used one scalar measurement; the topic tells which (height, airspeed, sideslip or yaw). SI
     units throughout: m for heights, m/s for airspeed, rad for angles, squared for variances.
+
+    Fields: timestamp [us], timestamp_sample [us], estimator_instance, device_id, time_last_fuse [us],
+    observation, observation_variance, innovation, innovation_filtered, innovation_variance, test_ratio
+    [-], test_ratio_filtered [-], innovation_rejected, fused.
 
     uORB topics: estimator_aid_src_baro_hgt, estimator_aid_src_ev_hgt, estimator_aid_src_gnss_hgt,
     estimator_aid_src_rng_hgt, estimator_aid_src_airspeed, estimator_aid_src_sideslip,
@@ -132,7 +138,7 @@ class EstimatorAidSource1d(_cdr.Message):
                 message.innovation, message.innovation_filtered, message.innovation_variance,
                 message.test_ratio, message.test_ratio_filtered, message.innovation_rejected, message.fused,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 66 <= len(data) <= 69:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

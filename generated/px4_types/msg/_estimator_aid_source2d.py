@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QB3xIQ2d12f2?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,10 @@ class EstimatorAidSource2d(_cdr.Message):
     """Shows how EKF2 used one two-axis measurement: the observation, its innovation and whether it was
     accepted. Units follow from the topic: positions in m (global ones observed as lat/lon in deg),
     velocity in m/s, flow in rad/s.
+
+    Fields: timestamp [us], timestamp_sample [us], estimator_instance, device_id, time_last_fuse [us],
+    observation, observation_variance, innovation, innovation_filtered, innovation_variance, test_ratio
+    [-], test_ratio_filtered [-], innovation_rejected, fused.
 
     uORB topics: estimator_aid_src_ev_pos, estimator_aid_src_fake_pos, estimator_aid_src_gnss_pos,
     estimator_aid_src_aux_global_position, estimator_aid_src_aux_vel, estimator_aid_src_optical_flow,
@@ -144,7 +150,7 @@ class EstimatorAidSource2d(_cdr.Message):
                 test_ratio_0, test_ratio_1, test_ratio_filtered_0, test_ratio_filtered_1,
                 message.innovation_rejected, message.fused,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 102 <= len(data) <= 105:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QB3xIQ21f2?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class EstimatorAidSource3d(_cdr.Message):
     """How EKF2 treated one three-axis measurement: its innovation, test ratio and whether it was fused.
     Units and frame follow the topic: velocity, gravity direction or magnetic field.
+
+    Fields: timestamp [us], timestamp_sample [us], estimator_instance, device_id, time_last_fuse [us],
+    observation, observation_variance, innovation, innovation_filtered, innovation_variance, test_ratio
+    [-], test_ratio_filtered [-], innovation_rejected, fused.
 
     uORB topics: estimator_aid_src_ev_vel, estimator_aid_src_gnss_vel, estimator_aid_src_gravity,
     estimator_aid_src_mag. 118 bytes.
@@ -144,7 +150,7 @@ class EstimatorAidSource3d(_cdr.Message):
                 test_ratio_0, test_ratio_1, test_ratio_2, test_ratio_filtered_0, test_ratio_filtered_1,
                 test_ratio_filtered_2, message.innovation_rejected, message.fused,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 122 <= len(data) <= 125:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

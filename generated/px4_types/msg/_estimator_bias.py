@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI5f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class EstimatorBias(_cdr.Message):
     """Height bias of one sensor as estimated by EKF2, for the barometer and GNSS height.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, bias [m], bias_var [m^2], innov [m],
+    innov_var [m^2], innov_test_ratio [-].
 
     uORB topics: estimator_baro_bias, estimator_gnss_hgt_bias. 40 bytes.
     """
@@ -91,7 +96,7 @@ class EstimatorBias(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.bias,
                 message.bias_var, message.innov, message.innov_var, message.innov_test_ratio,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI15f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class EstimatorBias3d(_cdr.Message):
     """Position bias that EKF2 estimates for an external vision source, with the quality of the last
     update.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, bias [m], bias_var [m^2], innov [m],
+    innov_var [m^2], innov_test_ratio [-].
 
     uORB topics: estimator_bias3d, estimator_ev_pos_bias. 80 bytes.
     """
@@ -99,7 +104,7 @@ class EstimatorBias3d(_cdr.Message):
                 bias_2, bias_var_0, bias_var_1, bias_var_2, innov_0, innov_1, innov_2, innov_var_0,
                 innov_var_1, innov_var_2, innov_test_ratio_0, innov_test_ratio_1, innov_test_ratio_2,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 84 <= len(data) <= 87:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

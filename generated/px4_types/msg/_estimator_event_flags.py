@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI17?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,12 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class EstimatorEventFlags(_cdr.Message):
     """Notable steps of an EKF2 instance (a sensor's fusion starts, a state is reset), mostly for log
     analysis.
+
+    Fields: timestamp [us], timestamp_sample [us], information_event_changes, gps_checks_passed,
+    reset_vel_to_gps, reset_vel_to_flow, reset_vel_to_vision, reset_vel_to_zero,
+    reset_pos_to_last_known, reset_pos_to_gps, reset_pos_to_vision, starting_gps_fusion,
+    starting_vision_pos_fusion, starting_vision_vel_fusion, starting_vision_yaw_fusion,
+    yaw_aligned_to_imu_gps, reset_hgt_to_baro, reset_hgt_to_gps, reset_hgt_to_rng, reset_hgt_to_ev.
 
     uORB topic: estimator_event_flags. 37 bytes.
     """
@@ -177,7 +185,7 @@ class EstimatorEventFlags(_cdr.Message):
                 message.starting_vision_yaw_fusion, message.yaw_aligned_to_imu_gps, message.reset_hgt_to_baro,
                 message.reset_hgt_to_gps, message.reset_hgt_to_rng, message.reset_hgt_to_ev,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 41 <= len(data) <= 44:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q12?3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,13 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class EstimatorGpsStatus(_cdr.Message):
     """Quality checks EKF2 runs on the GNSS receiver before it uses it; shows why GNSS is not accepted.
+
+    Fields: timestamp [us], timestamp_sample [us], checks_passed, check_fail_gps_fix,
+    check_fail_min_sat_count, check_fail_max_pdop, check_fail_max_horz_err, check_fail_max_vert_err,
+    check_fail_max_spd_err, check_fail_max_horz_drift, check_fail_max_vert_drift,
+    check_fail_max_horz_spd_err, check_fail_max_vert_spd_err, check_fail_spoofed_gps,
+    position_drift_rate_horizontal_m_s [m/s], position_drift_rate_vertical_m_s [m/s],
+    filtered_horizontal_speed_m_s [m/s].
 
     uORB topic: estimator_gps_status. 40 bytes.
     """
@@ -161,7 +170,7 @@ class EstimatorGpsStatus(_cdr.Message):
                 message.position_drift_rate_horizontal_m_s, message.position_drift_rate_vertical_m_s,
                 message.filtered_horizontal_speed_m_s,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q31f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,11 @@ class EstimatorInnovations(_cdr.Message):
     """Lists EKF2's innovations, their variances or their test ratios, each kind on its own topic. Units
     are given for the innovations; variances have them squared, ratios have none and use only the first
     element of a vector.
+
+    Fields: timestamp [us], timestamp_sample [us], gps_hvel [m/s], gps_vvel [m/s], gps_hpos [m],
+    gps_vpos [m], ev_hvel [m/s], ev_vvel [m/s], ev_hpos [m], ev_vpos [m], rng_vpos [m], baro_vpos [m],
+    aux_hvel [m/s], flow [rad/s], heading [rad], mag_field [Gs], gravity [m/s^2], drag [m/s^2], airspeed
+    [m/s], beta [rad], hagl [m], hagl_rate [m/s].
 
     uORB topics: estimator_innovations, estimator_innovation_variances,
     estimator_innovation_test_ratios. 140 bytes.
@@ -181,7 +188,7 @@ class EstimatorInnovations(_cdr.Message):
                 flow_0, flow_1, message.heading, mag_field_0, mag_field_1, mag_field_2, gravity_0, gravity_1,
                 gravity_2, drag_0, drag_1, message.airspeed, message.beta, message.hagl, message.hagl_rate,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 144 <= len(data) <= 147:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2B2xIQ4I18f9?3x8f2?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,11 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class EstimatorSelectorStatus(_cdr.Message):
     """Which EKF2 instance is in use and how the others compare. Published by the EKF2 selector when
     several instances run.
+
+    Fields: timestamp [us], primary_instance, instances_available, instance_changed_count,
+    last_instance_change [us], accel_device_id, baro_device_id, gyro_device_id, mag_device_id,
+    combined_test_ratio [-], relative_test_ratio [-], healthy, accumulated_gyro_error [rad],
+    accumulated_accel_error [m/s], gyro_fault_detected, accel_fault_detected.
 
     uORB topic: estimator_selector_status. 158 bytes.
     """
@@ -183,7 +190,7 @@ class EstimatorSelectorStatus(_cdr.Message):
                 accumulated_accel_error_1, accumulated_accel_error_2, accumulated_accel_error_3,
                 message.gyro_fault_detected, message.accel_fault_detected,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 162 <= len(data) <= 165:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI7f2?2xI7f2?2xI7f2?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,12 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class EstimatorSensorBias(_cdr.Message):
     """Gives the gyro, accelerometer and magnetometer biases that EKF2 has learned since it started.
     Readers subtract them from sensor data that already has the calibration applied.
+
+    Fields: timestamp [us], timestamp_sample [us], gyro_device_id, gyro_bias [rad/s], gyro_bias_limit
+    [rad/s], gyro_bias_variance [(rad/s)^2], gyro_bias_valid, gyro_bias_stable, accel_device_id,
+    accel_bias [m/s^2], accel_bias_limit [m/s^2], accel_bias_variance [(m/s^2)^2], accel_bias_valid,
+    accel_bias_stable, mag_device_id, mag_bias [Gs], mag_bias_limit [Gs], mag_bias_variance [Gs^2],
+    mag_bias_valid, mag_bias_stable.
 
     uORB topic: estimator_sensor_bias. 122 bytes.
     """
@@ -179,7 +187,7 @@ class EstimatorSensorBias(_cdr.Message):
                 message.mag_bias_limit, mag_bias_variance_0, mag_bias_variance_1, mag_bias_variance_2,
                 message.mag_bias_valid, message.mag_bias_stable,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 126 <= len(data) <= 129:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

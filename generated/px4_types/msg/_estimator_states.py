@@ -7,8 +7,9 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q100sB3x96s", words="2Q25IB3x24I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class EstimatorStates(_cdr.Message):
     """Full state vector of EKF2 with its variances, for log analysis.
+
+    Fields: timestamp [us], timestamp_sample [us], states, n_states, covariances.
 
     uORB topic: estimator_states. 216 bytes.
     """
@@ -30,22 +33,22 @@ class EstimatorStates(_cdr.Message):
     timestamp_sample: int
     """uint64 [us] IMU time the states belong to."""
 
-    states: Sequence[float]
+    states: _arrays.Sequence[float]
     """float32[25] Begins with attitude quaternion, velocity and position."""
 
     n_states: int
     """uint8 How many entries are filled."""
 
-    covariances: Sequence[float]
+    covariances: _arrays.Sequence[float]
     """float32[24] Variances only; attitude takes three entries here."""
 
     def __init__(
         self,
         timestamp: int = 0,
         timestamp_sample: int = 0,
-        states: Sequence[float] | None = None,
+        states: _arrays.Sequence[float] | None = None,
         n_states: int = 0,
-        covariances: Sequence[float] | None = None,
+        covariances: _arrays.Sequence[float] | None = None,
     ) -> None:
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
@@ -72,7 +75,7 @@ class EstimatorStates(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, states_raw, message.n_states,
                 covariances_raw,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 220 <= len(data) <= 223:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

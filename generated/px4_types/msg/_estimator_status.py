@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q3fH2xQI9fH5Bxf6?2x4I2B2x4f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,17 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class EstimatorStatus(_cdr.Message):
     """Summarizes the health of one EKF2 instance: what it fuses, which checks fail and how accurate it is.
     commander reads it for arming checks and failsafes, EKF2's selector to choose an instance.
+
+    Fields: timestamp [us], timestamp_sample [us], output_tracking_error, gps_check_fail_flags,
+    control_mode_flags, filter_fault_flags, pos_horiz_accuracy [m], pos_vert_accuracy [m],
+    hdg_test_ratio [-], vel_test_ratio [-], pos_test_ratio [-], hgt_test_ratio [-], tas_test_ratio [-],
+    hagl_test_ratio [-], beta_test_ratio [-], solution_status_flags, reset_count_vel_ne,
+    reset_count_vel_d, reset_count_pos_ne, reset_count_pod_d, reset_count_quat, time_slip [s],
+    pre_flt_fail_innov_heading, pre_flt_fail_innov_height, pre_flt_fail_innov_pos_horiz,
+    pre_flt_fail_innov_vel_horiz, pre_flt_fail_innov_vel_vert, pre_flt_fail_mag_field_disturbed,
+    accel_device_id, gyro_device_id, baro_device_id, mag_device_id, health_flags, timeout_flags,
+    mag_inclination_deg [deg], mag_inclination_ref_deg [deg], mag_strength_gs [Gs], mag_strength_ref_gs
+    [Gs].
 
     uORB topic: estimator_status. 136 bytes.
     """
@@ -381,7 +395,7 @@ class EstimatorStatus(_cdr.Message):
                 message.mag_inclination_deg, message.mag_inclination_ref_deg, message.mag_strength_gs,
                 message.mag_strength_ref_gs,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 140 <= len(data) <= 143:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

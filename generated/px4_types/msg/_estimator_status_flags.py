@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI48?I11?xI10?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,20 @@ class EstimatorStatusFlags(_cdr.Message):
     """State of the EKF2 estimator as single flags: aiding sources in use, faults found, measurements
     rejected. Published by EKF2 on change and about once per second; use it to see why an estimate is
     good, bad or missing.
+
+    Fields: timestamp [us], timestamp_sample [us], control_status_changes, cs_tilt_align, cs_yaw_align,
+    cs_gnss_pos, cs_opt_flow, cs_mag_hdg, cs_mag_3d, cs_mag_dec, cs_in_air, cs_wind, cs_baro_hgt,
+    cs_rng_hgt, cs_gps_hgt, cs_ev_pos, cs_ev_yaw, cs_ev_hgt, cs_fuse_beta, cs_mag_field_disturbed,
+    cs_fixed_wing, cs_mag_fault, cs_fuse_aspd, cs_gnd_effect, cs_rng_stuck, cs_gnss_yaw,
+    cs_mag_aligned_in_flight, cs_ev_vel, cs_synthetic_mag_z, cs_vehicle_at_rest, cs_gnss_yaw_fault,
+    cs_rng_fault, cs_inertial_dead_reckoning, cs_wind_dead_reckoning, cs_rng_kin_consistent,
+    cs_fake_pos, cs_fake_hgt, cs_gravity_vector, cs_mag, cs_ev_yaw_fault, cs_mag_heading_consistent,
+    cs_aux_gpos, cs_rng_terrain, cs_opt_flow_terrain, cs_valid_fake_pos, cs_constant_pos, cs_baro_fault,
+    cs_gnss_vel, cs_gnss_fault, cs_yaw_manual, cs_gnss_hgt_fault, fault_status_changes, fs_bad_mag_x,
+    fs_bad_mag_y, fs_bad_mag_z, fs_bad_hdg, fs_bad_mag_decl, fs_bad_airspeed, fs_bad_sideslip,
+    fs_bad_optflow_x, fs_bad_optflow_y, fs_bad_acc_vertical, fs_bad_acc_clipping,
+    innovation_fault_status_changes, reject_hor_vel, reject_ver_vel, reject_hor_pos, reject_ver_pos,
+    reject_yaw, reject_airspeed, reject_sideslip, reject_hagl, reject_optflow_x, reject_optflow_y.
 
     uORB topic: estimator_status_flags. 98 bytes.
     """
@@ -513,7 +529,7 @@ class EstimatorStatusFlags(_cdr.Message):
                 message.reject_sideslip, message.reject_hagl, message.reject_optflow_x,
                 message.reject_optflow_y,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 102 <= len(data) <= 105:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

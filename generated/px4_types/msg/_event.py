@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIH25sB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class Event(_cdr.Message):
     """Notification from a firmware module, forwarded to ground stations, which look up its text in the
     events metadata.
+
+    Fields: timestamp [us], id, event_sequence, arguments, log_levels.
 
     uORB topic: event. Version 1, 40 bytes.
     """
@@ -77,7 +82,7 @@ class Event(_cdr.Message):
                 header, message.timestamp, message.id, message.event_sequence, message.arguments,
                 message.log_levels,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

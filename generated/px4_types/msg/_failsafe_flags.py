@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q14I13?B13?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,19 @@ class FailsafeFlags(_cdr.Message):
     """What the commander checks before arming and in flight: the needs of each mode and the failures found
     now. Failure flags are false while all is well. In mode_req_ fields, bit n stands for
     VehicleStatus.nav_state n.
+
+    Fields: timestamp [us], mode_req_angular_velocity, mode_req_attitude, mode_req_local_alt,
+    mode_req_local_position, mode_req_local_position_relaxed, mode_req_global_position,
+    mode_req_global_position_relaxed, mode_req_mission, mode_req_offboard_signal,
+    mode_req_home_position, mode_req_wind_and_flight_time_compliance, mode_req_prevent_arming,
+    mode_req_manual_control, mode_req_other, angular_velocity_invalid, attitude_invalid,
+    local_altitude_invalid, local_position_invalid, local_position_invalid_relaxed,
+    local_velocity_invalid, global_position_invalid, global_position_invalid_relaxed,
+    auto_mission_missing, offboard_control_signal_lost, home_position_invalid,
+    manual_control_signal_lost, gcs_connection_lost, battery_warning, battery_low_remaining_time,
+    battery_unhealthy, geofence_breached, mission_failure, vtol_fixed_wing_system_failure,
+    wind_limit_exceeded, flight_time_limit_exceeded, position_accuracy_low, navigator_failure,
+    fd_critical_failure, fd_esc_arming_failure, fd_imbalanced_prop, fd_motor_failure.
 
     uORB topic: failsafe_flags. 91 bytes.
     """
@@ -327,7 +342,7 @@ class FailsafeFlags(_cdr.Message):
                 message.fd_critical_failure, message.fd_esc_arming_failure, message.fd_imbalanced_prop,
                 message.fd_motor_failure,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 95 <= len(data) <= 98:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q8?f2H")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class FailureDetectorStatus(_cdr.Message):
     """Failures the commander detects in flight or while arming; a set flag can lead to termination or
     another failsafe.
+
+    Fields: timestamp [us], fd_roll, fd_pitch, fd_alt, fd_ext, fd_arm_escs, fd_battery,
+    fd_imbalanced_prop, fd_motor, imbalanced_prop_metric [m/s^2], motor_failure_mask, motor_stop_mask.
 
     uORB topic: failure_detector_status. 24 bytes.
     """
@@ -119,7 +124,7 @@ class FailureDetectorStatus(_cdr.Message):
                 message.fd_arm_escs, message.fd_battery, message.fd_imbalanced_prop, message.fd_motor,
                 message.imbalanced_prop_metric, message.motor_failure_mask, message.motor_stop_mask,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3fB3x2if")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class FigureEightStatus(_cdr.Message):
     """Figure-eight loiter that a fixed-wing is flying. Telemetry passes it on so the ground station can
     draw it.
+
+    Fields: timestamp [us], major_radius [m], minor_radius [m], orientation [rad], frame, x, y, z [m].
 
     uORB topic: figure_eight_status. 36 bytes.
     """
@@ -86,7 +90,7 @@ class FigureEightStatus(_cdr.Message):
                 header, message.timestamp, message.major_radius, message.minor_radius, message.orientation,
                 message.frame, message.x, message.y, message.z,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class FixedWingLateralGuidanceStatus(_cdr.Message):
     """Shows the inner values of the fixed-wing path following law (NPFG), for tuning and log review. The
     fixed-wing mode manager publishes it while it guides the plane.
+
+    Fields: timestamp [us], course_setpoint [rad], lateral_acceleration_ff [m/s^2], bearing_feas,
+    bearing_feas_on_track, signed_track_error [m], track_error_bound [m], adapted_period [s],
+    wind_est_valid.
 
     uORB topic: fixed_wing_lateral_guidance_status. 37 bytes.
     """
@@ -99,7 +105,7 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
                 message.bearing_feas, message.bearing_feas_on_track, message.signed_track_error,
                 message.track_error_bound, message.adapted_period, message.wind_est_valid,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 41 <= len(data) <= 44:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

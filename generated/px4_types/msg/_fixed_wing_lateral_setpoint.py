@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +20,8 @@ class FixedWingLateralSetpoint(_cdr.Message):
     """Sideways guidance of a plane: by course, by heading through the air, or by lateral acceleration.
     Read by fw_lateral_longitudinal_control; fixed-wing modes or an external mode publish it with one or
     more values set.
+
+    Fields: timestamp [us], course [rad], airspeed_direction [rad], lateral_acceleration [m/s^2].
 
     uORB topic: fixed_wing_lateral_setpoint. 20 bytes.
     """
@@ -74,7 +79,7 @@ class FixedWingLateralSetpoint(_cdr.Message):
                 header, message.timestamp, message.course, message.airspeed_direction,
                 message.lateral_acceleration,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class FixedWingLateralStatus(_cdr.Message):
     """Reports the lateral acceleration that the fixed-wing controller ends up commanding.
     fw_lateral_longitudinal_control publishes it for logs and tuning.
+
+    Fields: timestamp [us], lateral_acceleration_setpoint [m/s^2], can_run_factor [norm].
 
     uORB topic: fixed_wing_lateral_status. 16 bytes.
     """
@@ -59,7 +63,7 @@ class FixedWingLateralStatus(_cdr.Message):
             (
                 header, message.timestamp, message.lateral_acceleration_setpoint, message.can_run_factor,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q5f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +20,9 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
     """Vertical and speed goal for fixed-wing flight, from a flight mode or companion to
     fw_lateral_longitudinal_control. TECS tracks height and airspeed unless pitch and throttle are given
     directly. Without a height goal it stays level.
+
+    Fields: timestamp [us], altitude [m], height_rate [m/s], equivalent_airspeed [m/s], pitch_direct
+    [rad], throttle_direct [norm].
 
     uORB topic: fixed_wing_longitudinal_setpoint. 28 bytes.
     """
@@ -89,7 +95,7 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
                 header, message.timestamp, message.altitude, message.height_rate, message.equivalent_airspeed,
                 message.pitch_direct, message.throttle_direct,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q?3xf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class FixedWingRunwayControl(_cdr.Message):
     """Wheel steering during runway takeoff and landing, from the fixed-wing mode manager to the attitude
     controller.
+
+    Fields: timestamp [us], wheel_steering_enabled, wheel_steering_nudging_rate [norm].
 
     uORB topic: fixed_wing_runway_control. 16 bytes.
     """
@@ -64,7 +68,7 @@ class FixedWingRunwayControl(_cdr.Message):
                 header, message.timestamp, message.wheel_steering_enabled,
                 message.wheel_steering_nudging_rate,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class FlightPhaseEstimation(_cdr.Message):
     """Whether a fixed-wing is climbing, level or descending. Battery estimation uses it to adapt the
     remaining time.
+
+    Fields: timestamp [us], flight_phase.
 
     uORB topic: flight_phase_estimation. 9 bytes.
     """
@@ -55,7 +60,7 @@ class FlightPhaseEstimation(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.flight_phase) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

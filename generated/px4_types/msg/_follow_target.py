@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2d4fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class FollowTarget(_cdr.Message):
     """Raw position and velocity of the target to follow, received over MAVLink. Input of the follow-target
     estimator.
+
+    Fields: timestamp [us], lat [deg], lon [deg], alt [m], vy [m/s], vx [m/s], vz [m/s], est_cap.
 
     uORB topic: follow_target. 41 bytes.
     """
@@ -85,7 +89,7 @@ class FollowTarget(_cdr.Message):
                 header, message.timestamp, message.lat, message.lon, message.alt, message.vy, message.vx,
                 message.vz, message.est_cap,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 45 <= len(data) <= 48:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q2?6x2d10f2Q", xcdr2="2Q2B2x2Q10I2Q")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class FollowTargetEstimator(_cdr.Message):
     """Filtered motion of the followed target, predicted between its reports. Follow Me mode steers by it.
+
+    Fields: timestamp [us], last_filter_reset_timestamp [us], valid, stale, lat_est [deg], lon_est
+    [deg], alt_est [m], pos_est [m], vel_est [m/s], acc_est [m/s^2], prediction_count, fusion_count.
 
     uORB topic: follow_target_estimator. 96 bytes.
     """
@@ -120,7 +125,7 @@ class FollowTargetEstimator(_cdr.Message):
                 vel_est_1, vel_est_2, acc_est_0, acc_est_1, acc_est_2, message.prediction_count,
                 message.fusion_count,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 100 <= len(data) <= 103:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

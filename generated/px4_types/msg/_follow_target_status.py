@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7f?3xf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class FollowTargetStatus(_cdr.Message):
     """Shows what Follow-Me mode is doing: where it sees the target going and where it wants the drone. The
     follow-target flight task publishes it for logs and debugging.
+
+    Fields: timestamp [us], tracked_target_course [rad], follow_angle [rad], orbit_angle_setpoint [rad],
+    angular_rate_setpoint [rad/s], desired_position_raw [m], in_emergency_ascent, gimbal_pitch [rad].
 
     uORB topic: follow_target_status. 44 bytes.
     """
@@ -98,7 +103,7 @@ class FollowTargetStatus(_cdr.Message):
                 desired_position_raw_1, desired_position_raw_2, message.in_emergency_ascent,
                 message.gimbal_pitch,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3fB3xfB3xIf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class FuelTankStatus(_cdr.Message):
     """Fill level and consumption of one fuel tank, from a tank sensor on DroneCAN; goes out as MAVLink
     FUEL_STATUS. Units of amounts and rates follow `fuel_type`.
+
+    Fields: timestamp [us], maximum_fuel_capacity, consumed_fuel, fuel_consumption_rate,
+    percent_remaining [%], remaining_fuel, fuel_tank_id, fuel_type, temperature [K].
 
     uORB topic: fuel_tank_status. 40 bytes.
     """
@@ -108,7 +114,7 @@ class FuelTankStatus(_cdr.Message):
                 message.fuel_consumption_rate, message.percent_remaining, message.remaining_fuel,
                 message.fuel_tank_id, message.fuel_type, message.temperature,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q5fIiH2h")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GeneratorStatus(_cdr.Message):
     """State of an onboard generator, fuel cell or tether supply, as reported by the device; forwarded to
     the ground station.
+
+    Fields: timestamp [us], status, battery_current [A], load_current [A], power_generated [W],
+    bus_voltage [V], bat_current_setpoint [A], runtime [s], time_until_maintenance [s], generator_speed
+    [rpm], rectifier_temperature [degC], generator_temperature [degC].
 
     uORB topic: generator_status. 50 bytes.
     """
@@ -160,7 +167,7 @@ class GeneratorStatus(_cdr.Message):
                 message.time_until_maintenance, message.generator_speed, message.rectifier_temperature,
                 message.generator_temperature,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 54 <= len(data) <= 57:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

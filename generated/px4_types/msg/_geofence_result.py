@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3?B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class GeofenceResult(_cdr.Message):
     """Outcome of the geofence checks. Published by navigator; the commander runs the failsafe action.
+
+    Fields: timestamp [us], geofence_max_dist_triggered, geofence_max_alt_triggered,
+    geofence_custom_fence_triggered, geofence_action.
 
     uORB topic: geofence_result. 12 bytes.
     """
@@ -99,7 +105,7 @@ class GeofenceResult(_cdr.Message):
                 message.geofence_max_alt_triggered, message.geofence_custom_fence_triggered,
                 message.geofence_action,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GeofenceStatus(_cdr.Message):
     """Tells whether Navigator has finished loading a geofence, so that mission checks know when to run
     again.
+
+    Fields: timestamp [us], geofence_id, status.
 
     uORB topic: geofence_status. 13 bytes.
     """
@@ -58,7 +63,7 @@ class GeofenceStatus(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.geofence_id, message.status) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 17 <= len(data) <= 20:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

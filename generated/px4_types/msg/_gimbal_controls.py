@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GimbalControls(_cdr.Message):
     """Setpoints of a gimbal whose axes are wired to servo outputs; the gimbal module publishes, the mixer
     reads.
+
+    Fields: timestamp [us], timestamp_sample [us], control.
 
     uORB topic: gimbal_controls. 28 bytes.
     """
@@ -64,7 +69,7 @@ class GimbalControls(_cdr.Message):
             (
                 header, message.timestamp, message.timestamp_sample, control_0, control_1, control_2,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

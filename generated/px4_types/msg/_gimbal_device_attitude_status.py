@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2BH7fI2fB?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GimbalDeviceAttitudeStatus(_cdr.Message):
     """Attitude and state a gimbal device reports, close to the MAVLink message of that name. Comes from
     the gimbal over MAVLink or from the PX4 gimbal module; use it to know where the camera looks.
+
+    Fields: timestamp [us], target_system, target_component, device_flags, q, angular_velocity_x
+    [rad/s], angular_velocity_y [rad/s], angular_velocity_z [rad/s], failure_flags, delta_yaw [rad],
+    delta_yaw_velocity [rad/s], gimbal_device_id, received_from_mavlink.
 
     uORB topic: gimbal_device_attitude_status. 54 bytes.
     """
@@ -150,7 +157,7 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
                 message.delta_yaw, message.delta_yaw_velocity, message.gimbal_device_id,
                 message.received_from_mavlink,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 58 <= len(data) <= 61:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

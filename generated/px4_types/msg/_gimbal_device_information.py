@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q32s32s32s2IQ2H6fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GimbalDeviceInformation(_cdr.Message):
     """Identity, abilities and limits of a gimbal, as announced over MAVLink; the gimbal manager passes
     them on.
+
+    Fields: timestamp [us], vendor_name, model_name, custom_name, firmware_version, hardware_version,
+    uid, cap_flags, custom_cap_flags, roll_min [rad], roll_max [rad], pitch_min [rad], pitch_max [rad],
+    yaw_min [rad], yaw_max [rad], gimbal_device_id.
 
     uORB topic: gimbal_device_information. 149 bytes.
     """
@@ -157,7 +164,7 @@ class GimbalDeviceInformation(_cdr.Message):
                 message.custom_cap_flags, message.roll_min, message.roll_max, message.pitch_min,
                 message.pitch_max, message.yaw_min, message.yaw_max, message.gimbal_device_id,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 153 <= len(data) <= 156:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

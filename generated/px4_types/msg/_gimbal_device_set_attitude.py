@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2BH7f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class GimbalDeviceSetAttitude(_cdr.Message):
     """Attitude and rate setpoint from the gimbal manager to a gimbal device, sent on over MAVLink.
+
+    Fields: timestamp [us], target_system, target_component, flags, q, angular_velocity_x [rad/s],
+    angular_velocity_y [rad/s], angular_velocity_z [rad/s].
 
     uORB topic: gimbal_device_set_attitude. 40 bytes.
     """
@@ -103,7 +109,7 @@ class GimbalDeviceSetAttitude(_cdr.Message):
                 q_0, q_1, q_2, q_3, message.angular_velocity_x, message.angular_velocity_y,
                 message.angular_velocity_z,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIB3x6f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GimbalManagerInformation(_cdr.Message):
     """Capabilities and angle limits of the gimbal, announced by the gimbal module to ground stations over
     MAVLink.
+
+    Fields: timestamp [us], cap_flags, gimbal_device_id, roll_min [rad], roll_max [rad], pitch_min
+    [rad], pitch_max [rad], yaw_min [rad], yaw_max [rad].
 
     uORB topic: gimbal_manager_information. 40 bytes.
     """
@@ -117,7 +123,7 @@ class GimbalManagerInformation(_cdr.Message):
                 header, message.timestamp, message.cap_flags, message.gimbal_device_id, message.roll_min,
                 message.roll_max, message.pitch_min, message.pitch_max, message.yaw_min, message.yaw_max,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q4BIB3x7f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GimbalManagerSetAttitude(_cdr.Message):
     """Commands a gimbal's attitude or turn rate, with the meaning of MAVLink GIMBAL_MANAGER_SET_ATTITUDE.
     The MAVLink receiver and the flight modes publish it; the gimbal module carries it out.
+
+    Fields: timestamp [us], origin_sysid, origin_compid, target_system, target_component, flags,
+    gimbal_device_id, q, angular_velocity_x [rad/s], angular_velocity_y [rad/s], angular_velocity_z
+    [rad/s].
 
     uORB topic: gimbal_manager_set_attitude. 48 bytes.
     """
@@ -120,7 +127,7 @@ class GimbalManagerSetAttitude(_cdr.Message):
                 message.target_component, message.flags, message.gimbal_device_id, q_0, q_1, q_2, q_3,
                 message.angular_velocity_x, message.angular_velocity_y, message.angular_velocity_z,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 52 <= len(data) <= 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q4BIB3x4f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GimbalManagerSetManualControl(_cdr.Message):
     """Stick-like gimbal input from a ground station over MAVLink; the gimbal module scales it to angles
     and rates.
+
+    Fields: timestamp [us], origin_sysid, origin_compid, target_system, target_component, flags,
+    gimbal_device_id, pitch [-], yaw [-], pitch_rate [-], yaw_rate [-].
 
     uORB topic: gimbal_manager_set_manual_control. 36 bytes.
     """
@@ -115,7 +121,7 @@ class GimbalManagerSetManualControl(_cdr.Message):
                 message.target_component, message.flags, message.gimbal_device_id, message.pitch, message.yaw,
                 message.pitch_rate, message.yaw_rate,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI5B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GimbalManagerStatus(_cdr.Message):
     """Who controls the gimbal at the moment. Published by the gimbal module and streamed to ground
     stations.
+
+    Fields: timestamp [us], flags, gimbal_device_id, primary_control_sysid, primary_control_compid,
+    secondary_control_sysid, secondary_control_compid.
 
     uORB topic: gimbal_manager_status. 17 bytes.
     """
@@ -88,7 +93,7 @@ class GimbalManagerStatus(_cdr.Message):
                 message.primary_control_sysid, message.primary_control_compid,
                 message.secondary_control_sysid, message.secondary_control_compid,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 21 <= len(data) <= 24:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

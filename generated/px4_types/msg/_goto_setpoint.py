@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3f?3xf?3xf?3xf?3xf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GotoSetpoint(_cdr.Message):
     """Fly to a point, optionally with a heading and speed limits. An external mode publishes it; PX4 plans
     a smooth path there, so consecutive targets may jump.
+
+    Fields: timestamp [us], position [m], flag_control_heading, heading [rad],
+    flag_set_max_horizontal_speed, max_horizontal_speed [m/s], flag_set_max_vertical_speed,
+    max_vertical_speed [m/s], flag_set_max_heading_rate, max_heading_rate [rad/s].
 
     uORB topic: goto_setpoint. 52 bytes.
     """
@@ -118,7 +125,7 @@ class GotoSetpoint(_cdr.Message):
                 message.flag_set_max_vertical_speed, message.max_vertical_speed,
                 message.flag_set_max_heading_rate, message.max_heading_rate,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 56 <= len(data) <= 59:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q4I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GpioConfig(_cdr.Message):
     """Sets up pins of an I/O expander as inputs or outputs. The board's GPIO layer publishes it; the
     expander's driver with this device_id applies it.
+
+    Fields: timestamp [us], device_id, mask, state, config.
 
     uORB topic: gpio_config. 24 bytes.
     """
@@ -79,7 +84,7 @@ class GpioConfig(_cdr.Message):
             (
                 header, message.timestamp, message.device_id, message.mask, message.state, message.config,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class GpioOut(_cdr.Message):
     """Request to set output pins of a GPIO expander, read by the expander's driver.
+
+    Fields: timestamp [us], device_id, mask, state.
 
     uORB topic: gpio_out. 20 bytes.
     """
@@ -59,7 +63,7 @@ class GpioOut(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.device_id, message.mask, message.state) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

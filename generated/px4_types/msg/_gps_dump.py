@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B79s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GpsDump(_cdr.Message):
     """Raw bytes exchanged with a GNSS receiver, published by the GPS driver for the log when dumping is
     enabled.
+
+    Fields: timestamp [us], instance, len, data.
 
     uORB topic: gps_dump. 89 bytes.
     """
@@ -66,7 +71,7 @@ class GpsDump(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.instance, message.len, message.data) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 93 <= len(data) <= 96:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

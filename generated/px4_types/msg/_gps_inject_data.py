@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIHB300s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class GpsInjectData(_cdr.Message):
     """Carries RTCM correction data to the GPS receivers for RTK and moving baseline. Published by the
     MAVLink receiver, CAN nodes or another GPS driver; GPS drivers write it to the receiver.
+
+    Fields: timestamp [us], device_id, len [bytes], flags, data.
 
     uORB topic: gps_inject_data. 315 bytes.
     """
@@ -72,7 +77,7 @@ class GpsInjectData(_cdr.Message):
             (
                 header, message.timestamp, message.device_id, message.len, message.flags, message.data,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 319 <= len(data) <= 322:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

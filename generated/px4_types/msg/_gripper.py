@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Qb")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class Gripper(_cdr.Message):
     """Command to open or close a gripper; the control allocator turns it into an actuator output.
+
+    Fields: timestamp [us], command.
 
     uORB topic: gripper. 9 bytes.
     """
@@ -52,7 +57,7 @@ class Gripper(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.command) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

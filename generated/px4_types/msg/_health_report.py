@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("8Q")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,9 @@ class HealthReport(_cdr.Message):
     """Outcome of Commander's health and arming checks as bit fields, for an overview without the single
     events. Health and arming bits stand for components; a missing component that is required has error
     set and present clear.
+
+    Fields: timestamp [us], can_arm_mode_flags, can_run_mode_flags, health_is_present_flags,
+    health_warning_flags, health_error_flags, arming_check_warning_flags, arming_check_error_flags.
 
     uORB topic: health_report. 64 bytes.
     """
@@ -97,7 +102,7 @@ class HealthReport(_cdr.Message):
                 message.health_is_present_flags, message.health_warning_flags, message.health_error_flags,
                 message.arming_check_warning_flags, message.arming_check_error_flags,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

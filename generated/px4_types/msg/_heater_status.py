@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI2?2x2f2I3fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class HeaterStatus(_cdr.Message):
     """State of the IMU heater and its temperature controller, published by the heater driver for logging.
+
+    Fields: timestamp [us], device_id, heater_on, temperature_target_met, temperature_sensor [degC],
+    temperature_target [degC], controller_period_usec [us], controller_time_on_usec [us],
+    proportional_value [-], integrator_value [-], feed_forward_value [-], mode.
 
     uORB topic: heater_status. 45 bytes.
     """
@@ -122,7 +129,7 @@ class HeaterStatus(_cdr.Message):
                 message.controller_period_usec, message.controller_time_on_usec, message.proportional_value,
                 message.integrator_value, message.feed_forward_value, message.mode,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 49 <= len(data) <= 52:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

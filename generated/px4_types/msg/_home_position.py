@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2d7f4?I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class HomePosition(_cdr.Message):
     """Home, the place that Return mode flies back to, in global and local coordinates. Published by
     commander whenever home changes: automatically on the ground and at takeoff, or by command.
+
+    Fields: timestamp [us], lat [deg], lon [deg], alt [m], x [m], y [m], z [m], roll [rad], pitch [rad],
+    yaw [rad], valid_alt, valid_hpos, valid_lpos, manual_home, update_count.
 
     uORB topic: home_position. Version 1, 60 bytes.
     """
@@ -135,7 +141,7 @@ class HomePosition(_cdr.Message):
                 message.z, message.roll, message.pitch, message.yaw, message.valid_alt, message.valid_hpos,
                 message.valid_lpos, message.manual_home, message.update_count,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q6f?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class HoverThrustEstimate(_cdr.Message):
     """Thrust needed to hover, from the multicopter hover thrust estimator. Position controller and land
     detector use it to adapt to vehicle mass and battery.
+
+    Fields: timestamp [us], timestamp_sample [us], hover_thrust [norm], hover_thrust_var [-],
+    accel_innov [m/s^2], accel_innov_var [(m/s^2)^2], accel_innov_test_ratio [-], accel_noise_var
+    [(m/s^2)^2], valid.
 
     uORB topic: hover_thrust_estimate. 41 bytes.
     """
@@ -101,7 +107,7 @@ class HoverThrustEstimate(_cdr.Message):
                 message.hover_thrust_var, message.accel_innov, message.accel_innov_var,
                 message.accel_innov_test_ratio, message.accel_noise_var, message.valid,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 45 <= len(data) <= 48:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

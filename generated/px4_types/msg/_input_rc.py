@@ -7,8 +7,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QB3xi2?3HBx36sbxf", words="2QB3xI2B3HBx18HBxI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -18,6 +20,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class InputRc(_cdr.Message):
     """Raw channels and link state of the radio control receiver, from the RC drivers or MAVLink. The
     rc_update module turns them into calibrated channels and switches.
+
+    Fields: timestamp [us], timestamp_last_signal [us], channel_count, rssi, rc_failsafe, rc_lost,
+    rc_lost_frame_count, rc_total_frame_count, rc_ppm_frame_length [us], input_source, values [us],
+    link_quality [%], rssi_dbm [dBm].
 
     uORB topic: input_rc. 76 bytes.
     """
@@ -85,7 +91,7 @@ class InputRc(_cdr.Message):
     input_source: int
     """uint8 [@enum RC_INPUT_SOURCE]"""
 
-    values: Sequence[int]
+    values: _arrays.Sequence[int]
     """uint16[18] [us] Pulse width per channel."""
 
     link_quality: int
@@ -106,7 +112,7 @@ class InputRc(_cdr.Message):
         rc_total_frame_count: int = 0,
         rc_ppm_frame_length: int = 0,
         input_source: int = 0,
-        values: Sequence[int] | None = None,
+        values: _arrays.Sequence[int] | None = None,
         link_quality: int = 0,
         rssi_dbm: float = 0.0,
     ) -> None:
@@ -149,7 +155,7 @@ class InputRc(_cdr.Message):
                 message.rc_total_frame_count, message.rc_ppm_frame_length, message.input_source, values_raw,
                 message.link_quality, message.rssi_dbm,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 80 <= len(data) <= 83:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

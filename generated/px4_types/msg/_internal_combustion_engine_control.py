@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q?3x3fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class InternalCombustionEngineControl(_cdr.Message):
     """Commands to a combustion engine, from the module that runs its start, idle and stop sequence; they
     go to the outputs.
+
+    Fields: timestamp [us], ignition_on, throttle_control [norm], choke_control [norm],
+    starter_engine_control [norm], user_request.
 
     uORB topic: internal_combustion_engine_control. 25 bytes.
     """
@@ -86,7 +91,7 @@ class InternalCombustionEngineControl(_cdr.Message):
                 header, message.timestamp, message.ignition_on, message.throttle_control,
                 message.choke_control, message.starter_engine_control, message.user_request,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 29 <= len(data) <= 32:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB3xIB3xI10f3Bx5f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,14 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class InternalCombustionEngineStatus(_cdr.Message):
     """State and measurements of a combustion engine, from a DroneCAN engine controller or from the engine
     control module, which fills in `state` only. Goes out as MAVLink EFI_STATUS.
+
+    Fields: timestamp [us], state, flags, engine_load_percent [%], engine_speed_rpm [rpm],
+    spark_dwell_time_ms [ms], atmospheric_pressure_kpa [kPa], intake_manifold_pressure_kpa [kPa],
+    intake_manifold_temperature [K], coolant_temperature [K], oil_pressure [kPa], oil_temperature [K],
+    fuel_pressure [kPa], fuel_consumption_rate_cm3pm [cm^3/min], estimated_consumed_fuel_volume_cm3
+    [cm^3], throttle_position_percent [%], ecu_index, spark_plug_usage, ignition_timing_deg [deg],
+    injection_time_ms [ms], cylinder_head_temperature [K], exhaust_gas_temperature [K],
+    lambda_coefficient [-].
 
     uORB topic: internal_combustion_engine_status. 88 bytes.
     """
@@ -225,7 +236,7 @@ class InternalCombustionEngineStatus(_cdr.Message):
                 message.injection_time_ms, message.cylinder_head_temperature, message.exhaust_gas_temperature,
                 message.lambda_coefficient,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 92 <= len(data) <= 95:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

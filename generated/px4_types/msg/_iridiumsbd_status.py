@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q6H2B5?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,11 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class IridiumsbdStatus(_cdr.Message):
     """Inner state of the Iridium satellite modem driver: buffers, sessions and signal, for the log and for
     debugging.
+
+    Fields: timestamp [us], last_at_ok_timestamp [us], tx_buf_write_index [bytes], rx_buf_read_index
+    [bytes], rx_buf_end_index [bytes], failed_sbd_sessions, successful_sbd_sessions, num_tx_buf_reset,
+    signal_quality, state, ring_pending, tx_buf_write_pending, tx_session_pending, rx_read_pending,
+    rx_session_pending.
 
     uORB topic: iridiumsbd_status. 35 bytes.
     """
@@ -140,7 +147,7 @@ class IridiumsbdStatus(_cdr.Message):
                 message.state, message.ring_pending, message.tx_buf_write_pending, message.tx_session_pending,
                 message.rx_read_pending, message.rx_session_pending,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 39 <= len(data) <= 42:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QH2x4f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class IrlockReport(_cdr.Message):
     """Infrared beacon seen by an IR-LOCK camera, for precision landing. The landing target estimator reads
     it.
+
+    Fields: timestamp [us], signature, pos_x [-], pos_y [-], size_x [-], size_y [-].
 
     uORB topic: irlock_report. 28 bytes.
     """
@@ -75,7 +79,7 @@ class IrlockReport(_cdr.Message):
                 header, message.timestamp, message.signature, message.pos_x, message.pos_y, message.size_x,
                 message.size_y,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Qb")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class LandingGear(_cdr.Message):
     """Command to retract or extend the landing gear, from the active flight mode or an external one. Servo
     outputs assigned to the gear follow it.
+
+    Fields: timestamp [us], landing_gear.
 
     uORB topic: landing_gear. 9 bytes.
     """
@@ -59,7 +64,7 @@ class LandingGear(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.landing_gear) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Qf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class LandingGearWheel(_cdr.Message):
     """Commands the steering of a nose or tail wheel on the runway. fw_att_control publishes it; the output
     stage drives the wheel's servo with it.
+
+    Fields: timestamp [us], normalized_wheel_setpoint.
 
     uORB topic: landing_gear_wheel. 12 bytes.
     """
@@ -50,7 +54,7 @@ class LandingGearWheel(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.normalized_wheel_setpoint) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q4f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class LandingTargetInnovations(_cdr.Message):
     """Filter residuals of the precision landing target estimator, for tuning from the log.
+
+    Fields: timestamp [us], innov_x [m], innov_y [m], innov_cov_x [m^2], innov_cov_y [m^2].
 
     uORB topic: landing_target_innovations. 24 bytes.
     """
@@ -69,7 +73,7 @@ class LandingTargetInnovations(_cdr.Message):
                 header, message.timestamp, message.innov_x, message.innov_y, message.innov_cov_x,
                 message.innov_cov_y,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3?x9f?3x3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class LandingTargetPose(_cdr.Message):
     """Where the precision landing target is, relative to the vehicle and to the local origin. Published by
     the landing target estimator or from MAVLink; used by precision landing.
+
+    Fields: timestamp [us], is_static, rel_pos_valid, rel_vel_valid, x_rel [m], y_rel [m], z_rel [m],
+    vx_rel [m/s], vy_rel [m/s], cov_x_rel [m^2], cov_y_rel [m^2], cov_vx_rel [m^2/s^2], cov_vy_rel
+    [m^2/s^2], abs_pos_valid, x_abs [m], y_abs [m], z_abs [m].
 
     uORB topic: landing_target_pose. 64 bytes.
     """
@@ -144,7 +150,7 @@ class LandingTargetPose(_cdr.Message):
                 message.cov_x_rel, message.cov_y_rel, message.cov_vx_rel, message.cov_vy_rel,
                 message.abs_pos_valid, message.x_abs, message.y_abs, message.z_abs,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

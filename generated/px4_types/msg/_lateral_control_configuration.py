@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Qf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class LateralControlConfiguration(_cdr.Message):
     """Limit on how hard a fixed-wing vehicle may turn, sent by a flight mode or companion.
     fw_lateral_longitudinal_control applies it to the lateral acceleration it commands.
+
+    Fields: timestamp [us], lateral_accel_max [m/s^2].
 
     uORB topic: lateral_control_configuration. 12 bytes.
     """
@@ -54,7 +59,7 @@ class LateralControlConfiguration(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.lateral_accel_max) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class LaunchDetectionStatus(_cdr.Message):
     """Tells how far a hand or catapult launch of a fixed-wing has come. The fixed-wing mode manager
     publishes it; controllers, EKF2 and the land detector go by it.
+
+    Fields: timestamp [us], launch_detection_state.
 
     uORB topic: launch_detection_status. 9 bytes.
     """
@@ -57,7 +62,7 @@ class LaunchDetectionStatus(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.launch_detection_state) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 13 <= len(data) <= 16:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

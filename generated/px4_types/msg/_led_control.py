@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q5B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class LedControl(_cdr.Message):
     """Color and blink pattern for the external LEDs, from the commander and events module to the LED
     drivers.
+
+    Fields: timestamp [us], led_mask, color, mode, num_blinks, priority.
 
     uORB topic: led_control. 13 bytes.
     """
@@ -108,7 +113,7 @@ class LedControl(_cdr.Message):
                 header, message.timestamp, message.led_mask, message.color, message.mode, message.num_blinks,
                 message.priority,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 17 <= len(data) <= 20:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

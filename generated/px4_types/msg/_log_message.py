@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB127s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class LogMessage(_cdr.Message):
     """Text line from the firmware's log macros, written to the flight log with its severity.
+
+    Fields: timestamp [us], severity, text.
 
     uORB topic: log_message. 136 bytes.
     """
@@ -58,7 +63,7 @@ class LogMessage(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.severity, message.text) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 140 <= len(data) <= 143:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,8 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    import builtins
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B?x2f4IB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class LoggerStatus(_cdr.Message):
     """Throughput and losses of the logger, one instance per log type; tells whether the log is complete.
+
+    Fields: timestamp [us], type, backend, is_logging, total_written_kb [kB], write_rate_kb_s [kB/s],
+    dropouts, message_gaps, buffer_used_bytes [bytes], buffer_size_bytes [bytes], num_messages.
 
     uORB topic: logger_status. 37 bytes.
     """
@@ -38,52 +43,52 @@ class LoggerStatus(_cdr.Message):
     BACKEND_MAVLINK: Final = 2
     BACKEND_ALL: Final = 3
 
-    timestamp: builtins.int
+    timestamp: int
     """uint64 [us] Time since boot."""
 
-    type: builtins.int
+    type: int
     """uint8 [@enum LOGGER_TYPE]"""
 
-    backend: builtins.int
+    backend: int
     """uint8 [@enum BACKEND]"""
 
-    is_logging: builtins.bool
+    is_logging: bool
     """bool"""
 
-    total_written_kb: builtins.float
+    total_written_kb: float
     """float32 [kB] One kB is 1024 bytes here."""
 
-    write_rate_kb_s: builtins.float
+    write_rate_kb_s: float
     """float32 [kB/s] Average since the log was opened."""
 
-    dropouts: builtins.int
+    dropouts: int
     """uint32 Writes lost because the buffer was full."""
 
-    message_gaps: builtins.int
+    message_gaps: int
     """uint32 Topic updates the logger was too slow for."""
 
-    buffer_used_bytes: builtins.int
+    buffer_used_bytes: int
     """uint32 [bytes]"""
 
-    buffer_size_bytes: builtins.int
+    buffer_size_bytes: int
     """uint32 [bytes]"""
 
-    num_messages: builtins.int
+    num_messages: int
     """uint8 Subscribed topics."""
 
     def __init__(
         self,
-        timestamp: builtins.int = 0,
-        type: builtins.int = 0,
-        backend: builtins.int = 0,
-        is_logging: builtins.bool = False,
-        total_written_kb: builtins.float = 0.0,
-        write_rate_kb_s: builtins.float = 0.0,
-        dropouts: builtins.int = 0,
-        message_gaps: builtins.int = 0,
-        buffer_used_bytes: builtins.int = 0,
-        buffer_size_bytes: builtins.int = 0,
-        num_messages: builtins.int = 0,
+        timestamp: int = 0,
+        type: int = 0,
+        backend: int = 0,
+        is_logging: bool = False,
+        total_written_kb: float = 0.0,
+        write_rate_kb_s: float = 0.0,
+        dropouts: int = 0,
+        message_gaps: int = 0,
+        buffer_used_bytes: int = 0,
+        buffer_size_bytes: int = 0,
+        num_messages: int = 0,
     ) -> None:
         self.timestamp = timestamp
         self.type = type
@@ -97,7 +102,7 @@ class LoggerStatus(_cdr.Message):
         self.buffer_size_bytes = buffer_size_bytes
         self.num_messages = num_messages
 
-    def encode(self) -> builtins.bytes:
+    def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 37 of values."""
         try:
             if (False | self.is_logging) not in (0, 1):
@@ -111,7 +116,7 @@ class LoggerStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> LoggerStatus:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> LoggerStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -120,7 +125,7 @@ class LoggerStatus(_cdr.Message):
                 message.total_written_kb, message.write_rate_kb_s, message.dropouts, message.message_gaps,
                 message.buffer_used_bytes, message.buffer_size_bytes, message.num_messages,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 41 <= len(data) <= 44:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

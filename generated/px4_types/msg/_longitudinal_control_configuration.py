@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q7f2?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +20,10 @@ class LongitudinalControlConfiguration(_cdr.Message):
     """Limits and tuning for the height and speed control of a plane (TECS), applied to
     FixedWingLongitudinalSetpoint. Sent by fixed-wing modes or an external mode to
     fw_lateral_longitudinal_control.
+
+    Fields: timestamp [us], pitch_min [rad], pitch_max [rad], throttle_min [norm], throttle_max [norm],
+    climb_rate_target [m/s], sink_rate_target [m/s], speed_weight, enforce_low_height_condition,
+    disable_underspeed_protection.
 
     uORB topic: longitudinal_control_configuration. 38 bytes.
     """
@@ -116,7 +123,7 @@ class LongitudinalControlConfiguration(_cdr.Message):
                 message.speed_weight, message.enforce_low_height_condition,
                 message.disable_underspeed_protection,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 42 <= len(data) <= 45:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q2IQ4I4?12f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class MagWorkerData(_cdr.Message):
     """Progress and latest samples of a running compass calibration. Published by the commander for log
     analysis.
+
+    Fields: timestamp [us], timestamp_sample [us], done_count, calibration_points_perside,
+    calibration_interval_perside_us [us], calibration_counter_total, side_data_collected, x [Gs], y
+    [Gs], z [Gs].
 
     uORB topic: mag_worker_data. 100 bytes.
     """
@@ -127,7 +134,7 @@ class MagWorkerData(_cdr.Message):
                 side_data_collected_2, side_data_collected_3, x_0, x_1, x_2, x_3, y_0, y_1, y_2, y_3, z_0,
                 z_1, z_2, z_3,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 104 <= len(data) <= 107:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q12f8?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,8 @@ class MagnetometerBiasEstimate(_cdr.Message):
     """Gives the bias of every magnetometer as learned while the disarmed vehicle is turned about.
     mag_bias_estimator publishes it; the sensors module corrects its data with it. One element per
     sensor.
+
+    Fields: timestamp [us], bias_x [Gs], bias_y [Gs], bias_z [Gs], valid, stable.
 
     uORB topic: magnetometer_bias_estimate. 64 bytes.
     """
@@ -86,7 +90,7 @@ class MagnetometerBiasEstimate(_cdr.Message):
                 bias_y_2, bias_y_3, bias_z_0, bias_z_1, bias_z_2, bias_z_3, valid_0, valid_1, valid_2,
                 valid_3, stable_0, stable_1, stable_2, stable_3,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q?B2x11f?xH")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +20,9 @@ class ManualControlSetpoint(_cdr.Message):
     """Stick, knob and button input of the pilot. RC and MAVLink joysticks publish manual_control_input;
     the manual_control module picks one source and publishes it as manual_control_setpoint for the
     flight modes.
+
+    Fields: timestamp [us], timestamp_sample [us], valid, data_source, roll, pitch, yaw, throttle,
+    flaps, aux1, aux2, aux3, aux4, aux5, aux6, sticks_moving, buttons.
 
     uORB topics: manual_control_setpoint, manual_control_input. 68 bytes.
     """
@@ -169,7 +175,7 @@ class ManualControlSetpoint(_cdr.Message):
                 message.aux2, message.aux3, message.aux4, message.aux5, message.aux6, message.sticks_moving,
                 message.buttons,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 72 <= len(data) <= 75:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q13B3xI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ManualControlSwitches(_cdr.Message):
     """Gives the position of every switch on the RC transmitter and the flight mode slot it selects.
     rc_update publishes it; manual_control turns changes into requests.
+
+    Fields: timestamp [us], timestamp_sample [us], mode_slot, arm_switch, return_switch, loiter_switch,
+    offboard_switch, kill_switch, termination_switch, gear_switch, transition_switch, photo_switch,
+    video_switch, engage_main_motor_switch, payload_power_switch, switch_changes.
 
     uORB topic: manual_control_switches. 36 bytes.
     """
@@ -160,7 +167,7 @@ class ManualControlSwitches(_cdr.Message):
                 message.photo_switch, message.video_switch, message.engage_main_motor_switch,
                 message.payload_power_switch, message.switch_changes,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

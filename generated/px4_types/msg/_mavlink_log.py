@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q127sB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class MavlinkLog(_cdr.Message):
     """A line of text for the operator, written by any module; each MAVLink link sends it as STATUSTEXT.
+
+    Fields: timestamp [us], text, severity.
 
     uORB topic: mavlink_log. 136 bytes.
     """
@@ -58,7 +63,7 @@ class MavlinkLog(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.text, message.severity) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 140 <= len(data) <= 143:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH3B128s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class MavlinkTunnel(_cdr.Message):
     """Opaque bytes received in a MAVLink TUNNEL message, handed to whichever driver knows the payload
     type. Data for ESCs on a serial bus arrives on `esc_serial_passthru`.
+
+    Fields: timestamp [us], payload_type, target_system, target_component, payload_length [bytes],
+    payload.
 
     uORB topics: mavlink_tunnel, esc_serial_passthru. 141 bytes.
     """
@@ -96,7 +102,7 @@ class MavlinkTunnel(_cdr.Message):
                 header, message.timestamp, message.payload_type, message.target_system,
                 message.target_component, message.payload_length, message.payload,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 145 <= len(data) <= 148:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

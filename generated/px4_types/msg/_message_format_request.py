@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH50s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class MessageFormatRequest(_cdr.Message):
     """Asks the autopilot for the definition hash of one topic, so that a ROS 2 program can check that both
     sides were built from equal message definitions. Answered with MessageFormatResponse.
+
+    Fields: timestamp [us], protocol_version, topic_name.
 
     uORB topic: message_format_request. 60 bytes.
     """
@@ -62,7 +67,7 @@ class MessageFormatRequest(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.protocol_version, message.topic_name) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QH50s?3xI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class MessageFormatResponse(_cdr.Message):
     """Definition hash of the topic named in a MessageFormatRequest, published by uxrce_dds_client. The
     asker compares it with the hash of its own definition.
+
+    Fields: timestamp [us], protocol_version, topic_name, success, message_hash.
 
     uORB topic: message_format_response. 68 bytes.
     """
@@ -75,7 +79,7 @@ class MessageFormatResponse(_cdr.Message):
                 header, message.timestamp, message.protocol_version, message.topic_name, message.success,
                 message.message_hash,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 72 <= len(data) <= 75:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3BxH2x3i3I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class Mission(_cdr.Message):
     """Where the current mission, geofence and rally points are stored in dataman, and where the mission
     stands. A changed id tells the navigator to load that part again.
+
+    Fields: timestamp [us], mission_dataman_id, fence_dataman_id, safepoint_dataman_id, count,
+    current_seq, land_start_index, land_index, mission_id, geofence_id, safe_points_id.
 
     uORB topic: mission. 40 bytes.
     """
@@ -109,7 +114,7 @@ class Mission(_cdr.Message):
                 message.safepoint_dataman_id, message.count, message.current_seq, message.land_start_index,
                 message.land_index, message.mission_id, message.geofence_id, message.safe_points_id,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

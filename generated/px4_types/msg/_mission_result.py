@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3Ii2H5?x2HB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class MissionResult(_cdr.Message):
     """Progress and validity of the mission, from the navigator to the commander and MAVLink.
+
+    Fields: timestamp [us], mission_id, geofence_id, home_position_counter, seq_reached, seq_current,
+    seq_total, valid, warning, finished, failure, item_do_jump_changed, item_changed_index,
+    item_do_jump_remaining, execution_mode.
 
     uORB topic: mission_result. 39 bytes.
     """
@@ -135,7 +141,7 @@ class MissionResult(_cdr.Message):
                 message.item_do_jump_changed, message.item_changed_index, message.item_do_jump_remaining,
                 message.execution_mode,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 43 <= len(data) <= 46:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ModeCompleted(_cdr.Message):
     """A mode reports that it has finished, so that a mission or mode executor can go on. PX4 and external
     modes publish it. Nothing is sent when the mode is left early, by the pilot or by a failsafe.
+
+    Fields: timestamp [us], result, nav_state.
 
     uORB topic: mode_completed. 10 bytes.
     """
@@ -61,7 +66,7 @@ class ModeCompleted(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.result, message.nav_state) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

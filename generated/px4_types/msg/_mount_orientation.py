@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class MountOrientation(_cdr.Message):
     """Direction in which the gimbal module points the mount; goes out as MAVLink MOUNT_ORIENTATION.
+
+    Fields: timestamp [us], attitude_euler_angle [rad].
 
     uORB topic: mount_orientation. 20 bytes.
     """
@@ -56,7 +60,7 @@ class MountOrientation(_cdr.Message):
                 header, message.timestamp, attitude_euler_angle_0, attitude_euler_angle_1,
                 attitude_euler_angle_2,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

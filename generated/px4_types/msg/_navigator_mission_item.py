@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2H7f2B5?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class NavigatorMissionItem(_cdr.Message):
     """Mission item that navigator is executing, also used for the steps of a return. Meant for the log.
+
+    Fields: timestamp [us], sequence_current, nav_cmd, latitude [deg], longitude [deg], time_inside [s],
+    acceptance_radius [m], loiter_radius [m], yaw [rad], altitude [m], frame, origin,
+    loiter_exit_xtrack, force_heading, altitude_is_relative, autocontinue, vtol_back_transition.
 
     uORB topic: navigator_mission_item. 47 bytes.
     """
@@ -148,7 +154,7 @@ class NavigatorMissionItem(_cdr.Message):
                 message.force_heading, message.altitude_is_relative, message.autocontinue,
                 message.vtol_back_transition,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 51 <= len(data) <= 54:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class NavigatorStatus(_cdr.Message):
     """Which mode the navigator runs and what keeps that mode from working, if anything.
+
+    Fields: timestamp [us], nav_state, failure.
 
     uORB topic: navigator_status. 10 bytes.
     """
@@ -59,7 +64,7 @@ class NavigatorStatus(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.nav_state, message.failure) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q19f2i")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class NeuralControl(_cdr.Message):
     """Inputs, outputs and run time of the neural network controller (mc_nn_control), for logging.
+
+    Fields: timestamp [us], observation, network_output, controller_time [us], inference_time [us].
 
     uORB topic: neural_control. 92 bytes.
     """
@@ -82,7 +86,7 @@ class NeuralControl(_cdr.Message):
                 network_output_0, network_output_1, network_output_2, network_output_3,
                 message.controller_time, message.inference_time,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 96 <= len(data) <= 99:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Qf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class NormalizedUnsignedSetpoint(_cdr.Message):
     """Deflection wanted for flaps or spoilers, from the fixed-wing controllers to control allocation.
+
+    Fields: timestamp [us], normalized_setpoint.
 
     uORB topics: flaps_setpoint, spoilers_setpoint. 12 bytes.
     """
@@ -49,7 +53,7 @@ class NormalizedUnsignedSetpoint(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.normalized_setpoint) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

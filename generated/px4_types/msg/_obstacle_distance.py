@@ -7,8 +7,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B144s2xf2Hf", words="Q2B72H2xI2HI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -19,6 +21,9 @@ class ObstacleDistance(_cdr.Message):
     """Distance to the nearest obstacle in each sector of a horizontal ring around the vehicle. Companions
     and sensor drivers publish it for collision prevention, which merges it into
     obstacle_distance_fused.
+
+    Fields: timestamp [us], frame, sensor_type, distances [cm], increment [deg], min_distance [cm],
+    max_distance [cm], angle_offset [deg].
 
     uORB topics: obstacle_distance, obstacle_distance_fused. 168 bytes.
     """
@@ -49,7 +54,7 @@ class ObstacleDistance(_cdr.Message):
     sensor_type: int
     """uint8 [@enum MAV_DISTANCE_SENSOR] Measuring principle of the sensor."""
 
-    distances: Sequence[int]
+    distances: _arrays.Sequence[int]
     """uint16[72] [cm] [@invalid UINT16_MAX] Nearest obstacle per sector, clockwise. max_distance + 1:
     sector is free. 0: touching the sensor.
     """
@@ -71,7 +76,7 @@ class ObstacleDistance(_cdr.Message):
         timestamp: int = 0,
         frame: int = 0,
         sensor_type: int = 0,
-        distances: Sequence[int] | None = None,
+        distances: _arrays.Sequence[int] | None = None,
         increment: float = 0.0,
         min_distance: int = 0,
         max_distance: int = 0,
@@ -105,7 +110,7 @@ class ObstacleDistance(_cdr.Message):
                 header, message.timestamp, message.frame, message.sensor_type, distances_raw,
                 message.increment, message.min_distance, message.max_distance, message.angle_offset,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 172 <= len(data) <= 175:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

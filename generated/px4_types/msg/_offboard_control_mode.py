@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class OffboardControlMode(_cdr.Message):
     """Tells which kind of setpoint a companion sends in Offboard mode, and keeps that mode alive: send it
     faster than 2 Hz. The first true field, from top to bottom, decides which controllers run.
+
+    Fields: timestamp [us], position, velocity, acceleration, attitude, body_rate, thrust_and_torque,
+    direct_actuator.
 
     uORB topic: offboard_control_mode. 15 bytes.
     """
@@ -99,7 +104,7 @@ class OffboardControlMode(_cdr.Message):
                 header, message.timestamp, message.position, message.velocity, message.acceleration,
                 message.attitude, message.body_rate, message.thrust_and_torque, message.direct_actuator,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 19 <= len(data) <= 22:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,8 +6,9 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    import builtins
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QIB8s10s4s10s9b4h2x44I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +18,11 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class OnboardComputerStatus(_cdr.Message):
     """Load, temperatures, storage and network use of a companion computer, reported by itself. Fields and
     filler values are those of the MAVLink message ONBOARD_COMPUTER_STATUS.
+
+    Fields: timestamp [us], uptime [ms], type, cpu_cores [%], cpu_combined, gpu_cores [%], gpu_combined,
+    temperature_board [degC], temperature_core [degC], fan_speed [rpm], ram_usage [MB], ram_total [MB],
+    storage_type, storage_usage [MB], storage_total [MB], link_type [Kb/s], link_tx_rate [Kb/s],
+    link_rx_rate [Kb/s], link_tx_max [Kb/s], link_rx_max [Kb/s].
 
     uORB topic: onboard_computer_status. 240 bytes.
     """
@@ -34,94 +40,94 @@ class OnboardComputerStatus(_cdr.Message):
         "link_rx_max",
     )
 
-    timestamp: builtins.int
+    timestamp: int
     """uint64 [us] Time since boot."""
 
-    uptime: builtins.int
+    uptime: int
     """uint32 [ms] How long the companion computer has been running."""
 
-    type: builtins.int
+    type: int
     """uint8 Role of the computer: 0 main mission computer, 1 and 2 its backups, 3 compute node, 4 and 5
     spare nodes, 6 to 9 for payloads.
     """
 
-    cpu_cores: builtins.bytes
+    cpu_cores: bytes
     """uint8[8] [%] Load of each CPU core. Unused entries hold 255."""
 
-    cpu_combined: builtins.bytes
+    cpu_combined: bytes
     """uint8[10] Total CPU load in each of the ten latest 100 ms intervals, to show short peaks. Unused
     entries hold 255.
     """
 
-    gpu_cores: builtins.bytes
+    gpu_cores: bytes
     """uint8[4] [%] Load of each GPU core. Unused entries hold 255."""
 
-    gpu_combined: builtins.bytes
+    gpu_combined: bytes
     """uint8[10] Total GPU load in each of the ten latest 100 ms intervals. Unused entries hold 255."""
 
-    temperature_board: builtins.int
+    temperature_board: int
     """int8 [degC] Temperature of the main board, 127 if not measured."""
 
-    temperature_core: builtins.tuple[builtins.int, ...]
+    temperature_core: tuple[int, ...]
     """int8[8] [degC] Temperature of each CPU core. Unused entries hold 127."""
 
-    fan_speed: builtins.tuple[builtins.int, builtins.int, builtins.int, builtins.int]
+    fan_speed: tuple[int, int, int, int]
     """int16[4] [rpm] Speed of each fan. Unused entries hold 32767."""
 
-    ram_usage: builtins.int
+    ram_usage: int
     """uint32 [MB] Memory in use."""
 
-    ram_total: builtins.int
+    ram_total: int
     """uint32 [MB] Memory installed."""
 
-    storage_type: builtins.tuple[builtins.int, builtins.int, builtins.int, builtins.int]
+    storage_type: tuple[int, int, int, int]
     """uint32[4] Kind of each drive. 0: hard disk, 1: SSD, 2: eMMC, 3: fixed SD card, 4: removable SD card."""
 
-    storage_usage: builtins.tuple[builtins.int, builtins.int, builtins.int, builtins.int]
+    storage_usage: tuple[int, int, int, int]
     """uint32[4] [MB] Space taken on each drive."""
 
-    storage_total: builtins.tuple[builtins.int, builtins.int, builtins.int, builtins.int]
+    storage_total: tuple[int, int, int, int]
     """uint32[4] [MB] Size of each drive."""
 
-    link_type: builtins.tuple[builtins.int, ...]
+    link_type: tuple[int, ...]
     """uint32[6] [Kb/s] Kind of link, a code despite the unit: 0+ UART, 10+ wired, 20+ Wi-Fi, 30+
     proprietary direct link, 40+ proprietary mesh.
     """
 
-    link_tx_rate: builtins.tuple[builtins.int, ...]
+    link_tx_rate: tuple[int, ...]
     """uint32[6] [Kb/s] Data each link sends at present."""
 
-    link_rx_rate: builtins.tuple[builtins.int, ...]
+    link_rx_rate: tuple[int, ...]
     """uint32[6] [Kb/s] Data each link receives at present."""
 
-    link_tx_max: builtins.tuple[builtins.int, ...]
+    link_tx_max: tuple[int, ...]
     """uint32[6] [Kb/s] Most that each link can send."""
 
-    link_rx_max: builtins.tuple[builtins.int, ...]
+    link_rx_max: tuple[int, ...]
     """uint32[6] [Kb/s] Most that each link can receive."""
 
     def __init__(
         self,
-        timestamp: builtins.int = 0,
-        uptime: builtins.int = 0,
-        type: builtins.int = 0,
-        cpu_cores: builtins.bytes = bytes(8),
-        cpu_combined: builtins.bytes = bytes(10),
-        gpu_cores: builtins.bytes = bytes(4),
-        gpu_combined: builtins.bytes = bytes(10),
-        temperature_board: builtins.int = 0,
-        temperature_core: builtins.tuple[builtins.int, ...] = (0,) * 8,
-        fan_speed: builtins.tuple[builtins.int, builtins.int, builtins.int, builtins.int] = (0, 0, 0, 0),
-        ram_usage: builtins.int = 0,
-        ram_total: builtins.int = 0,
-        storage_type: builtins.tuple[builtins.int, builtins.int, builtins.int, builtins.int] = (0, 0, 0, 0),
-        storage_usage: builtins.tuple[builtins.int, builtins.int, builtins.int, builtins.int] = (0, 0, 0, 0),
-        storage_total: builtins.tuple[builtins.int, builtins.int, builtins.int, builtins.int] = (0, 0, 0, 0),
-        link_type: builtins.tuple[builtins.int, ...] = (0,) * 6,
-        link_tx_rate: builtins.tuple[builtins.int, ...] = (0,) * 6,
-        link_rx_rate: builtins.tuple[builtins.int, ...] = (0,) * 6,
-        link_tx_max: builtins.tuple[builtins.int, ...] = (0,) * 6,
-        link_rx_max: builtins.tuple[builtins.int, ...] = (0,) * 6,
+        timestamp: int = 0,
+        uptime: int = 0,
+        type: int = 0,
+        cpu_cores: bytes = bytes(8),
+        cpu_combined: bytes = bytes(10),
+        gpu_cores: bytes = bytes(4),
+        gpu_combined: bytes = bytes(10),
+        temperature_board: int = 0,
+        temperature_core: tuple[int, ...] = (0,) * 8,
+        fan_speed: tuple[int, int, int, int] = (0, 0, 0, 0),
+        ram_usage: int = 0,
+        ram_total: int = 0,
+        storage_type: tuple[int, int, int, int] = (0, 0, 0, 0),
+        storage_usage: tuple[int, int, int, int] = (0, 0, 0, 0),
+        storage_total: tuple[int, int, int, int] = (0, 0, 0, 0),
+        link_type: tuple[int, ...] = (0,) * 6,
+        link_tx_rate: tuple[int, ...] = (0,) * 6,
+        link_rx_rate: tuple[int, ...] = (0,) * 6,
+        link_tx_max: tuple[int, ...] = (0,) * 6,
+        link_rx_max: tuple[int, ...] = (0,) * 6,
     ) -> None:
         self.timestamp = timestamp
         self.uptime = uptime
@@ -144,7 +150,7 @@ class OnboardComputerStatus(_cdr.Message):
         self.link_tx_max = link_tx_max
         self.link_rx_max = link_rx_max
 
-    def encode(self) -> builtins.bytes:
+    def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 240 of values."""
         try:
             (
@@ -197,7 +203,7 @@ class OnboardComputerStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> OnboardComputerStatus:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> OnboardComputerStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -216,7 +222,7 @@ class OnboardComputerStatus(_cdr.Message):
                 link_tx_max_4, link_tx_max_5, link_rx_max_0, link_rx_max_1, link_rx_max_2, link_rx_max_3,
                 link_rx_max_4, link_rx_max_5,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 244 <= len(data) <= 247:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QB50s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class OpenDroneIdArmStatus(_cdr.Message):
     """Verdict of a remote ID transmitter on whether the vehicle may arm; the DroneCAN driver relays it
     from the transmitter.
+
+    Fields: timestamp [us], status, error.
 
     uORB topic: open_drone_id_arm_status. 59 bytes.
     """
@@ -57,7 +61,7 @@ class OpenDroneIdArmStatus(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.status, message.error) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 63 <= len(data) <= 66:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

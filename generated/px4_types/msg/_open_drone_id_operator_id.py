@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q20sB20s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class OpenDroneIdOperatorId(_cdr.Message):
     """Operator registration for remote ID, received from the ground station and handed to the transmitter
     to broadcast.
+
+    Fields: timestamp [us], id_or_mac, operator_id_type, operator_id.
 
     uORB topic: open_drone_id_operator_id. 49 bytes.
     """
@@ -68,7 +72,7 @@ class OpenDroneIdOperatorId(_cdr.Message):
             (
                 header, message.timestamp, message.id_or_mac, message.operator_id_type, message.operator_id,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 53 <= len(data) <= 56:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

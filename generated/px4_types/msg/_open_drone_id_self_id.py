@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q20sB23s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class OpenDroneIdSelfId(_cdr.Message):
     """Free text on the purpose of a flight for Remote ID. Received over MAVLink and handed to the Remote
     ID transmitter.
+
+    Fields: timestamp [us], id_or_mac, description_type, description.
 
     uORB topic: open_drone_id_self_id. 52 bytes.
     """
@@ -68,7 +72,7 @@ class OpenDroneIdSelfId(_cdr.Message):
             (
                 header, message.timestamp, message.id_or_mac, message.description_type, message.description,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 56 <= len(data) <= 59:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q20s2B2x2i2H2f2B2xf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class OpenDroneIdSystem(_cdr.Message):
     """Operator position and operating area for Remote ID. Received over MAVLink and handed to the Remote
     ID transmitter.
+
+    Fields: timestamp [us], id_or_mac, operator_location_type, classification_type, operator_latitude,
+    operator_longitude, area_count, area_radius [m], area_ceiling [m], area_floor [m], category_eu,
+    class_eu, operator_altitude_geo [m].
 
     uORB topic: open_drone_id_system. 60 bytes.
     """
@@ -125,7 +131,7 @@ class OpenDroneIdSystem(_cdr.Message):
                 message.area_count, message.area_radius, message.area_ceiling, message.area_floor,
                 message.category_eu, message.class_eu, message.operator_altitude_geo,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Qi512s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class OrbTestLarge(_cdr.Message):
     """Big payload for uORB's own unit tests; never published in flight.
+
+    Fields: timestamp [us], val, junk.
 
     uORB topic: orb_test_large. 524 bytes.
     """
@@ -56,7 +60,7 @@ class OrbTestLarge(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.val, message.junk) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 528 <= len(data) <= 531:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Qi64s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class OrbTestMedium(_cdr.Message):
     """Serves uORB's own tests as a message of medium size; it has no meaning in flight.
+
+    Fields: timestamp [us], val, junk.
 
     uORB topics: orb_test_medium, orb_test_medium_multi, orb_test_medium_wrap_around,
     orb_test_medium_queue, orb_test_medium_queue_poll. 76 bytes.
@@ -59,7 +64,7 @@ class OrbTestMedium(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.val, message.junk) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 80 <= len(data) <= 83:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QfB3x2dfB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class OrbitStatus(_cdr.Message):
     """Circle being flown in orbit mode or in a fixed-wing loiter; a ground station draws it
     (ORBIT_EXECUTION_STATUS).
+
+    Fields: timestamp [us], radius [m], frame, x, y, z [m], yaw_behaviour.
 
     uORB topic: orbit_status. 37 bytes.
     """
@@ -87,7 +92,7 @@ class OrbitStatus(_cdr.Message):
                 header, message.timestamp, message.radius, message.frame, message.x, message.y, message.z,
                 message.yaw_behaviour,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 41 <= len(data) <= 44:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ParameterResetRequest(_cdr.Message):
     """Tells the remote half of a split parameter system to put one or all parameters back to default. The
     primary processor publishes it.
+
+    Fields: timestamp [us], parameter_index, reset_all.
 
     uORB topic: parameter_reset_request. 11 bytes.
     """
@@ -59,7 +64,7 @@ class ParameterResetRequest(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.parameter_index, message.reset_all) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 15 <= len(data) <= 18:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class ParameterSetUsedRequest(_cdr.Message):
     """Sent by a second processor to tell the one that holds the parameters that a parameter is in use.
+
+    Fields: timestamp [us], parameter_index.
 
     uORB topic: parameter_set_used_request. 10 bytes.
     """
@@ -51,7 +56,7 @@ class ParameterSetUsedRequest(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.parameter_index) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH2xif")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class ParameterSetValueRequest(_cdr.Message):
     """Carries a changed parameter to the other processor on boards that run PX4 on two of them.
+
+    Fields: timestamp [us], parameter_index, int_value, float_value.
 
     uORB topics: parameter_set_value_request, parameter_remote_set_value_request,
     parameter_primary_set_value_request. 20 bytes.
@@ -66,7 +71,7 @@ class ParameterSetValueRequest(_cdr.Message):
             (
                 header, message.timestamp, message.parameter_index, message.int_value, message.float_value,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QH")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ParameterSetValueResponse(_cdr.Message):
     """Confirms that a changed parameter has arrived on the other processor, on boards that run PX4 on two
     of them.
+
+    Fields: timestamp [us], request_timestamp [us], parameter_index.
 
     uORB topics: parameter_set_value_response, parameter_remote_set_value_response,
     parameter_primary_set_value_response. 18 bytes.
@@ -60,7 +65,7 @@ class ParameterSetValueResponse(_cdr.Message):
             (
                 header, message.timestamp, message.request_timestamp, message.parameter_index,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 22 <= len(data) <= 25:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

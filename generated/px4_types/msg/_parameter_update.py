@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5I3H")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class ParameterUpdate(_cdr.Message):
     """Announces that parameters have changed; modules that see it load their parameters again. The
     parameter library publishes it along with a few statistics.
+
+    Fields: timestamp [us], instance, get_count, set_count, find_count, export_count, active, changed,
+    custom_default.
 
     uORB topic: parameter_update. 34 bytes.
     """
@@ -98,7 +103,7 @@ class ParameterUpdate(_cdr.Message):
                 message.find_count, message.export_count, message.active, message.changed,
                 message.custom_default,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 38 <= len(data) <= 41:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q2If2B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class Ping(_cdr.Message):
     """Answer to a MAVLink ping, published by the MAVLink module to log link latency.
+
+    Fields: timestamp [us], ping_time [us], ping_sequence, dropped_packets, rtt_ms [ms], system_id,
+    component_id.
 
     uORB topic: ping. 30 bytes.
     """
@@ -84,7 +89,7 @@ class Ping(_cdr.Message):
                 header, message.timestamp, message.ping_time, message.ping_sequence, message.dropped_packets,
                 message.rtt_ms, message.system_id, message.component_id,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 34 <= len(data) <= 37:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Qf?B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class PositionControllerLandingStatus(_cdr.Message):
     """State of a fixed-wing automatic landing: flare, pilot correction and why it was aborted, if it was.
+
+    Fields: timestamp [us], lateral_touchdown_offset [m], flaring, abort_status.
 
     uORB topic: position_controller_landing_status. 14 bytes.
     """
@@ -77,7 +82,7 @@ class PositionControllerLandingStatus(_cdr.Message):
                 header, message.timestamp, message.lateral_touchdown_offset, message.flaring,
                 message.abort_status,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 18 <= len(data) <= 21:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

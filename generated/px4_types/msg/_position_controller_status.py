@@ -6,8 +6,9 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    import builtins
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class PositionControllerStatus(_cdr.Message):
     """Guidance state of a fixed-wing or rover: bearing, distance to the waypoint and track error.
     Navigator takes the acceptance radius from it; telemetry streams the rest.
+
+    Fields: timestamp [us], nav_roll [rad], nav_pitch [rad], nav_bearing [rad], target_bearing [rad],
+    xtrack_error [m], wp_dist [m], acceptance_radius [m], type.
 
     uORB topic: position_controller_status. 37 bytes.
     """
@@ -30,44 +34,44 @@ class PositionControllerStatus(_cdr.Message):
         "acceptance_radius", "type",
     )
 
-    timestamp: builtins.int
+    timestamp: int
     """uint64 [us] Time since boot."""
 
-    nav_roll: builtins.float
+    nav_roll: float
     """float32 [rad]"""
 
-    nav_pitch: builtins.float
+    nav_pitch: float
     """float32 [rad]"""
 
-    nav_bearing: builtins.float
+    nav_bearing: float
     """float32 [rad] Direction that guidance steers to."""
 
-    target_bearing: builtins.float
+    target_bearing: float
     """float32 [rad] Direction from vehicle to waypoint."""
 
-    xtrack_error: builtins.float
+    xtrack_error: float
     """float32 [m] Signed distance from the path."""
 
-    wp_dist: builtins.float
+    wp_dist: float
     """float32 [m]"""
 
-    acceptance_radius: builtins.float
+    acceptance_radius: float
     """float32 [m]"""
 
-    type: builtins.int
+    type: int
     """uint8 SETPOINT_TYPE_* of PositionSetpoint in use."""
 
     def __init__(
         self,
-        timestamp: builtins.int = 0,
-        nav_roll: builtins.float = 0.0,
-        nav_pitch: builtins.float = 0.0,
-        nav_bearing: builtins.float = 0.0,
-        target_bearing: builtins.float = 0.0,
-        xtrack_error: builtins.float = 0.0,
-        wp_dist: builtins.float = 0.0,
-        acceptance_radius: builtins.float = 0.0,
-        type: builtins.int = 0,
+        timestamp: int = 0,
+        nav_roll: float = 0.0,
+        nav_pitch: float = 0.0,
+        nav_bearing: float = 0.0,
+        target_bearing: float = 0.0,
+        xtrack_error: float = 0.0,
+        wp_dist: float = 0.0,
+        acceptance_radius: float = 0.0,
+        type: int = 0,
     ) -> None:
         self.timestamp = timestamp
         self.nav_roll = nav_roll
@@ -79,7 +83,7 @@ class PositionControllerStatus(_cdr.Message):
         self.acceptance_radius = acceptance_radius
         self.type = type
 
-    def encode(self) -> builtins.bytes:
+    def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 37 of values."""
         try:
             return _pack(
@@ -90,7 +94,7 @@ class PositionControllerStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> PositionControllerStatus:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PositionControllerStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -99,7 +103,7 @@ class PositionControllerStatus(_cdr.Message):
                 message.target_bearing, message.xtrack_error, message.wp_dist, message.acceptance_radius,
                 message.type,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 41 <= len(data) <= 44:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

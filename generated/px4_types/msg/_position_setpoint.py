@@ -6,8 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    import builtins
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q?B2x3f2d4f?3xfB3x3f?3xf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,11 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class PositionSetpoint(_cdr.Message):
     """One target of the navigator: where to fly and how. Only used as a member of PositionSetpointTriplet.
+
+    Fields: timestamp [us], valid, type, vx [m/s], vy [m/s], vz [m/s], lat [deg], lon [deg], alt [m],
+    yaw [rad], loiter_radius [m], loiter_minor_radius [m], loiter_direction_counter_clockwise,
+    loiter_orientation [rad], loiter_pattern, acceptance_radius [m], alt_acceptance_radius [m],
+    cruising_speed [m/s], gliding_enabled, cruising_throttle [-].
 
     uORB topic: position_setpoint. 88 bytes.
     """
@@ -57,94 +64,94 @@ class PositionSetpoint(_cdr.Message):
     LOITER_TYPE_FIGUREEIGHT: Final = 1
     """Lying eight."""
 
-    timestamp: builtins.int
+    timestamp: int
     """uint64 [us] Time since boot."""
 
-    valid: builtins.bool
+    valid: bool
     """bool False means the slot is empty and the rest has no meaning."""
 
-    type: builtins.int
+    type: int
     """uint8 [@enum SETPOINT_TYPE] What the controllers are to do with this target."""
 
-    vx: builtins.float
+    vx: float
     """float32 [m/s] [@frame NED] Wanted speed towards north, for the velocity type."""
 
-    vy: builtins.float
+    vy: float
     """float32 [m/s] [@frame NED] Wanted speed towards east."""
 
-    vz: builtins.float
+    vz: float
     """float32 [m/s] [@frame NED] Wanted speed downwards."""
 
-    lat: builtins.float
+    lat: float
     """float64 [deg] Target latitude, WGS84."""
 
-    lon: builtins.float
+    lon: float
     """float64 [deg] Target longitude, WGS84."""
 
-    alt: builtins.float
+    alt: float
     """float32 [m] Target height above mean sea level."""
 
-    yaw: builtins.float
+    yaw: float
     """float32 [rad] [@range -pi, pi] [@invalid NaN Flight task decides] Wanted heading, followed in hover
     only.
     """
 
-    loiter_radius: builtins.float
+    loiter_radius: float
     """float32 [m] [@range 0, INF] Size of the pattern: circle radius, or half the long axis of other
     shapes.
     """
 
-    loiter_minor_radius: builtins.float
+    loiter_minor_radius: float
     """float32 [m] [@range 0, INF] Half the short axis, for patterns other than the circle."""
 
-    loiter_direction_counter_clockwise: builtins.bool
+    loiter_direction_counter_clockwise: bool
     """bool Flies the pattern anticlockwise seen from above, instead of clockwise."""
 
-    loiter_orientation: builtins.float
+    loiter_orientation: float
     """float32 [rad] [@range -pi, pi] Direction of the long axis, measured from true north."""
 
-    loiter_pattern: builtins.int
+    loiter_pattern: int
     """uint8 [@enum LOITER_TYPE] Shape to fly."""
 
-    acceptance_radius: builtins.float
+    acceptance_radius: float
     """float32 [m] Horizontal distance at which the target counts as reached."""
 
-    alt_acceptance_radius: builtins.float
+    alt_acceptance_radius: float
     """float32 [m] [@invalid NaN Guidance picks one] Height error at which it counts as reached, for fixed
     wings.
     """
 
-    cruising_speed: builtins.float
+    cruising_speed: float
     """float32 [m/s] Preferred speed on the way, which the controllers may deviate from."""
 
-    gliding_enabled: builtins.bool
+    gliding_enabled: bool
     """bool Asks a fixed wing that can do so to fly without thrust."""
 
-    cruising_throttle: builtins.float
+    cruising_throttle: float
     """float32 [-] Preferred throttle on the way, a wish that only rovers follow."""
 
     def __init__(
         self,
-        timestamp: builtins.int = 0,
-        valid: builtins.bool = False,
-        type: builtins.int = 0,
-        vx: builtins.float = 0.0,
-        vy: builtins.float = 0.0,
-        vz: builtins.float = 0.0,
-        lat: builtins.float = 0.0,
-        lon: builtins.float = 0.0,
-        alt: builtins.float = 0.0,
-        yaw: builtins.float = 0.0,
-        loiter_radius: builtins.float = 0.0,
-        loiter_minor_radius: builtins.float = 0.0,
-        loiter_direction_counter_clockwise: builtins.bool = False,
-        loiter_orientation: builtins.float = 0.0,
-        loiter_pattern: builtins.int = 0,
-        acceptance_radius: builtins.float = 0.0,
-        alt_acceptance_radius: builtins.float = 0.0,
-        cruising_speed: builtins.float = 0.0,
-        gliding_enabled: builtins.bool = False,
-        cruising_throttle: builtins.float = 0.0,
+        timestamp: int = 0,
+        valid: bool = False,
+        type: int = 0,
+        vx: float = 0.0,
+        vy: float = 0.0,
+        vz: float = 0.0,
+        lat: float = 0.0,
+        lon: float = 0.0,
+        alt: float = 0.0,
+        yaw: float = 0.0,
+        loiter_radius: float = 0.0,
+        loiter_minor_radius: float = 0.0,
+        loiter_direction_counter_clockwise: bool = False,
+        loiter_orientation: float = 0.0,
+        loiter_pattern: int = 0,
+        acceptance_radius: float = 0.0,
+        alt_acceptance_radius: float = 0.0,
+        cruising_speed: float = 0.0,
+        gliding_enabled: bool = False,
+        cruising_throttle: float = 0.0,
     ) -> None:
         self.timestamp = timestamp
         self.valid = valid
@@ -167,7 +174,7 @@ class PositionSetpoint(_cdr.Message):
         self.gliding_enabled = gliding_enabled
         self.cruising_throttle = cruising_throttle
 
-    def encode(self) -> builtins.bytes:
+    def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 88 of values."""
         try:
             if (False | self.valid | self.loiter_direction_counter_clockwise | self.gliding_enabled) not in (0, 1):
@@ -183,7 +190,7 @@ class PositionSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> PositionSetpoint:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PositionSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -195,7 +202,7 @@ class PositionSetpoint(_cdr.Message):
                 message.alt_acceptance_radius, message.cruising_speed, message.gliding_enabled,
                 message.cruising_throttle,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 92 <= len(data) <= 95:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -8,6 +8,8 @@ from ._position_setpoint import PositionSetpoint
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q?B2x3f2d4f?3xfB3x3f?3xfQ?B2x3f2d4f?3xfB3x3f?3xfQ?B2x3f2d4f?3xfB3x3f?3xf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class PositionSetpointTriplet(_cdr.Message):
     """The leg being flown: waypoint behind, waypoint ahead and the one after. The navigator publishes it
     in auto modes; position controllers follow it. Unused entries have valid set to false.
+
+    Fields: timestamp [us], previous, current, next.
 
     uORB topic: position_setpoint_triplet. 272 bytes.
     """
@@ -108,7 +112,7 @@ class PositionSetpointTriplet(_cdr.Message):
                 next.acceptance_radius, next.alt_acceptance_radius, next.cruising_speed, next.gliding_enabled,
                 next.cruising_throttle,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 276 <= len(data) <= 279:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3f8h")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,9 @@ class PowerMonitor(_cdr.Message):
     """Gives raw readings of a power monitor chip, for logs and debugging; BatteryStatus has the values
     meant for use. Drivers such as ina220 and voxlpm publish it. The integers copy the chip's registers
     and may be left at zero.
+
+    Fields: timestamp [us], voltage_v [V], current_a [A], power_w [W], rconf, rsv, rbv, rp, rc, rcal,
+    me, al.
 
     uORB topic: power_monitor. 36 bytes.
     """
@@ -114,7 +119,7 @@ class PowerMonitor(_cdr.Message):
                 message.rconf, message.rsv, message.rbv, message.rp, message.rc, message.rcal, message.me,
                 message.al,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

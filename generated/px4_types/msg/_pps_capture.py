@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class PpsCapture(_cdr.Message):
     """A pulse-per-second edge of the GNSS receiver, caught by interrupt at `timestamp`; it ties boot time
     to UTC, and the GNSS code uses it to correct for the latency of the receiver.
+
+    Fields: timestamp [us], rtc_timestamp [us], pps_rate_exceeded_counter.
 
     uORB topic: pps_capture. 17 bytes.
     """
@@ -57,7 +61,7 @@ class PpsCapture(_cdr.Message):
             (
                 header, message.timestamp, message.rtc_timestamp, message.pps_rate_exceeded_counter,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 21 <= len(data) <= 24:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class PurePursuitStatus(_cdr.Message):
     """Inner values of the pure pursuit path follower that steers rovers, published by the rover modules
     for tuning.
+
+    Fields: timestamp [us], lookahead_distance [m], target_bearing [rad], crosstrack_error [m],
+    distance_to_waypoint [m], bearing_to_waypoint [rad].
 
     uORB topic: pure_pursuit_status. 28 bytes.
     """
@@ -84,7 +89,7 @@ class PurePursuitStatus(_cdr.Message):
                 header, message.timestamp, message.lookahead_distance, message.target_bearing,
                 message.crosstrack_error, message.distance_to_waypoint, message.bearing_to_waypoint,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q2I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class PwmInput(_cdr.Message):
     """Pulse measured on a PWM input pin, from the pwm_input driver. The failure detector uses it as
     trigger of an external termination system.
+
+    Fields: timestamp [us], error_count, pulse_width [us], period [us].
 
     uORB topic: pwm_input. 24 bytes.
     """
@@ -62,7 +66,7 @@ class PwmInput(_cdr.Message):
             (
                 header, message.timestamp, message.error_count, message.pulse_width, message.period,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

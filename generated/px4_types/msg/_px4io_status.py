@@ -7,8 +7,9 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QH2x2f23?x32H36s", words="QH2x2I23Bx50H")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -18,6 +19,14 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class Px4ioStatus(_cdr.Message):
     """Registers of the PX4IO coprocessor: status, alarms, arming flags and pulse widths. Published by the
     px4io driver.
+
+    Fields: timestamp [us], free_memory_bytes [bytes], voltage_v [V], rssi_v [V], status_arm_sync,
+    status_failsafe, status_fmu_initialized, status_fmu_ok, status_init_ok, status_outputs_armed,
+    status_raw_pwm, status_rc_ok, status_rc_dsm, status_rc_ppm, status_rc_sbus, status_rc_st24,
+    status_rc_sumd, status_safety_button_event, alarm_pwm_error, alarm_rc_lost, arming_failsafe_custom,
+    arming_fmu_armed, arming_fmu_prearmed, arming_termination, arming_io_arm_ok, arming_lockdown,
+    arming_termination_failsafe, pwm [us], pwm_disarmed [us], pwm_failsafe [us], pwm_rate_hz [Hz],
+    raw_inputs [us].
 
     uORB topic: px4io_status. 144 bytes.
     """
@@ -134,7 +143,7 @@ class Px4ioStatus(_cdr.Message):
     pwm_rate_hz: tuple[int, ...]
     """uint16[8] [Hz]"""
 
-    raw_inputs: Sequence[int]
+    raw_inputs: _arrays.Sequence[int]
     """uint16[18] [us] RC channels before scaling."""
 
     def __init__(
@@ -170,7 +179,7 @@ class Px4ioStatus(_cdr.Message):
         pwm_disarmed: tuple[int, ...] = (0,) * 8,
         pwm_failsafe: tuple[int, ...] = (0,) * 8,
         pwm_rate_hz: tuple[int, ...] = (0,) * 8,
-        raw_inputs: Sequence[int] | None = None,
+        raw_inputs: _arrays.Sequence[int] | None = None,
     ) -> None:
         self.timestamp = timestamp
         self.free_memory_bytes = free_memory_bytes
@@ -271,7 +280,7 @@ class Px4ioStatus(_cdr.Message):
                 pwm_failsafe_7, pwm_rate_hz_0, pwm_rate_hz_1, pwm_rate_hz_2, pwm_rate_hz_3, pwm_rate_hz_4,
                 pwm_rate_hz_5, pwm_rate_hz_6, pwm_rate_hz_7, raw_inputs_raw,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 148 <= len(data) <= 151:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q100s2I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class QshellReq(_cdr.Message):
     """Sends a shell command from the application processor to the DSP of a VOXL board. The qshell tool
     publishes it; the DSP runs it and answers with QshellRetval.
+
+    Fields: timestamp [us], cmd, strlen [bytes], request_sequence.
 
     uORB topic: qshell_req. 116 bytes.
     """
@@ -66,7 +71,7 @@ class QshellReq(_cdr.Message):
             (
                 header, message.timestamp, message.cmd, message.strlen, message.request_sequence,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 120 <= len(data) <= 123:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

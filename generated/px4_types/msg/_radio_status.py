@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5Bx2H")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class RadioStatus(_cdr.Message):
     """Link quality of a SiK-type telemetry radio, from its RADIO_STATUS; MAVLink slows its streams down by
     it. Signal and noise are in units of the radio.
+
+    Fields: timestamp [us], rssi, remote_rssi, txbuf [%], noise, remote_noise, rxerrors, fix.
 
     uORB topic: radio_status. 18 bytes.
     """
@@ -90,7 +94,7 @@ class RadioStatus(_cdr.Message):
                 header, message.timestamp, message.rssi, message.remote_rssi, message.txbuf, message.noise,
                 message.remote_noise, message.rxerrors, message.fix,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 22 <= len(data) <= 25:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class RateCtrlStatus(_cdr.Message):
     """Integrators of the rate controllers, for tuning and logging.
+
+    Fields: timestamp [us], rollspeed_integ, pitchspeed_integ, yawspeed_integ.
 
     uORB topic: rate_ctrl_status. 20 bytes.
     """
@@ -64,7 +68,7 @@ class RateCtrlStatus(_cdr.Message):
                 header, message.timestamp, message.rollspeed_integ, message.pitchspeed_integ,
                 message.yawspeed_integ,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,8 +7,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q72sB30sB?3xI", words="2Q18I33B3xI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -18,6 +20,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class RcChannels(_cdr.Message):
     """RC input after calibration, with the function mapped to each channel. Published by rc_update from
     input_rc.
+
+    Fields: timestamp [us], timestamp_last_valid [us], channels, channel_count, function, rssi,
+    signal_lost, frame_drop_count.
 
     uORB topic: rc_channels. 128 bytes.
     """
@@ -69,13 +74,13 @@ class RcChannels(_cdr.Message):
     timestamp_last_valid: int
     """uint64 [us]"""
 
-    channels: Sequence[float]
+    channels: _arrays.Sequence[float]
     """float32[18] [@range -1, 1] Deflection after trim and deadzone."""
 
     channel_count: int
     """uint8 Entries of channels in use."""
 
-    function: Sequence[int]
+    function: _arrays.Sequence[int]
     """int8[30] [@invalid -1] Index into channels for every FUNCTION_* number."""
 
     rssi: int
@@ -91,9 +96,9 @@ class RcChannels(_cdr.Message):
         self,
         timestamp: int = 0,
         timestamp_last_valid: int = 0,
-        channels: Sequence[float] | None = None,
+        channels: _arrays.Sequence[float] | None = None,
         channel_count: int = 0,
-        function: Sequence[int] | None = None,
+        function: _arrays.Sequence[int] | None = None,
         rssi: int = 0,
         signal_lost: bool = False,
         frame_drop_count: int = 0,
@@ -129,7 +134,7 @@ class RcChannels(_cdr.Message):
                 header, message.timestamp, message.timestamp_last_valid, channels_raw, message.channel_count,
                 function_raw, message.rssi, message.signal_lost, message.frame_drop_count,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 132 <= len(data) <= 135:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

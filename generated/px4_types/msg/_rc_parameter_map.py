@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3?x3i51sx12f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class RcParameterMap(_cdr.Message):
     """Parameters tied to RC knobs, set by the ground station through MAVLink; rc_update changes them as
     the knobs turn. New value: value0 + scale * knob, kept between value_min and value_max.
+
+    Fields: timestamp [us], valid, param_index, param_id, scale, value0, value_min, value_max.
 
     uORB topic: rc_parameter_map. 124 bytes.
     """
@@ -105,7 +110,7 @@ class RcParameterMap(_cdr.Message):
                 param_index_2, message.param_id, scale_0, scale_1, scale_2, value0_0, value0_1, value0_2,
                 value_min_0, value_min_1, value_min_2, value_max_0, value_max_1, value_max_2,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 128 <= len(data) <= 131:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

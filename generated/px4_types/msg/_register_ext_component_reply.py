@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q25sxH?3b")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class RegisterExtComponentReply(_cdr.Message):
     """Result of a RegisterExtComponentRequest, published by commander. Carries the ids under which the
     external component is now known. Read them only when success is true.
+
+    Fields: timestamp [us], request_id, name, px4_ros2_api_version, success, arming_check_id, mode_id,
+    mode_executor_id.
 
     uORB topic: register_ext_component_reply. 48 bytes.
     """
@@ -101,7 +107,7 @@ class RegisterExtComponentReply(_cdr.Message):
                 header, message.timestamp, message.request_id, message.name, message.px4_ros2_api_version,
                 message.success, message.arming_check_id, message.mode_id, message.mode_executor_id,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 52 <= len(data) <= 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

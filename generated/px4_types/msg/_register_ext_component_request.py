@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q25sxH4?B?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class RegisterExtComponentRequest(_cdr.Message):
     """Registers an arming check, flight mode or mode executor that runs outside the autopilot, typically
     in a ROS 2 node. commander answers with RegisterExtComponentReply.
+
+    Fields: timestamp [us], request_id, name, px4_ros2_api_version, register_arming_check,
+    register_mode, register_mode_executor, enable_replace_internal_mode, replace_internal_mode,
+    activate_mode_immediately.
 
     uORB topic: register_ext_component_request. 50 bytes.
     """
@@ -123,7 +130,7 @@ class RegisterExtComponentRequest(_cdr.Message):
                 message.enable_replace_internal_mode, message.replace_internal_mode,
                 message.activate_mode_immediately,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 54 <= len(data) <= 57:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class RoverAttitudeStatus(_cdr.Message):
     """Heading and heading setpoint inside the rover attitude controller, for tuning and logging.
+
+    Fields: timestamp [us], measured_yaw [rad], adjusted_yaw_setpoint [rad].
 
     uORB topic: rover_attitude_status. 16 bytes.
     """
@@ -56,7 +60,7 @@ class RoverAttitudeStatus(_cdr.Message):
             (
                 header, message.timestamp, message.measured_yaw, message.adjusted_yaw_setpoint,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class RoverPositionSetpoint(_cdr.Message):
     """Point a rover shall drive to, optionally along a line from a start point. Rover modes or an external
     mode send it to the position controller of the rover.
+
+    Fields: timestamp [us], position_ned [m], start_ned [m], cruising_speed [m/s], arrival_speed [m/s],
+    yaw [rad].
 
     uORB topic: rover_position_setpoint. 36 bytes.
     """
@@ -82,7 +87,7 @@ class RoverPositionSetpoint(_cdr.Message):
                 header, message.timestamp, position_ned_0, position_ned_1, start_ned_0, start_ned_1,
                 message.cruising_speed, message.arrival_speed, message.yaw,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Qf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class RoverRateSetpoint(_cdr.Message):
     """Turn rate wanted from a rover. The attitude controller, a manual mode or an external mode publishes
     it for the rate controller of the rover.
+
+    Fields: timestamp [us], yaw_rate_setpoint [rad/s].
 
     uORB topic: rover_rate_setpoint. 12 bytes.
     """
@@ -50,7 +54,7 @@ class RoverRateSetpoint(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.yaw_rate_setpoint) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class RoverRateStatus(_cdr.Message):
     """Yaw rate loop of a rover: measured rate, limited setpoint and integrator, for tuning.
+
+    Fields: timestamp [us], measured_yaw_rate [rad/s], adjusted_yaw_rate_setpoint [rad/s],
+    pid_yaw_rate_integral [-].
 
     uORB topic: rover_rate_status. 20 bytes.
     """
@@ -69,7 +74,7 @@ class RoverRateStatus(_cdr.Message):
                 header, message.timestamp, message.measured_yaw_rate, message.adjusted_yaw_rate_setpoint,
                 message.pid_yaw_rate_integral,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class RoverSpeedSetpoint(_cdr.Message):
     """Ground speed a rover shall drive, from its drive modes or a companion to the rover speed controller.
+
+    Fields: timestamp [us], speed_body_x [m/s], speed_body_y [m/s].
 
     uORB topic: rover_speed_setpoint. 16 bytes.
     """
@@ -56,7 +60,7 @@ class RoverSpeedSetpoint(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.speed_body_x, message.speed_body_y) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

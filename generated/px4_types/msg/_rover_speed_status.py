@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q6f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class RoverSpeedStatus(_cdr.Message):
     """Inner values of the rover speed controllers, published by the rover modules for tuning and logs.
+
+    Fields: timestamp [us], measured_speed_body_x [m/s], adjusted_speed_body_x_setpoint [m/s],
+    pid_throttle_body_x_integral [-], measured_speed_body_y [m/s], adjusted_speed_body_y_setpoint [m/s],
+    pid_throttle_body_y_integral [-].
 
     uORB topic: rover_speed_status. 32 bytes.
     """
@@ -93,7 +99,7 @@ class RoverSpeedStatus(_cdr.Message):
                 message.measured_speed_body_y, message.adjusted_speed_body_y_setpoint,
                 message.pid_throttle_body_y_integral,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 36 <= len(data) <= 39:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Qf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class RoverSteeringSetpoint(_cdr.Message):
     """How hard a rover steers. The rover controllers or a companion computer publish it; the rover module
     moves the steering servo or the wheels accordingly.
+
+    Fields: timestamp [us], normalized_steering_setpoint [-].
 
     uORB topic: rover_steering_setpoint. 12 bytes.
     """
@@ -52,7 +56,7 @@ class RoverSteeringSetpoint(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.normalized_steering_setpoint) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class RoverThrottleSetpoint(_cdr.Message):
     """Normalised throttle for a rover. Published by the speed controller, a manual mode or an external
     mode; the actuator control of the rover turns it into motor commands.
+
+    Fields: timestamp [us], throttle_body_x [-], throttle_body_y [-].
 
     uORB topic: rover_throttle_setpoint. 16 bytes.
     """
@@ -59,7 +63,7 @@ class RoverThrottleSetpoint(_cdr.Message):
             (
                 header, message.timestamp, message.throttle_body_x, message.throttle_body_y,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

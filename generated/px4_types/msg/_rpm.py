@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class Rpm(_cdr.Message):
     """Gives the measured rotation speed of a motor, engine or rotor. RPM sensor drivers publish it; rotor
     speed and engine control use it. Zero means no rotation seen for a while.
+
+    Fields: timestamp [us], rpm_estimate [rpm], rpm_raw [rpm].
 
     uORB topic: rpm. 16 bytes.
     """
@@ -55,7 +59,7 @@ class Rpm(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.rpm_estimate, message.rpm_raw) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI2?2B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class RtlStatus(_cdr.Message):
     """Tells which way home Return mode would take right now and whether that choice is up to date.
     navigator publishes it; its mission checks and logs use it.
+
+    Fields: timestamp [us], safe_points_id, is_evaluation_pending, has_vtol_approach, rtl_type,
+    safe_point_index.
 
     uORB topic: rtl_status. 16 bytes.
     """
@@ -99,7 +105,7 @@ class RtlStatus(_cdr.Message):
                 header, message.timestamp, message.safe_points_id, message.is_evaluation_pending,
                 message.has_vtol_approach, message.rtl_type, message.safe_point_index,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

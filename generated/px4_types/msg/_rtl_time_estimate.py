@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q?3x2f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class RtlTimeEstimate(_cdr.Message):
     """How long a return would take from here, published by the navigator. The commander compares it with
     the remaining battery time.
+
+    Fields: timestamp [us], valid, time_estimate [s], safe_time_estimate [s].
 
     uORB topic: rtl_time_estimate. 20 bytes.
     """
@@ -66,7 +70,7 @@ class RtlTimeEstimate(_cdr.Message):
             (
                 header, message.timestamp, message.valid, message.time_estimate, message.safe_time_estimate,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

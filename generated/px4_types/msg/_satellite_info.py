@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB40s40s40s40s40s40s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SatelliteInfo(_cdr.Message):
     """Lists the satellites a GPS receiver sees, with position in the sky and signal strength. GPS drivers
     publish it; it goes to the ground as MAVLink GPS_STATUS.
+
+    Fields: timestamp [us], count, svid, used, elevation [deg], azimuth, snr [dBHz], prn.
 
     uORB topic: satellite_info. 249 bytes.
     """
@@ -100,7 +105,7 @@ class SatelliteInfo(_cdr.Message):
                 header, message.timestamp, message.count, message.svid, message.used, message.elevation,
                 message.azimuth, message.snr, message.prn,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 253 <= len(data) <= 256:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI4fI3sB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorAccel(_cdr.Message):
     """One accelerometer sample before calibration, from each IMU driver; the sensors module turns it into
     vehicle_imu.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, x [m/s^2], y [m/s^2], z [m/s^2],
+    temperature [degC], error_count, clip_counter, samples.
 
     uORB topic: sensor_accel. 44 bytes.
     """
@@ -106,7 +112,7 @@ class SensorAccel(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.x, message.y,
                 message.z, message.temperature, message.error_count, message.clip_counter, message.samples,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

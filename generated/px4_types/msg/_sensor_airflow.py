@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI2fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class SensorAirflow(_cdr.Message):
     """Speed and direction of the air at the vehicle, from a wind sensor driver.
+
+    Fields: timestamp [us], device_id, speed [m/s], direction [rad], status.
 
     uORB topic: sensor_airflow. 21 bytes.
     """
@@ -69,7 +73,7 @@ class SensorAirflow(_cdr.Message):
                 header, message.timestamp, message.device_id, message.speed, message.direction,
                 message.status,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 25 <= len(data) <= 28:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI2fI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorBaro(_cdr.Message):
     """Gives the static air pressure as measured by one barometer. Barometer drivers publish it; the
     sensors module corrects it and derives altitude for EKF2.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, pressure [Pa], temperature [degC],
+    error_count.
 
     uORB topic: sensor_baro. 32 bytes.
     """
@@ -82,7 +88,7 @@ class SensorBaro(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.pressure,
                 message.temperature, message.error_count,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 36 <= len(data) <= 39:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

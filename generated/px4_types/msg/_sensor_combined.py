@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3fIi3fI4B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorCombined(_cdr.Message):
     """Gyro and accelerometer readings of the primary IMU in SI units, calibrated. Published by the sensors
     module; use it where one clean IMU stream is enough. The gyro data belongs to timestamp itself.
+
+    Fields: timestamp [us], gyro_rad [rad/s], gyro_integral_dt [us], accelerometer_timestamp_relative
+    [us], accelerometer_m_s2 [m/s^2], accelerometer_integral_dt [us], accelerometer_clipping,
+    gyro_clipping, accel_calibration_count, gyro_calibration_count.
 
     uORB topic: sensor_combined. 48 bytes.
     """
@@ -121,7 +128,7 @@ class SensorCombined(_cdr.Message):
                 accelerometer_m_s2_2, message.accelerometer_integral_dt, message.accelerometer_clipping,
                 message.gyro_clipping, message.accel_calibration_count, message.gyro_calibration_count,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 52 <= len(data) <= 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q4I16f4I16f4I16f4I8f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,13 @@ class SensorCorrection(_cdr.Message):
     """Gives the temperature-dependent offsets of each accelerometer, gyro, magnetometer and barometer.
     Published by temperature_compensation; readers subtract the offset numbered like their entry in the
     device ids.
+
+    Fields: timestamp [us], accel_device_ids, accel_temperature [degC], accel_offset_0 [m/s^2],
+    accel_offset_1 [m/s^2], accel_offset_2 [m/s^2], accel_offset_3 [m/s^2], gyro_device_ids,
+    gyro_temperature [degC], gyro_offset_0 [rad/s], gyro_offset_1 [rad/s], gyro_offset_2 [rad/s],
+    gyro_offset_3 [rad/s], mag_device_ids, mag_temperature [degC], mag_offset_0 [Gs], mag_offset_1 [Gs],
+    mag_offset_2 [Gs], mag_offset_3 [Gs], baro_device_ids, baro_temperature [degC], baro_offset_0 [Pa],
+    baro_offset_1 [Pa], baro_offset_2 [Pa], baro_offset_3 [Pa].
 
     uORB topic: sensor_correction. 296 bytes.
     """
@@ -240,7 +249,7 @@ class SensorCorrection(_cdr.Message):
                 baro_temperature_1, baro_temperature_2, baro_temperature_3, message.baro_offset_0,
                 message.baro_offset_1, message.baro_offset_2, message.baro_offset_3,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 300 <= len(data) <= 303:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI4xQH2x10f10?", xcdr2="2QIQH2x10I10B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,12 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorGnssRelative(_cdr.Message):
     """Baseline from a reference station or a second antenna to the rover antenna, by RTK. Published by
     GNSS drivers; the vector is in the local NED system of the reference.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, time_utc_usec [us], reference_station_id,
+    position [m], position_accuracy [m], heading [rad], heading_accuracy [rad], position_length [m],
+    accuracy_length [m], gnss_fix_ok, differential_solution, relative_position_valid,
+    carrier_solution_floating, carrier_solution_fixed, moving_base_mode, reference_position_miss,
+    reference_observations_miss, heading_valid, relative_position_normalized.
 
     uORB topic: sensor_gnss_relative. 86 bytes.
     """
@@ -183,7 +191,7 @@ class SensorGnssRelative(_cdr.Message):
                 message.reference_position_miss, message.reference_observations_miss, message.heading_valid,
                 message.relative_position_normalized,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 90 <= len(data) <= 93:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI?4B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorGnssStatus(_cdr.Message):
     """How well a GNSS receiver rates its own signals and corrections; from drivers whose receivers report
     it (Septentrio).
+
+    Fields: timestamp [us], device_id, quality_available, quality_corrections, quality_receiver,
+    quality_gnss_signals, quality_post_processing.
 
     uORB topic: sensor_gnss_status. 17 bytes.
     """
@@ -90,7 +95,7 @@ class SensorGnssStatus(_cdr.Message):
                 message.quality_corrections, message.quality_receiver, message.quality_gnss_signals,
                 message.quality_post_processing,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 21 <= len(data) <= 24:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI4x4d2fB3x4fiHBxi2B2x5f?3xiQB3xI4fB?B", xcdr2="2QI4Q2IB3x5IHBxI2B2x5IB3xIQB3x5I3B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,14 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorGps(_cdr.Message):
     """Position, velocity and signal quality from a GNSS receiver, in WGS84. sensor_gps comes from each
     driver, vehicle_gps_position is the selected or blended solution that the estimator reads.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, latitude_deg [deg], longitude_deg [deg],
+    altitude_msl_m [m], altitude_ellipsoid_m [m], s_variance_m_s [m/s], c_variance_rad [rad], fix_type,
+    eph [m], epv [m], hdop [-], vdop [-], noise_per_ms, automatic_gain_control, jamming_state,
+    jamming_indicator, spoofing_state, authentication_state, vel_m_s [m/s], vel_n_m_s [m/s], vel_e_m_s
+    [m/s], vel_d_m_s [m/s], cog_rad [rad], vel_ned_valid, timestamp_time_relative [us], time_utc_usec
+    [us], satellites_used, system_error, heading [rad], heading_offset [rad], heading_accuracy [rad],
+    rtcm_injection_rate [Hz], selected_rtcm_instance, rtcm_crc_failed, rtcm_msg_used.
 
     uORB topics: sensor_gps, vehicle_gps_position. 163 bytes.
     """
@@ -320,7 +331,7 @@ class SensorGps(_cdr.Message):
                 message.heading_offset, message.heading_accuracy, message.rtcm_injection_rate,
                 message.selected_rtcm_instance, message.rtcm_crc_failed, message.rtcm_msg_used,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 167 <= len(data) <= 170:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI4fI3sB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class SensorGyro(_cdr.Message):
     """Uncalibrated angular velocity of one gyro, rotated to the board frame. Published by its driver.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, x [rad/s], y [rad/s], z [rad/s],
+    temperature [degC], error_count, clip_counter, samples.
 
     uORB topic: sensor_gyro. 44 bytes.
     """
@@ -105,7 +111,7 @@ class SensorGyro(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.x, message.y,
                 message.z, message.temperature, message.error_count, message.clip_counter, message.samples,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI20f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorGyroFft(_cdr.Message):
     """Strongest vibration frequencies in the gyro signal, from gyro_fft. The sensors module sets its
     dynamic notch filters to them.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, sensor_sample_rate_hz [Hz], resolution_hz
+    [Hz], peak_frequencies_x [Hz], peak_frequencies_y [Hz], peak_frequencies_z [Hz], peak_snr_x [dB],
+    peak_snr_y [dB], peak_snr_z [dB].
 
     uORB topic: sensor_gyro_fft. 100 bytes.
     """
@@ -122,7 +128,7 @@ class SensorGyroFft(_cdr.Message):
                 peak_snr_x_0, peak_snr_x_1, peak_snr_x_2, peak_snr_y_0, peak_snr_y_1, peak_snr_y_2,
                 peak_snr_z_0, peak_snr_z_1, peak_snr_z_2,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 104 <= len(data) <= 107:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

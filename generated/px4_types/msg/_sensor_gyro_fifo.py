@@ -7,8 +7,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI2fBx64s64s64s", words="2Q3IBx96H")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -18,6 +20,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorGyroFifo(_cdr.Message):
     """A batch of raw gyro samples as read from the sensor's FIFO, at full rate for filters and vibration
     analysis.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, dt [us], scale, samples, x, y, z.
 
     uORB topic: sensor_gyro_fifo. 222 bytes.
     """
@@ -49,13 +53,13 @@ class SensorGyroFifo(_cdr.Message):
     samples: int
     """uint8 Used elements of `x`, `y` and `z`."""
 
-    x: Sequence[int]
+    x: _arrays.Sequence[int]
     """int16[32] [@frame FRD] Raw counts of the board axis."""
 
-    y: Sequence[int]
+    y: _arrays.Sequence[int]
     """int16[32] [@frame FRD] Raw counts of the board axis."""
 
-    z: Sequence[int]
+    z: _arrays.Sequence[int]
     """int16[32] [@frame FRD] Raw counts of the board axis."""
 
     def __init__(
@@ -66,9 +70,9 @@ class SensorGyroFifo(_cdr.Message):
         dt: float = 0.0,
         scale: float = 0.0,
         samples: int = 0,
-        x: Sequence[int] | None = None,
-        y: Sequence[int] | None = None,
-        z: Sequence[int] | None = None,
+        x: _arrays.Sequence[int] | None = None,
+        y: _arrays.Sequence[int] | None = None,
+        z: _arrays.Sequence[int] | None = None,
     ) -> None:
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
@@ -100,7 +104,7 @@ class SensorGyroFifo(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.dt,
                 message.scale, message.samples, x_raw, y_raw, z_raw,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 226 <= len(data) <= 229:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

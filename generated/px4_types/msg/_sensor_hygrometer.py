@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI2f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class SensorHygrometer(_cdr.Message):
     """Air humidity and temperature at a humidity sensor, from its driver; goes out over MAVLink.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, temperature [degC], humidity [%].
 
     uORB topic: sensor_hygrometer. 28 bytes.
     """
@@ -70,7 +74,7 @@ class SensorHygrometer(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.temperature,
                 message.humidity,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI4fI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorMag(_cdr.Message):
     """One magnetometer sample before calibration, from each driver; the sensors module makes
     vehicle_magnetometer of it.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, x [Gs], y [Gs], z [Gs], temperature
+    [degC], error_count.
 
     uORB topic: sensor_mag. 40 bytes.
     """
@@ -92,7 +98,7 @@ class SensorMag(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.x, message.y,
                 message.z, message.temperature, message.error_count,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI5f?3xf?3xIB3xI3fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorOpticalFlow(_cdr.Message):
     """Raw motion of the ground image over one interval, from an optical flow driver or a companion
     computer. PX4 adds gyro and range data where missing and hands it to EKF2 for velocity estimation.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, pixel_flow [rad], delta_angle [rad],
+    delta_angle_available, distance_m [m], distance_available, integration_timespan_us [us], quality,
+    error_count, max_flow_rate [rad/s], min_ground_distance [m], max_ground_distance [m], mode.
 
     uORB topic: sensor_optical_flow. 77 bytes.
     """
@@ -147,7 +154,7 @@ class SensorOpticalFlow(_cdr.Message):
                 message.quality, message.error_count, message.max_flow_rate, message.min_ground_distance,
                 message.max_ground_distance, message.mode,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 81 <= len(data) <= 84:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Qf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class SensorPreflightMag(_cdr.Message):
     """How far the compasses disagree before take-off, for the arming checks; not published while armed.
+
+    Fields: timestamp [us], mag_inconsistency_angle [rad].
 
     uORB topic: sensor_preflight_mag. 12 bytes.
     """
@@ -49,7 +53,7 @@ class SensorPreflightMag(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.mag_inconsistency_angle) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 16 <= len(data) <= 19:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class SensorSelection(_cdr.Message):
     """Accelerometer and gyro chosen as primary, by the EKF2 selector or by voting in the sensors module.
+
+    Fields: timestamp [us], accel_device_id, gyro_device_id.
 
     uORB topic: sensor_selection. 16 bytes.
     """
@@ -54,7 +58,7 @@ class SensorSelection(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.accel_device_id, message.gyro_device_id) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

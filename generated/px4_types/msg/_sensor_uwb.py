@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3I3HBx5f5B3x3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,11 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorUwb(_cdr.Message):
     """Range and bearing to another ultra-wideband radio, published by the UWB driver for precision
     landing.
+
+    Fields: timestamp [us], sessionid, time_offset [ms], counter, mac, mac_dest, status, nlos, distance
+    [m], aoa_azimuth_dev [deg], aoa_elevation_dev [deg], aoa_azimuth_resp [deg], aoa_elevation_resp
+    [deg], aoa_azimuth_fom, aoa_elevation_fom, aoa_dest_azimuth_fom, aoa_dest_elevation_fom,
+    orientation, offset_x [m], offset_y [m], offset_z [m].
 
     uORB topic: sensor_uwb. 68 bytes.
     """
@@ -168,7 +175,7 @@ class SensorUwb(_cdr.Message):
                 message.aoa_dest_azimuth_fom, message.aoa_dest_elevation_fom, message.orientation,
                 message.offset_x, message.offset_y, message.offset_z,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 72 <= len(data) <= 75:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5I4f4?4s8?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorsStatus(_cdr.Message):
     """Health and agreement of the redundant barometers or magnetometers, from the sensors module to the
     arming checks.
+
+    Fields: timestamp [us], device_id_primary, device_ids, inconsistency, healthy, priority, enabled,
+    external.
 
     uORB topics: sensors_status_baro, sensors_status_mag. 60 bytes.
     """
@@ -108,7 +113,7 @@ class SensorsStatus(_cdr.Message):
                 inconsistency_3, healthy_0, healthy_1, healthy_2, healthy_3, message.priority, enabled_0,
                 enabled_1, enabled_2, enabled_3, external_0, external_1, external_2, external_3,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5I4f4?4s5I4f4?4s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class SensorsStatusImu(_cdr.Message):
     """Health and agreement of the redundant accelerometers and gyros, from the sensors module to the
     arming checks.
+
+    Fields: timestamp [us], accel_device_id_primary, accel_device_ids, accel_inconsistency_m_s_s
+    [m/s^2], accel_healthy, accel_priority, gyro_device_id_primary, gyro_device_ids,
+    gyro_inconsistency_rad_s [rad/s], gyro_healthy, gyro_priority.
 
     uORB topic: sensors_status_imu. 96 bytes.
     """
@@ -144,7 +150,7 @@ class SensorsStatusImu(_cdr.Message):
                 gyro_inconsistency_rad_s_2, gyro_inconsistency_rad_s_3, gyro_healthy_0, gyro_healthy_1,
                 gyro_healthy_2, gyro_healthy_3, message.gyro_priority,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 100 <= len(data) <= 103:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q6f10B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class SystemPower(_cdr.Message):
     """Supply rails and power inputs of the flight controller, from the board's ADC and power pins.
+
+    Fields: timestamp [us], voltage5v_v [V], voltage_payload_v [V], sensors3v3 [V], sensors3v3_valid,
+    usb_connected, brick_valid, usb_valid, servo_valid, periph_5v_oc, hipower_5v_oc, comp_5v_valid,
+    can1_gps1_5v_valid, payload_v_valid.
 
     uORB topic: system_power. 42 bytes.
     """
@@ -138,7 +145,7 @@ class SystemPower(_cdr.Message):
                 message.hipower_5v_oc, message.comp_5v_valid, message.can1_gps1_5v_valid,
                 message.payload_v_valid,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 46 <= len(data) <= 49:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB3xf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class TakeoffStatus(_cdr.Message):
     """Progress of a multicopter takeoff from spool-up to flight. Published by the multicopter position
     controller.
+
+    Fields: timestamp [us], takeoff_state, tilt_limit [rad].
 
     uORB topic: takeoff_status. 16 bytes.
     """
@@ -62,7 +67,7 @@ class TakeoffStatus(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.takeoff_state, message.tilt_limit) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH24s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class TaskStackInfo(_cdr.Message):
     """Free stack of one task; load_mon goes through all tasks in turn so that a nearly full stack shows in
     the log.
+
+    Fields: timestamp [us], stack_free [bytes], task_name.
 
     uORB topic: task_stack_info. 34 bytes.
     """
@@ -59,7 +64,7 @@ class TaskStackInfo(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.stack_free, message.task_name) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 38 <= len(data) <= 41:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

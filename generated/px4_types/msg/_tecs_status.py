@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q24f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,14 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class TecsStatus(_cdr.Message):
     """Inner values of TECS, the fixed-wing controller for altitude and airspeed, for tuning and log
     analysis.
+
+    Fields: timestamp [us], altitude_sp [m], altitude_reference [m], altitude_time_constant [s],
+    height_rate_reference [m/s], height_rate_direct [m/s], height_rate_setpoint [m/s], height_rate
+    [m/s], equivalent_airspeed_sp [m/s], true_airspeed_sp [m/s], true_airspeed_filtered [m/s],
+    true_airspeed_derivative_sp [m/s^2], true_airspeed_derivative [m/s^2], true_airspeed_derivative_raw
+    [m/s^2], total_energy_rate_sp [m^2/s^3], total_energy_rate [m^2/s^3], total_energy_balance_rate_sp
+    [m^2/s^3], total_energy_balance_rate [m^2/s^3], throttle_integ [-], pitch_integ [rad], throttle_sp
+    [-], pitch_sp_rad [rad], throttle_trim, underspeed_ratio, fast_descend_ratio.
 
     uORB topic: tecs_status. 104 bytes.
     """
@@ -200,7 +210,7 @@ class TecsStatus(_cdr.Message):
                 message.throttle_sp, message.pitch_sp_rad, message.throttle_trim, message.underspeed_ratio,
                 message.fast_descend_ratio,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 108 <= len(data) <= 111:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,8 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    import builtins
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B4?Bx4f2If5If17?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,17 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class TelemetryStatus(_cdr.Message):
     """State of one MAVLink link: settings, traffic, losses and who is heard on it. Each link publishes its
     own instance; the commander detects the loss of ground station and companions from it.
+
+    Fields: timestamp [us], type, mode, flow_control, forwarding, mavlink_v2, ftp, streams, data_rate
+    [bytes/s], rate_multiplier [-], tx_rate_avg [bytes/s], tx_error_rate_avg [bytes/s],
+    tx_message_count, tx_buffer_overruns, rx_rate_avg [bytes/s], rx_message_count,
+    rx_message_lost_count, rx_buffer_overruns, rx_parse_errors, rx_packet_drop_count,
+    rx_message_lost_rate [%], heartbeat_type_antenna_tracker, heartbeat_type_gcs,
+    heartbeat_type_onboard_controller, heartbeat_type_gimbal, heartbeat_type_adsb,
+    heartbeat_type_camera, heartbeat_type_parachute, heartbeat_type_open_drone_id,
+    heartbeat_component_telemetry_radio, heartbeat_component_log, heartbeat_component_osd,
+    heartbeat_component_vio, heartbeat_component_pairing_manager, heartbeat_component_udp_bridge,
+    heartbeat_component_uart_bridge, open_drone_id_system_healthy, parachute_system_healthy.
 
     uORB topic: telemetry_status. 85 bytes.
     """
@@ -55,160 +68,160 @@ class TelemetryStatus(_cdr.Message):
     HEARTBEAT_TIMEOUT_US: Final = 2500000
     """[us] Silence after which a sender counts as gone, long enough to forgive one missed heartbeat."""
 
-    timestamp: builtins.int
+    timestamp: int
     """uint64 [us] Time since boot."""
 
-    type: builtins.int
+    type: int
     """uint8 [@enum LINK_TYPE] Kind of radio or cable behind the link."""
 
-    mode: builtins.int
+    mode: int
     """uint8 MAVLink profile of the link (normal, onboard, OSD, ...), numbered as inside the firmware."""
 
-    flow_control: builtins.bool
+    flow_control: bool
     """bool True if hardware flow control is on (serial links)."""
 
-    forwarding: builtins.bool
+    forwarding: bool
     """bool True if messages are passed on between this link and the others."""
 
-    mavlink_v2: builtins.bool
+    mavlink_v2: bool
     """bool True if the link sends MAVLink 2, false for version 1."""
 
-    ftp: builtins.bool
+    ftp: bool
     """bool True if file transfer over MAVLink is enabled."""
 
-    streams: builtins.int
+    streams: int
     """uint8 Number of message streams configured on the link."""
 
-    data_rate: builtins.float
+    data_rate: float
     """float32 [bytes/s] Bandwidth the link is allowed to use."""
 
-    rate_multiplier: builtins.float
+    rate_multiplier: float
     """float32 [-] Factor on all stream rates, below 1 when the link cannot keep up."""
 
-    tx_rate_avg: builtins.float
+    tx_rate_avg: float
     """float32 [bytes/s] Mean outgoing traffic."""
 
-    tx_error_rate_avg: builtins.float
+    tx_error_rate_avg: float
     """float32 [bytes/s] Mean outgoing traffic that could not be sent."""
 
-    tx_message_count: builtins.int
+    tx_message_count: int
     """uint32 Messages sent so far."""
 
-    tx_buffer_overruns: builtins.int
+    tx_buffer_overruns: int
     """uint32 Times the send buffer was full."""
 
-    rx_rate_avg: builtins.float
+    rx_rate_avg: float
     """float32 [bytes/s] Mean incoming traffic."""
 
-    rx_message_count: builtins.int
+    rx_message_count: int
     """uint32 Messages received so far."""
 
-    rx_message_lost_count: builtins.int
+    rx_message_lost_count: int
     """uint32 Messages missing so far, from gaps in the sequence numbers."""
 
-    rx_buffer_overruns: builtins.int
+    rx_buffer_overruns: int
     """uint32 Times the receive buffer was full."""
 
-    rx_parse_errors: builtins.int
+    rx_parse_errors: int
     """uint32 Received data that was not a valid message."""
 
-    rx_packet_drop_count: builtins.int
+    rx_packet_drop_count: int
     """uint32 Packets discarded by the parser."""
 
-    rx_message_lost_rate: builtins.float
+    rx_message_lost_rate: float
     """float32 [%] Recent share of messages missing on reception."""
 
-    heartbeat_type_antenna_tracker: builtins.bool
+    heartbeat_type_antenna_tracker: bool
     """bool Antenna tracker heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_type_gcs: builtins.bool
+    heartbeat_type_gcs: bool
     """bool Ground station heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_type_onboard_controller: builtins.bool
+    heartbeat_type_onboard_controller: bool
     """bool Companion computer heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_type_gimbal: builtins.bool
+    heartbeat_type_gimbal: bool
     """bool Gimbal heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_type_adsb: builtins.bool
+    heartbeat_type_adsb: bool
     """bool ADS-B receiver heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_type_camera: builtins.bool
+    heartbeat_type_camera: bool
     """bool Camera heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_type_parachute: builtins.bool
+    heartbeat_type_parachute: bool
     """bool Parachute heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_type_open_drone_id: builtins.bool
+    heartbeat_type_open_drone_id: bool
     """bool Remote ID transmitter heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_component_telemetry_radio: builtins.bool
+    heartbeat_component_telemetry_radio: bool
     """bool Telemetry radio (by component id) heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_component_log: builtins.bool
+    heartbeat_component_log: bool
     """bool Logger (by component id) heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_component_osd: builtins.bool
+    heartbeat_component_osd: bool
     """bool On-screen display (by component id) heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_component_vio: builtins.bool
+    heartbeat_component_vio: bool
     """bool Visual-inertial odometry system (by component id) heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_component_pairing_manager: builtins.bool
+    heartbeat_component_pairing_manager: bool
     """bool Radio pairing manager (by component id) heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_component_udp_bridge: builtins.bool
+    heartbeat_component_udp_bridge: bool
     """bool MAVLink to UDP bridge (by component id) heard within HEARTBEAT_TIMEOUT_US."""
 
-    heartbeat_component_uart_bridge: builtins.bool
+    heartbeat_component_uart_bridge: bool
     """bool MAVLink to UART bridge (by component id) heard within HEARTBEAT_TIMEOUT_US."""
 
-    open_drone_id_system_healthy: builtins.bool
+    open_drone_id_system_healthy: bool
     """bool True if the Remote ID transmitter reports itself as standby or active."""
 
-    parachute_system_healthy: builtins.bool
+    parachute_system_healthy: bool
     """bool True if the parachute reports itself as standby or active."""
 
     def __init__(
         self,
-        timestamp: builtins.int = 0,
-        type: builtins.int = 0,
-        mode: builtins.int = 0,
-        flow_control: builtins.bool = False,
-        forwarding: builtins.bool = False,
-        mavlink_v2: builtins.bool = False,
-        ftp: builtins.bool = False,
-        streams: builtins.int = 0,
-        data_rate: builtins.float = 0.0,
-        rate_multiplier: builtins.float = 0.0,
-        tx_rate_avg: builtins.float = 0.0,
-        tx_error_rate_avg: builtins.float = 0.0,
-        tx_message_count: builtins.int = 0,
-        tx_buffer_overruns: builtins.int = 0,
-        rx_rate_avg: builtins.float = 0.0,
-        rx_message_count: builtins.int = 0,
-        rx_message_lost_count: builtins.int = 0,
-        rx_buffer_overruns: builtins.int = 0,
-        rx_parse_errors: builtins.int = 0,
-        rx_packet_drop_count: builtins.int = 0,
-        rx_message_lost_rate: builtins.float = 0.0,
-        heartbeat_type_antenna_tracker: builtins.bool = False,
-        heartbeat_type_gcs: builtins.bool = False,
-        heartbeat_type_onboard_controller: builtins.bool = False,
-        heartbeat_type_gimbal: builtins.bool = False,
-        heartbeat_type_adsb: builtins.bool = False,
-        heartbeat_type_camera: builtins.bool = False,
-        heartbeat_type_parachute: builtins.bool = False,
-        heartbeat_type_open_drone_id: builtins.bool = False,
-        heartbeat_component_telemetry_radio: builtins.bool = False,
-        heartbeat_component_log: builtins.bool = False,
-        heartbeat_component_osd: builtins.bool = False,
-        heartbeat_component_vio: builtins.bool = False,
-        heartbeat_component_pairing_manager: builtins.bool = False,
-        heartbeat_component_udp_bridge: builtins.bool = False,
-        heartbeat_component_uart_bridge: builtins.bool = False,
-        open_drone_id_system_healthy: builtins.bool = False,
-        parachute_system_healthy: builtins.bool = False,
+        timestamp: int = 0,
+        type: int = 0,
+        mode: int = 0,
+        flow_control: bool = False,
+        forwarding: bool = False,
+        mavlink_v2: bool = False,
+        ftp: bool = False,
+        streams: int = 0,
+        data_rate: float = 0.0,
+        rate_multiplier: float = 0.0,
+        tx_rate_avg: float = 0.0,
+        tx_error_rate_avg: float = 0.0,
+        tx_message_count: int = 0,
+        tx_buffer_overruns: int = 0,
+        rx_rate_avg: float = 0.0,
+        rx_message_count: int = 0,
+        rx_message_lost_count: int = 0,
+        rx_buffer_overruns: int = 0,
+        rx_parse_errors: int = 0,
+        rx_packet_drop_count: int = 0,
+        rx_message_lost_rate: float = 0.0,
+        heartbeat_type_antenna_tracker: bool = False,
+        heartbeat_type_gcs: bool = False,
+        heartbeat_type_onboard_controller: bool = False,
+        heartbeat_type_gimbal: bool = False,
+        heartbeat_type_adsb: bool = False,
+        heartbeat_type_camera: bool = False,
+        heartbeat_type_parachute: bool = False,
+        heartbeat_type_open_drone_id: bool = False,
+        heartbeat_component_telemetry_radio: bool = False,
+        heartbeat_component_log: bool = False,
+        heartbeat_component_osd: bool = False,
+        heartbeat_component_vio: bool = False,
+        heartbeat_component_pairing_manager: bool = False,
+        heartbeat_component_udp_bridge: bool = False,
+        heartbeat_component_uart_bridge: bool = False,
+        open_drone_id_system_healthy: bool = False,
+        parachute_system_healthy: bool = False,
     ) -> None:
         self.timestamp = timestamp
         self.type = type
@@ -249,7 +262,7 @@ class TelemetryStatus(_cdr.Message):
         self.open_drone_id_system_healthy = open_drone_id_system_healthy
         self.parachute_system_healthy = parachute_system_healthy
 
-    def encode(self) -> builtins.bytes:
+    def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 85 of values."""
         try:
             if (
@@ -283,7 +296,7 @@ class TelemetryStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: builtins.bool = False) -> TelemetryStatus:
+    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> TelemetryStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -303,7 +316,7 @@ class TelemetryStatus(_cdr.Message):
                 message.heartbeat_component_udp_bridge, message.heartbeat_component_uart_bridge,
                 message.open_drone_id_system_healthy, message.parachute_system_healthy,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 89 <= len(data) <= 92:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

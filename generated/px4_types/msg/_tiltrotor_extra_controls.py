@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class TiltrotorExtraControls(_cdr.Message):
     """Tilt and thrust shared by all rotors of a tiltrotor VTOL, from the VTOL controller to control
     allocation.
+
+    Fields: timestamp [us], collective_tilt_normalized_setpoint, collective_thrust_normalized_setpoint.
 
     uORB topic: tiltrotor_extra_controls. 16 bytes.
     """
@@ -65,7 +69,7 @@ class TiltrotorExtraControls(_cdr.Message):
                 header, message.timestamp, message.collective_tilt_normalized_setpoint,
                 message.collective_thrust_normalized_setpoint,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 20 <= len(data) <= 23:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

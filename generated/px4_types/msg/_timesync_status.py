@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB7xQ2qI", xcdr2="QB3x3QI")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class TimesyncStatus(_cdr.Message):
     """Clock comparison between PX4 and a companion computer, one per exchanged timesync packet. The
     MAVLink and DDS links publish it. Use it to convert or check timestamps.
+
+    Fields: timestamp [us], source_protocol, remote_timestamp [us], observed_offset [us],
+    estimated_offset [us], round_trip_time [us].
 
     uORB topic: timesync_status. 44 bytes.
     """
@@ -86,7 +92,7 @@ class TimesyncStatus(_cdr.Message):
                 header, message.timestamp, message.source_protocol, message.remote_timestamp,
                 message.observed_offset, message.estimated_offset, message.round_trip_time,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

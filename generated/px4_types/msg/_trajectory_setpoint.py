@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q14f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class TrajectorySetpoint(_cdr.Message):
     """Where the vehicle should be and how it should move right now. Flight modes or an offboard companion
     publish it; the position controller tracks it. Elements that are NaN are not controlled.
+
+    Fields: timestamp [us], position [m], velocity [m/s], acceleration [m/s^2], jerk [m/s^3], yaw [rad],
+    yawspeed [rad/s].
 
     uORB topic: trajectory_setpoint. 64 bytes.
     """
@@ -97,7 +103,7 @@ class TrajectorySetpoint(_cdr.Message):
                 velocity_2, acceleration_0, acceleration_1, acceleration_2, jerk_0, jerk_1, jerk_2,
                 message.yaw, message.yawspeed,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

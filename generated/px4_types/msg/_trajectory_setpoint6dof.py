@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q19f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class TrajectorySetpoint6dof(_cdr.Message):
     """Setpoint for position and attitude together, for vehicles that control all six degrees of freedom
     independently.
+
+    Fields: timestamp [us], position [m], velocity [m/s], acceleration [m/s^2], jerk [m/s^3], quaternion
+    [-], angular_velocity [rad/s].
 
     uORB topic: trajectory_setpoint6dof. 84 bytes.
     """
@@ -95,7 +100,7 @@ class TrajectorySetpoint6dof(_cdr.Message):
                 quaternion_0, quaternion_1, quaternion_2, quaternion_3, angular_velocity_0,
                 angular_velocity_1, angular_velocity_2,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 88 <= len(data) <= 91:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

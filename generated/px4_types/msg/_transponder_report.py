@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI4x2dB3x4f9s2Bx2H18s", xcdr2="QI2QB3x4I9s2Bx2H18s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class TransponderReport(_cdr.Message):
     """Position and identity of another aircraft nearby, received through ADS-B, MAVLink or UTM. Used for
     traffic warnings and avoidance. The valid bits in flags tell what can be read.
+
+    Fields: timestamp [us], icao_address, lat [deg], lon [deg], altitude_type, altitude [m], heading
+    [rad], hor_velocity [m/s], ver_velocity [m/s], callsign, emitter_type, tslc [s], flags, squawk,
+    uas_id.
 
     uORB topic: transponder_report. 86 bytes.
     """
@@ -173,7 +180,7 @@ class TransponderReport(_cdr.Message):
                 message.ver_velocity, message.callsign, message.emitter_type, message.tslc, message.flags,
                 message.squawk, message.uas_id,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 90 <= len(data) <= 93:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB?H2IB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class TuneControl(_cdr.Message):
     """Asks the buzzer for a tune; Commander, drivers and the `tune_control` shell command publish,
     tone_alarm plays.
+
+    Fields: timestamp [us], tune_id, tune_override, frequency [Hz], duration [us], silence [us], volume.
 
     uORB topic: tune_control. 21 bytes.
     """
@@ -113,7 +118,7 @@ class TuneControl(_cdr.Message):
                 header, message.timestamp, message.tune_id, message.tune_override, message.frequency,
                 message.duration, message.silence, message.volume,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 25 <= len(data) <= 28:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

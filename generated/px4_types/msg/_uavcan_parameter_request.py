@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B17sxhBxqf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class UavcanParameterRequest(_cdr.Message):
     """Request to read, list or set parameters of a CAN node. MAVLink publishes it, the UAVCAN driver
     answers.
+
+    Fields: timestamp [us], message_type, node_id, param_id, param_index, param_type, int_value,
+    real_value.
 
     uORB topic: uavcan_parameter_request. 44 bytes.
     """
@@ -103,7 +109,7 @@ class UavcanParameterRequest(_cdr.Message):
                 header, message.timestamp, message.message_type, message.node_id, message.param_id,
                 message.param_index, message.param_type, message.int_value, message.real_value,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

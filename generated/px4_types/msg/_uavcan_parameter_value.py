@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QB17shHBxqf")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class UavcanParameterValue(_cdr.Message):
     """Returns a parameter of a CAN node in answer to a UavcanParameterRequest. The UAVCAN driver publishes
     it; MAVLink passes it to the ground station.
+
+    Fields: timestamp [us], node_id, param_id, param_index, param_count, param_type, int_value,
+    real_value.
 
     uORB topic: uavcan_parameter_value. 44 bytes.
     """
@@ -94,7 +99,7 @@ class UavcanParameterValue(_cdr.Message):
                 header, message.timestamp, message.node_id, message.param_id, message.param_index,
                 message.param_count, message.param_type, message.int_value, message.real_value,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 48 <= len(data) <= 51:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

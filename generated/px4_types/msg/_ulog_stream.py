@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2BHB249s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class UlogStream(_cdr.Message):
     """Carries a piece of a ULog log for streaming over MAVLink, as LOGGING_DATA. The logger publishes it;
     the MAVLink module sends it.
+
+    Fields: timestamp [us], length [bytes], first_message_offset [bytes], msg_sequence, flags, data.
 
     uORB topic: ulog_stream. 262 bytes.
     """
@@ -83,7 +88,7 @@ class UlogStream(_cdr.Message):
                 header, message.timestamp, message.length, message.first_message_offset, message.msg_sequence,
                 message.flags, message.data,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 266 <= len(data) <= 269:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class UlogStreamAck(_cdr.Message):
     """Confirms that a UlogStream piece flagged FLAGS_NEED_ACK has arrived. The MAVLink module publishes
     it; the logger then sends the next one.
+
+    Fields: timestamp [us], msg_sequence.
 
     uORB topic: ulog_stream_ack. 10 bytes.
     """
@@ -56,7 +61,7 @@ class UlogStreamAck(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.msg_sequence) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

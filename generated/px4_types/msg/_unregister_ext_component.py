@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q25s3b")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class UnregisterExtComponent(_cdr.Message):
     """Takes back the registration of an external mode, mode executor or arming check. The component sends
     it when it ends; the commander frees the ids given in RegisterExtComponentReply.
+
+    Fields: timestamp [us], name, arming_check_id, mode_id, mode_executor_id.
 
     uORB topic: unregister_ext_component. 36 bytes.
     """
@@ -74,7 +79,7 @@ class UnregisterExtComponent(_cdr.Message):
                 header, message.timestamp, message.name, message.arming_check_id, message.mode_id,
                 message.mode_executor_id,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 40 <= len(data) <= 43:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleAcceleration(_cdr.Message):
     """Acceleration of the vehicle from the primary accelerometer, calibrated and filtered by the sensors
     module.
+
+    Fields: timestamp [us], timestamp_sample [us], xyz [m/s^2].
 
     uORB topic: vehicle_acceleration. 28 bytes.
     """
@@ -56,7 +60,7 @@ class VehicleAcceleration(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.timestamp_sample, xyz_0, xyz_1, xyz_2) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

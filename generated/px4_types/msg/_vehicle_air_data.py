@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI3fB3xfB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleAirData(_cdr.Message):
     """Pressure, altitude, temperature and air density from the barometer in use, published by the sensors
     module. EKF2 takes its barometric height from here.
+
+    Fields: timestamp [us], timestamp_sample [us], baro_device_id, baro_alt_meter [m], baro_pressure_pa
+    [Pa], ambient_temperature [degC], temperature_source, rho [kg/m^3], calibration_count.
 
     uORB topic: vehicle_air_data. 41 bytes.
     """
@@ -99,7 +104,7 @@ class VehicleAirData(_cdr.Message):
                 message.baro_alt_meter, message.baro_pressure_pa, message.ambient_temperature,
                 message.temperature_source, message.rho, message.calibration_count,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 45 <= len(data) <= 48:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

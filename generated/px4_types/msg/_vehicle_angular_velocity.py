@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q6f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleAngularVelocity(_cdr.Message):
     """Body rates after calibration, bias removal and filtering, from the sensors module; input of the rate
     controllers.
+
+    Fields: timestamp [us], timestamp_sample [us], xyz [rad/s], xyz_derivative [rad/s^2].
 
     uORB topics: vehicle_angular_velocity, vehicle_angular_velocity_groundtruth. 40 bytes.
     """
@@ -70,7 +75,7 @@ class VehicleAngularVelocity(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, xyz_0, xyz_1, xyz_2, xyz_derivative_0,
                 xyz_derivative_1, xyz_derivative_2,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

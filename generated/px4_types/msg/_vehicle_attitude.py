@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q8fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleAttitude(_cdr.Message):
     """Orientation of the vehicle, estimated by EKF2 at IMU rate. Also used for simulator truth and
     external INS data.
+
+    Fields: timestamp [us], timestamp_sample [us], q, delta_q_reset, quat_reset_counter.
 
     uORB topics: vehicle_attitude, vehicle_attitude_groundtruth, external_ins_attitude,
     estimator_attitude. 49 bytes.
@@ -76,7 +81,7 @@ class VehicleAttitude(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, q_0, q_1, q_2, q_3, delta_q_reset_0,
                 delta_q_reset_1, delta_q_reset_2, delta_q_reset_3, message.quat_reset_counter,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 53 <= len(data) <= 56:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q8f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +20,8 @@ class VehicleAttitudeSetpoint(_cdr.Message):
     """Attitude and thrust to hold. Position controllers, stick modes or an offboard companion publish it
     for the attitude controller. On a VTOL the virtual topics hold the multicopter and the fixed-wing
     demand.
+
+    Fields: timestamp [us], yaw_sp_move_rate [rad/s], q_d, thrust_body.
 
     uORB topics: vehicle_attitude_setpoint, mc_virtual_attitude_setpoint, fw_virtual_attitude_setpoint.
     Version 1, 40 bytes.
@@ -74,7 +79,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
                 header, message.timestamp, message.yaw_sp_move_rate, q_d_0, q_d_1, q_d_2, q_d_3,
                 thrust_body_0, thrust_body_1, thrust_body_2,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 44 <= len(data) <= 47:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

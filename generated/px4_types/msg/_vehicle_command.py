@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q4f2dfI3BxHB?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleCommand(_cdr.Message):
     """Order to the vehicle or a mission, modelled on MAVLink's COMMAND_LONG; answered with
     VehicleCommandAck. Each VEHICLE_CMD_* below lists what param1 to param7 mean for it, between bars.
+
+    Fields: timestamp [us], param1, param2, param3, param4, param5, param6, param7, command,
+    target_system, target_component, source_system, source_component, confirmation, from_external.
 
     uORB topics: vehicle_command, gimbal_v1_command, vehicle_command_mode_executor. 56 bytes.
     """
@@ -710,7 +716,7 @@ class VehicleCommand(_cdr.Message):
                 message.target_component, message.source_system, message.source_component,
                 message.confirmation, message.from_external,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 60 <= len(data) <= 63:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI2B2xiBxH?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleCommandAck(_cdr.Message):
     """Answer to a VehicleCommand, from the module that handled it or a remote system. MAVLink passes it on
     as COMMAND_ACK.
+
+    Fields: timestamp [us], command, result, result_param1, result_param2, target_system,
+    target_component, from_external.
 
     uORB topic: vehicle_command_ack. 25 bytes.
     """
@@ -127,7 +133,7 @@ class VehicleCommandAck(_cdr.Message):
                 header, message.timestamp, message.command, message.result, message.result_param1,
                 message.result_param2, message.target_system, message.target_component, message.from_external,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 29 <= len(data) <= 32:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

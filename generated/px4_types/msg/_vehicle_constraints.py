@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleConstraints(_cdr.Message):
     """Limits the vertical speed of the multicopter position controller and asks it to take off. Flight
     modes publish it; NaN leaves a speed to the controller's own limit.
+
+    Fields: timestamp [us], speed_up [m/s], speed_down [m/s], want_takeoff.
 
     uORB topic: vehicle_constraints. 17 bytes.
     """
@@ -64,7 +68,7 @@ class VehicleConstraints(_cdr.Message):
             (
                 header, message.timestamp, message.speed_up, message.speed_down, message.want_takeoff,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 21 <= len(data) <= 24:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

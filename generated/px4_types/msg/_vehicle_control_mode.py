@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q14?B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,13 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleControlMode(_cdr.Message):
     """Which control loops run in the current mode. The commander publishes vehicle_control_mode for the
     controllers; external modes send config_control_setpoints to say which loops their setpoints need.
+
+    Fields: timestamp [us], flag_armed, flag_multicopter_position_control_enabled,
+    flag_control_manual_enabled, flag_control_auto_enabled, flag_control_offboard_enabled,
+    flag_control_position_enabled, flag_control_velocity_enabled, flag_control_altitude_enabled,
+    flag_control_climb_rate_enabled, flag_control_acceleration_enabled, flag_control_attitude_enabled,
+    flag_control_rates_enabled, flag_control_allocation_enabled, flag_control_termination_enabled,
+    source_id.
 
     uORB topics: vehicle_control_mode, config_control_setpoints. 23 bytes.
     """
@@ -161,7 +171,7 @@ class VehicleControlMode(_cdr.Message):
                 message.flag_control_rates_enabled, message.flag_control_allocation_enabled,
                 message.flag_control_termination_enabled, message.source_id,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 27 <= len(data) <= 30:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

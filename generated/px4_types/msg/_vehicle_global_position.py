@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q2d2f2?2x2f3Bx3f2?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,11 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleGlobalPosition(_cdr.Message):
     """Estimated position of the vehicle on the globe, fused by EKF2 from GNSS and its other sensors; not
     the raw GNSS fix.
+
+    Fields: timestamp [us], timestamp_sample [us], lat [deg], lon [deg], alt [m], alt_ellipsoid [m],
+    lat_lon_valid, alt_valid, delta_alt [m], delta_terrain [m], lat_lon_reset_counter,
+    alt_reset_counter, terrain_reset_counter, eph [m], epv [m], terrain_alt [m], terrain_alt_valid,
+    dead_reckoning.
 
     uORB topics: vehicle_global_position, vehicle_global_position_groundtruth,
     external_ins_global_position, estimator_global_position, aux_global_position. 70 bytes.
@@ -154,7 +162,7 @@ class VehicleGlobalPosition(_cdr.Message):
                 message.terrain_reset_counter, message.eph, message.epv, message.terrain_alt,
                 message.terrain_alt_valid, message.dead_reckoning,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 74 <= len(data) <= 77:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q2I6f2I4B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleImu(_cdr.Message):
     """Gives rotation and velocity change of one IMU, integrated over a short time, with calibration
     applied. The sensors module publishes an instance for each IMU; EKF2 runs on it.
+
+    Fields: timestamp [us], timestamp_sample [us], accel_device_id, gyro_device_id, delta_angle [rad],
+    delta_velocity [m/s], delta_angle_dt [us], delta_velocity_dt [us], delta_angle_clipping,
+    delta_velocity_clipping, accel_calibration_count, gyro_calibration_count.
 
     uORB topic: vehicle_imu. 60 bytes.
     """
@@ -125,7 +132,7 @@ class VehicleImu(_cdr.Message):
                 message.delta_angle_clipping, message.delta_velocity_clipping,
                 message.accel_calibration_count, message.gyro_calibration_count,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 64 <= len(data) <= 67:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q10I21f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,12 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleImuStatus(_cdr.Message):
     """Health of one IMU: clipping, errors, sample rates, vibration and statistics. Published by the
     sensors module.
+
+    Fields: timestamp [us], accel_device_id, gyro_device_id, accel_clipping, gyro_clipping,
+    accel_error_count, gyro_error_count, accel_rate_hz [Hz], gyro_rate_hz [Hz], accel_raw_rate_hz [Hz],
+    gyro_raw_rate_hz [Hz], accel_vibration_metric [m/s^2], gyro_vibration_metric [rad/s],
+    delta_angle_coning_metric [rad^2], mean_accel [m/s^2], mean_gyro [rad/s], var_accel [m^2/s^4],
+    var_gyro [rad^2/s^2], temperature_accel [degC], temperature_gyro [degC].
 
     uORB topic: vehicle_imu_status. 132 bytes.
     """
@@ -173,7 +181,7 @@ class VehicleImuStatus(_cdr.Message):
                 mean_gyro_1, mean_gyro_2, var_accel_0, var_accel_1, var_accel_2, var_gyro_0, var_gyro_1,
                 var_gyro_2, message.temperature_accel, message.temperature_gyro,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 136 <= len(data) <= 139:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

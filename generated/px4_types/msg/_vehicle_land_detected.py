@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q12?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleLandDetected(_cdr.Message):
     """Whether the vehicle flies, falls or stands, and on what evidence; from the land detector, at 1 Hz
     and on change.
+
+    Fields: timestamp [us], freefall, ground_contact, maybe_landed, landed, in_ground_effect,
+    in_descend, has_low_throttle, vertical_movement, horizontal_movement, rotational_movement,
+    close_to_ground_or_skipped_check, at_rest.
 
     uORB topic: vehicle_land_detected. 20 bytes.
     """
@@ -134,7 +141,7 @@ class VehicleLandDetected(_cdr.Message):
                 message.vertical_movement, message.horizontal_movement, message.rotational_movement,
                 message.close_to_ground_or_skipped_check, message.at_rest,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q4?5fB3xfB3x6fB3xfB3x7fB?2xf2?2xQ2df?3x3f2B2x4f?3x5f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +20,16 @@ class VehicleLocalPosition(_cdr.Message):
     """Estimated position, velocity and heading in a local NED frame with its origin where the estimator
     started. Published by EKF2 (or another estimator); the main input for position control and
     navigation.
+
+    Fields: timestamp [us], timestamp_sample [us], xy_valid, z_valid, v_xy_valid, v_z_valid, x [m], y
+    [m], z [m], delta_xy [m], xy_reset_counter, delta_z [m], z_reset_counter, vx [m/s], vy [m/s], vz
+    [m/s], z_deriv [m/s], delta_vxy [m/s], vxy_reset_counter, delta_vz [m/s], vz_reset_counter, ax
+    [m/s^2], ay [m/s^2], az [m/s^2], heading [rad], heading_var [rad^2], unaided_heading [rad],
+    delta_heading [rad], heading_reset_counter, heading_good_for_control, tilt_var [rad^2], xy_global,
+    z_global, ref_timestamp [us], ref_lat [deg], ref_lon [deg], ref_alt [m], dist_bottom_valid,
+    dist_bottom [m], dist_bottom_var [m^2], delta_dist_bottom [m], dist_bottom_reset_counter,
+    dist_bottom_sensor_bitfield, eph [m], epv [m], evh [m/s], evv [m/s], dead_reckoning, vxy_max [m/s],
+    vz_max [m/s], hagl_min [m], hagl_max_z [m], hagl_max_xy [m].
 
     uORB topics: vehicle_local_position, vehicle_local_position_groundtruth,
     external_ins_local_position, estimator_local_position. Version 1, 216 bytes.
@@ -370,7 +383,7 @@ class VehicleLocalPosition(_cdr.Message):
                 message.dead_reckoning, message.vxy_max, message.vz_max, message.hagl_min, message.hagl_max_z,
                 message.hagl_max_xy,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 220 <= len(data) <= 223:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q14f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleLocalPositionSetpoint(_cdr.Message):
     """Shows the setpoints the position controller is following, for telemetry and tracking analysis.
     mc_pos_control publishes it, other position controllers too. NaN marks what is not controlled.
+
+    Fields: timestamp [us], x [m], y [m], z [m], vx [m/s], vy [m/s], vz [m/s], acceleration [m/s^2],
+    thrust [-], yaw [rad], yawspeed [rad/s].
 
     uORB topic: vehicle_local_position_setpoint. 64 bytes.
     """
@@ -108,7 +113,7 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
                 message.vz, acceleration_0, acceleration_1, acceleration_2, thrust_0, thrust_1, thrust_2,
                 message.yaw, message.yawspeed,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI3fB")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleMagnetometer(_cdr.Message):
     """Calibrated field of the best magnetometer in body axes, from the sensors module; EKF2 takes heading
     from it.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, magnetometer_ga [Gs], calibration_count.
 
     uORB topic: vehicle_magnetometer. 33 bytes.
     """
@@ -76,7 +80,7 @@ class VehicleMagnetometer(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.device_id, magnetometer_ga_0,
                 magnetometer_ga_1, magnetometer_ga_2, message.calibration_count,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 37 <= len(data) <= 40:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QB3x7fB3x15fBb")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleOdometry(_cdr.Message):
     """Pose, velocity and their variances: as output EKF2's estimate, as input visual or motion capture
     odometry to fuse.
+
+    Fields: timestamp [us], timestamp_sample [us], pose_frame, position [m], q [-], velocity_frame,
+    velocity [m/s], angular_velocity [rad/s], position_variance [m^2], orientation_variance [rad^2],
+    velocity_variance [m^2/s^2], reset_counter [-], quality [-].
 
     uORB topics: vehicle_odometry, vehicle_mocap_odometry, vehicle_visual_odometry, estimator_odometry.
     114 bytes.
@@ -170,7 +177,7 @@ class VehicleOdometry(_cdr.Message):
                 orientation_variance_2, velocity_variance_0, velocity_variance_1, velocity_variance_2,
                 message.reset_counter, message.quality,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 118 <= len(data) <= 121:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI6fIB3x3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleOpticalFlow(_cdr.Message):
     """Gives optical flow summed over a short time, with rotation and ground distance to match, turned into
     body axes. The sensors module publishes it; EKF2 derives velocity over ground from it.
+
+    Fields: timestamp [us], timestamp_sample [us], device_id, pixel_flow [rad], delta_angle [rad],
+    distance_m [m], integration_timespan_us [us], quality, max_flow_rate [rad/s], min_ground_distance
+    [m], max_ground_distance [m].
 
     uORB topic: vehicle_optical_flow. 64 bytes.
     """
@@ -112,7 +118,7 @@ class VehicleOpticalFlow(_cdr.Message):
                 message.integration_timespan_us, message.quality, message.max_flow_rate,
                 message.min_ground_distance, message.max_ground_distance,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 68 <= len(data) <= 71:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q21f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleOpticalFlowVel(_cdr.Message):
     """Horizontal velocity that optical flow and height above ground give, for logs and tuning; from EKF2
     (`estimator_optical_flow_vel`) or straight from the sensors module (`vehicle_optical_flow_vel`).
+
+    Fields: timestamp [us], timestamp_sample [us], vel_body [m/s], vel_ne [m/s], vel_body_filtered
+    [m/s], vel_ne_filtered [m/s], flow_rate_uncompensated [rad/s], flow_rate_compensated [rad/s],
+    gyro_rate [rad/s], gyro_bias [rad/s], ref_gyro [rad/s].
 
     uORB topics: estimator_optical_flow_vel, vehicle_optical_flow_vel. 100 bytes.
     """
@@ -122,7 +128,7 @@ class VehicleOpticalFlowVel(_cdr.Message):
                 flow_rate_compensated_1, gyro_rate_0, gyro_rate_1, gyro_rate_2, gyro_bias_0, gyro_bias_1,
                 gyro_bias_2, ref_gyro_0, ref_gyro_1, ref_gyro_2,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 104 <= len(data) <= 107:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q6f?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleRatesSetpoint(_cdr.Message):
     """Angular rates and thrust for the rate controller, from the attitude controller, acro sticks or
     offboard control.
+
+    Fields: timestamp [us], roll [rad/s], pitch [rad/s], yaw [rad/s], thrust_body [-], reset_integral.
 
     uORB topic: vehicle_rates_setpoint. 33 bytes.
     """
@@ -83,7 +88,7 @@ class VehicleRatesSetpoint(_cdr.Message):
                 header, message.timestamp, message.roll, message.pitch, message.yaw, thrust_body_0,
                 thrust_body_1, thrust_body_2, message.reset_integral,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 37 <= len(data) <= 40:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

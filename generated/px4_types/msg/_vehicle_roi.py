@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB7x2d4f", xcdr2="QB3x2Q4I")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleRoi(_cdr.Message):
     """Point or object of interest that the gimbal, and in missions the nose, is aimed at. Published by
     navigator.
+
+    Fields: timestamp [us], mode, lat [deg], lon [deg], alt [m], roll_offset [rad], pitch_offset [rad],
+    yaw_offset [rad].
 
     uORB topic: vehicle_roi. 48 bytes.
     """
@@ -106,7 +112,7 @@ class VehicleRoi(_cdr.Message):
                 header, message.timestamp, message.mode, message.lat, message.lon, message.alt,
                 message.roll_offset, message.pitch_offset, message.yaw_offset,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 52 <= len(data) <= 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("3Q3B5xQ3Bx2IH2B2?B?B5?3B11?", xcdr2="3Q3BxQ3Bx2IH26B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,16 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VehicleStatus(_cdr.Message):
     """Overall state of the vehicle: arming, flight mode, failsafe, links and vehicle type. Published by
     commander at 2 Hz and on every change.
+
+    Fields: timestamp [us], armed_time [us], takeoff_time [us], arming_state, latest_arming_reason,
+    latest_disarming_reason, nav_state_timestamp [us], nav_state_user_intention, nav_state,
+    executor_in_charge, valid_nav_states_mask, can_set_nav_states_mask, failure_detector_status,
+    hil_state, vehicle_type, failsafe, failsafe_and_user_took_over, failsafe_defer_state,
+    gcs_connection_lost, gcs_connection_lost_counter, high_latency_data_link_lost, is_vtol,
+    is_vtol_tailsitter, in_transition_mode, in_transition_to_fw, system_type, system_id, component_id,
+    safety_button_available, safety_off, power_input_valid, usb_connected, open_drone_id_system_present,
+    open_drone_id_system_healthy, parachute_system_present, parachute_system_healthy,
+    rc_calibration_in_progress, calibration_enabled, pre_flight_checks_pass.
 
     uORB topic: vehicle_status. Version 1, 80 bytes.
     """
@@ -424,7 +437,7 @@ class VehicleStatus(_cdr.Message):
                 message.parachute_system_healthy, message.rc_calibration_in_progress,
                 message.calibration_enabled, message.pre_flight_checks_pass,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 84 <= len(data) <= 87:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,8 @@ class VehicleThrustSetpoint(_cdr.Message):
     """Thrust wanted along the body axes, normalised. Published by the rate controllers or an offboard
     computer; the control allocator turns it into motor commands. The virtual topics are the two parts a
     VTOL blends into one.
+
+    Fields: timestamp [us], timestamp_sample [us], xyz [-].
 
     uORB topics: vehicle_thrust_setpoint, vehicle_thrust_setpoint_virtual_fw,
     vehicle_thrust_setpoint_virtual_mc. 28 bytes.
@@ -58,7 +62,7 @@ class VehicleThrustSetpoint(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.timestamp_sample, xyz_0, xyz_1, xyz_2) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

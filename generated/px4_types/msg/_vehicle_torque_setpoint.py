@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -17,6 +19,8 @@ class VehicleTorqueSetpoint(_cdr.Message):
     """Torque demand from the rate controllers, or from a companion that replaces them. The control
     allocator turns it into motor and servo commands. On a VTOL the virtual topics hold the multicopter
     and the fixed-wing demand.
+
+    Fields: timestamp [us], timestamp_sample [us], xyz [-].
 
     uORB topics: vehicle_torque_setpoint, vehicle_torque_setpoint_virtual_fw,
     vehicle_torque_setpoint_virtual_mc. 28 bytes.
@@ -58,7 +62,7 @@ class VehicleTorqueSetpoint(_cdr.Message):
         message = _new(cls)
         try:
             (header, message.timestamp, message.timestamp_sample, xyz_0, xyz_1, xyz_2) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 32 <= len(data) <= 35:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -15,6 +17,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class VelocityLimits(_cdr.Message):
     """Speed limits for the multicopter Position Slow mode, set by a ground station over MAVLink.
+
+    Fields: timestamp [us], horizontal_velocity [m/s], vertical_velocity [m/s], yaw_rate [rad/s].
 
     uORB topic: velocity_limits. 20 bytes.
     """
@@ -64,7 +68,7 @@ class VelocityLimits(_cdr.Message):
                 header, message.timestamp, message.horizontal_velocity, message.vertical_velocity,
                 message.yaw_rate,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 24 <= len(data) <= 27:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

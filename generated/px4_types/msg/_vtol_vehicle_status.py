@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class VtolVehicleStatus(_cdr.Message):
     """Configuration a VTOL flies in and whether it gave up on forward flight, from the VTOL attitude
     controller.
+
+    Fields: timestamp [us], vehicle_vtol_state, fixed_wing_system_failure.
 
     uORB topic: vtol_vehicle_status. 10 bytes.
     """
@@ -80,7 +85,7 @@ class VtolVehicleStatus(_cdr.Message):
             (
                 header, message.timestamp, message.vehicle_vtol_state, message.fixed_wing_system_failure,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 14 <= len(data) <= 17:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

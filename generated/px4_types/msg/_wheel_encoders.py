@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q4f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class WheelEncoders(_cdr.Message):
     """Gives speed and angle of a rover's two drive wheels; the right wheel comes first, then the left. The
     motor driver (Roboclaw) or the simulator publishes it.
+
+    Fields: timestamp [us], wheel_speed [rad/s], wheel_angle [rad].
 
     uORB topic: wheel_encoders. 24 bytes.
     """
@@ -61,7 +65,7 @@ class WheelEncoders(_cdr.Message):
             (
                 header, message.timestamp, wheel_speed_0, wheel_speed_1, wheel_angle_0, wheel_angle_1,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 28 <= len(data) <= 31:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

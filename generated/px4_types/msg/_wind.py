@@ -6,7 +6,10 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import ClassVar, Final
+    from typing import ClassVar
+    from typing import Final
+else:
+    ClassVar, Final = _cdr.ClassVar, _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q8f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +19,10 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class Wind(_cdr.Message):
     """Horizontal wind that EKF2 estimates along with its other states, and how well airspeed and sideslip
     agree with it.
+
+    Fields: timestamp [us], timestamp_sample [us], windspeed_north [m/s], windspeed_east [m/s],
+    variance_north [(m/s)^2], variance_east [(m/s)^2], tas_innov [m/s], tas_innov_var [(m/s)^2],
+    beta_innov [rad], beta_innov_var [rad^2].
 
     uORB topics: wind, estimator_wind. 48 bytes.
     """
@@ -106,7 +113,7 @@ class Wind(_cdr.Message):
                 message.windspeed_east, message.variance_north, message.variance_east, message.tas_innov,
                 message.tas_innov_var, message.beta_innov, message.beta_innov_var,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 52 <= len(data) <= 55:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

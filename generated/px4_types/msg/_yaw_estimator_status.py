@@ -7,6 +7,8 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q2f?3x20f")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,9 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class YawEstimatorStatus(_cdr.Message):
     """Heading from the EKF-GSF, a bank of five small filters on IMU and GNSS velocity; EKF2 falls back on
     it when the compass misleads it.
+
+    Fields: timestamp [us], timestamp_sample [us], yaw_composite [rad], yaw_variance [rad^2],
+    yaw_composite_valid, yaw [rad], innov_vn [m/s], innov_ve [m/s], weight [-].
 
     uORB topic: yaw_estimator_status. 108 bytes.
     """
@@ -107,7 +112,7 @@ class YawEstimatorStatus(_cdr.Message):
                 innov_vn_0, innov_vn_1, innov_vn_2, innov_vn_3, innov_vn_4, innov_ve_0, innov_ve_1,
                 innov_ve_2, innov_ve_3, innov_ve_4, weight_0, weight_1, weight_2, weight_3, weight_4,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 112 <= len(data) <= 115:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

@@ -8,6 +8,8 @@ from ..msg._vehicle_command import VehicleCommand
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q4f2dfI3BxHB?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class VehicleCommand_Request(_cdr.Message):
     """Sends a VehicleCommand and waits for the acknowledgement that answers it.
+
+    Fields: request.
 
     56 bytes.
     """
@@ -59,7 +63,7 @@ class VehicleCommand_Request(_cdr.Message):
                 request.target_component, request.source_system, request.source_component,
                 request.confirmation, request.from_external,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 60 <= len(data) <= 63:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))

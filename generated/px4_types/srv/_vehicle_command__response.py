@@ -8,6 +8,8 @@ from ..msg._vehicle_command_ack import VehicleCommandAck
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+else:
+    ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI2B2xiBxH?")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
@@ -16,6 +18,8 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 
 class VehicleCommand_Response(_cdr.Message):
     """px4_msgs/srv/VehicleCommand_Response.
+
+    Fields: reply.
 
     25 bytes.
     """
@@ -55,7 +59,7 @@ class VehicleCommand_Response(_cdr.Message):
                 header, reply.timestamp, reply.command, reply.result, reply.result_param1,
                 reply.result_param2, reply.target_system, reply.target_component, reply.from_external,
             ) = _unpack_from(data)
-        except _cdr.StructError:
+        except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         if header != _USUAL or not 29 <= len(data) <= 32:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
