@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
-from xml.etree import ElementTree as ET
 
 from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
 from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_timestamps, check_topics
@@ -114,6 +113,8 @@ class _Reader:
 
     def _name_in(self, manifest: File) -> str:
         """Return the name of the package that a package.xml describes."""
+        from xml.etree import ElementTree as ET
+
         try:
             name = ET.fromstring(self.contents[manifest.path]).findtext("name", "").strip()  # noqa: S314
         except ET.ParseError as error:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from msggen.generate.source import literal
+from msggen.generate.source import documentation, literal, wrapped
 from msggen.identity import message_hash, type_hash
 from msggen.layout import (
     Encoding,
@@ -25,7 +25,7 @@ from msggen.layout import (
     struct_format,
     struct_size,
 )
-from msggen.model import FLOATS, ArrayKind, Catalog, Comment, Field, FieldType, Message, Value, snake_case
+from msggen.model import FLOATS, ArrayKind, Catalog, Comment, Field, FieldType, Message, snake_case
 
 ARRAY_FROM = 16
 """Arrays of numbers are tuples below this length."""
@@ -67,7 +67,7 @@ class ConstantView:
     """One constant; `spaced` puts a blank line before it."""
 
     name: str
-    value: Value
+    value: str
     documentation: str
     spaced: bool
 
@@ -89,12 +89,12 @@ class FieldView:
 
     @property
     def documentation(self) -> str:
-        """What the definition says: type, tags and sentences."""
-        return f"{self.type} {self.comment}".strip()
+        """What the definition says, type, tags and sentences, as the inside of a docstring."""
+        return documentation(f"{self.type} {self.comment}".strip(), 4, closed=True)
 
     @property
-    def description(self) -> tuple[str, ...]:
-        """The arguments of its description in `__msg__`."""
+    def description(self) -> str:
+        """Its description in `__msg__`."""
         comment = self.comment
         tags = (
             ("unit", comment.unit),
@@ -104,7 +104,8 @@ class FieldView:
             ("frame", comment.frame),
         )
         given = [f"{name}={literal(value)}" for name, value in tags if value]
-        return (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
+        items = (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
+        return f"_cdr.Field({wrapped(items, 16)})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +141,26 @@ class MessageView:
     @property
     def _topic_names(self) -> tuple[str, ...]:
         return self.message.topic_names if self.message.folder == "msg" else ()
+
+    @property
+    def attributes(self) -> list[tuple[str, str, str]]:
+        """Name, annotation and documentation of each field."""
+        return [(field.name, field.annotation, field.documentation) for field in self.fields]
+
+    @property
+    def parameters(self) -> list[str]:
+        """The parameters of `__init__`."""
+        return [field.parameter for field in self.fields]
+
+    @property
+    def assignments(self) -> list[str]:
+        """The statements of `__init__`."""
+        return [f"self.{field.name} = {field.initial}" for field in self.fields]
+
+    @property
+    def descriptions(self) -> list[str]:
+        """What `__msg__` says of each field."""
+        return [field.description for field in self.fields]
 
     @property
     def underscore(self) -> str:
@@ -194,9 +215,9 @@ def _constants(message: Message) -> Iterator[ConstantView]:
     """Constants with documentation stand apart, others together."""
     apart = True
     for constant in message.constants:
-        documentation = str(constant.comment)
-        yield ConstantView(constant.name, constant.value, documentation, apart or bool(documentation))
-        apart = bool(documentation)
+        text = documentation(str(constant.comment), 4, closed=True)
+        yield ConstantView(constant.name, literal(constant.value), text, apart or bool(text))
+        apart = bool(text)
 
 
 def _nested_imports(catalog: Catalog, message: Message) -> Iterator[tuple[str, str]]:

@@ -1,8 +1,21 @@
-"""Values as Python source."""
+"""Values and text as Python source.
+
+Whatever a definition says reaches Python source through `literal` or `documentation`, so that no comment can end
+the string it stands in.
+"""
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import fields
+from typing import Any
+
+_DANGEROUS_QUOTES = re.compile(r'"{2,}|"$')
+
+WIDTH = 110
+"""Columns of generated source."""
 
 
 def literal(value: object) -> str:
@@ -21,3 +34,72 @@ def literal(value: object) -> str:
             else '"' + quoted[3:-1].replace("\\'", "'").replace('"', '\\"') + '"'
         )
     return repr(value)
+
+
+def documentation(text: str, indent: int, *, closed: bool = False) -> str:
+    r"""Return `text` as the inside of a docstring, wrapped and indented; nothing in it can end the docstring.
+
+    `closed` puts the closing quotes on a line of their own where there are several lines.
+    """
+    safe = _DANGEROUS_QUOTES.sub(lambda quotes: '\\"' * len(quotes[0]), text.replace("\\", "\\\\"))
+    if len(safe) <= WIDTH - indent - 6 and "\n" not in safe:
+        return safe
+    lines: list[str] = []
+    for paragraph in _paragraphs(safe.split("\n")):
+        lines += _filled(paragraph.split(" "), " ", WIDTH - indent - 6)
+    margin = "\n" + " " * indent
+    text = "\n".join([lines[0], *(line and " " * indent + line for line in lines[1:])])
+    return text + (margin if closed and len(lines) > 1 else "")
+
+
+def _paragraphs(lines: list[str]) -> list[str]:
+    """Join the lines of running text; lists and tables keep their lines."""
+    paragraphs: list[str] = []
+    joinable = False
+    for line in lines:
+        running = bool(line) and (line[0].isalnum() or line[0] in "[(\"'`")
+        if running and joinable:
+            paragraphs[-1] += " " + line
+        else:
+            paragraphs.append(line)
+        joinable = running
+    return paragraphs
+
+
+def arguments(value: Any) -> str:
+    """Return the fields of a dataclass as positional arguments."""
+    return ", ".join(literal(getattr(value, field.name)) for field in fields(value))
+
+
+def wrapped(items: Iterable[str], indent: int, kind: str = "") -> str:
+    """Return `items` with commas, in one line or, indented, in as many as they need; a "tuple" keeps its comma."""
+    listed = list(items)
+    line = ", ".join(listed) + ("," if kind == "tuple" and len(listed) == 1 else "")
+    if len(line) + indent + 20 <= WIDTH:
+        return line
+    margin = "\n" + " " * indent
+    return margin + margin.join(_filled(listed, ", ", WIDTH - indent - 1)) + ",\n" + " " * (indent - 4)
+
+
+def wrapped_tuple(expression: str, indent: int) -> str:
+    """Return a tuple of names, wrapped like `wrapped`; any other expression as it is."""
+    if not expression.startswith("(") or len(expression) + indent + 20 <= WIDTH:
+        return expression
+    return f"({wrapped(expression[1:-1].split(', '), indent + 4)})"
+
+
+def joined_by(items: Sequence[str], operator: str, indent: int) -> str:
+    """Return `items` joined by an operator, on as many lines as they need."""
+    margin = "\n" + " " * indent + operator.lstrip()
+    lines = _filled(items, operator, WIDTH - indent - 2)
+    return lines[0] if len(lines) == 1 else "\n" + " " * indent + margin.join(lines) + "\n" + " " * (indent - 4)
+
+
+def _filled(items: Iterable[str], separator: str, width: int) -> list[str]:
+    lines: list[str] = []
+    for item in items:
+        if lines and len(lines[-1]) + len(separator) + len(item) <= width:
+            lines[-1] += separator + item
+        else:
+            lines.append(item)
+    return [line + separator.rstrip() if separator == ", " and line is not lines[-1] else line for line in lines]
