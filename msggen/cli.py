@@ -17,6 +17,7 @@ from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
 from msggen.firmware.source import Sources, find_sources
 from msggen.generate.build import Build, Outcome, depfile, write_if_changed
 from msggen.generate.output import Plan
+from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
 DONE, FINDINGS, FAILED = 0, 1, 2
@@ -130,13 +131,15 @@ def _prepare(options: argparse.Namespace, settings: Settings) -> tuple[Build, So
     """Merge the command line with the settings; the command line wins."""
     package = settings.package or "px4_types" if options.package is None else options.package
     if not (package.isidentifier() and package.isascii()) or keyword.iskeyword(package):
+        place = settings.place("package") if options.package is None else Location("--package", 0)
         text = f"'{package}' cannot be imported: expected a name such as 'px4_types'"
-        raise fault("--package", "S103", text, line=0)
+        raise fault(place.path, "S103", text, *place[1:])
     sources = find_sources(
         options.px4 or settings.px4,
         tuple(options.msg_dir or settings.msg_dir),
         options.topics or settings.topics,
         options.release or settings.release,
+        settings.place("release") if options.release is None else Location("--release", 0),
     )
     return Build(sources, options.output or settings.output or "generated", package), sources
 

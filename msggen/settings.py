@@ -8,10 +8,11 @@ import sys
 from typing import Any, NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
+from msggen.location import Location
 
 
 class Settings(NamedTuple):
-    """What a build is told; None or empty where it is told nothing."""
+    """What a build is told; None or empty where it is told nothing. `origin` is the file that told it."""
 
     px4: str | None = None
     msg_dir: tuple[str, ...] = ()
@@ -19,6 +20,13 @@ class Settings(NamedTuple):
     release: str | None = None
     output: str | None = None
     package: str | None = None
+    origin: str = ""
+
+    def place(self, key: str) -> Location:
+        """Return where a setting stands, or the option of that name where there are no settings."""
+        if not self.origin:
+            return Location(f"--{key}", 0)
+        return Location(self.origin, *_place(_text(self.origin), key))
 
 
 _HEADER = re.compile(r"^[ \t]*\[[ \t]*tool[ \t]*\.[ \t]*[\"']?msggen[\"']?[ \t]*\]", re.MULTILINE)
@@ -75,11 +83,11 @@ def _parse(text: str, path: str) -> Settings | None:
     values = {_field(key, text, path): value for key, value in table.items()}
     base = os.path.dirname(path)
     checked = {key: _value(key, value, base, text, path) for key, value in values.items()}
-    return Settings(**{"output": os.path.join(base, "generated"), **checked})
+    return Settings(**{"output": os.path.join(base, "generated"), **checked, "origin": path})
 
 
 def _field(key: str, text: str, path: str) -> str:
-    known = {name.replace("_", "-"): name for name in Settings._fields}
+    known = {name.replace("_", "-"): name for name in Settings._fields if name != "origin"}
     if key not in known:
         _fail(path, "C102", f"unknown setting '{key}'{suggestion(key, known)}", *_place(text, key))
     return known[key]

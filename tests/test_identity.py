@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 from conftest import VECTORS, catalog_of, shared
 
+from msggen.firmware import source
 from msggen.firmware.catalog import read_catalog
+from msggen.firmware.release import CONVENTIONS
 from msggen.firmware.source import find_sources
 from msggen.identity import endpoints, message_hash, type_hash, uorb_topics
 from msggen.layout import lay_out, struct_size
@@ -142,3 +144,7 @@ def test_a_release_that_is_given_overrules_the_tree(release: str, name: str, fir
 
 def test_a_rate_limit_of_zero_or_unlimited_is_none_at_all(tmp_path: Path) -> None:
     assert endpoints(catalog_of(tmp_path, BRIDGED))[-1].entry.rate_limit_hz == 0.0
+
+
+def test_the_releases_that_can_be_named_are_those_with_conventions() -> None:
+    assert list(CONVENTIONS) == list(source.RELEASES)

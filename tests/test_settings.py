@@ -48,7 +48,9 @@ output = "src"
 package = "vehicle_types"
 """
     )
-    expected = Settings("firmware", ("mine", "../yours"), "bridge.yaml", "v1.16", "src", "vehicle_types")
+    expected = Settings(
+        "firmware", ("mine", "../yours"), "bridge.yaml", "v1.16", "src", "vehicle_types", "pyproject.toml"
+    )
     assert read_settings(".") == expected
 
 
@@ -84,7 +86,7 @@ def test_without_a_pyproject_nothing_is_set() -> None:
 
 def test_an_empty_table_sets_nothing() -> None:
     settings_file("[tool.msggen]\n")
-    assert read_settings(".") == Settings(output="generated")
+    assert read_settings(".") == Settings(output="generated", origin="pyproject.toml")
 
 
 @pytest.mark.parametrize(
@@ -115,7 +117,7 @@ def test_the_nearest_settings_count_and_are_not_mixed_with_those_above(monkeypat
     settings_file('[tool.msggen]\npackage = "far"\nrelease = "v1.14"\n')
     settings_file('[tool.msggen]\npackage = "near"\n', "inner")
     monkeypatch.chdir("inner")
-    assert read_settings(".") == Settings(output="generated", package="near")
+    assert read_settings(".") == Settings(output="generated", package="near", origin="pyproject.toml")
 
 
 def test_relative_paths_count_from_the_file_not_from_where_the_user_stands(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -273,3 +275,18 @@ def test_a_setting_with_an_impossible_value_is_refused(
     assert main(["build"]) == 2
     assert f" {code} " in capsys.readouterr().err
     assert os.listdir() == ["pyproject.toml"]
+
+
+@pytest.mark.parametrize(
+    ("setting", "told"),
+    [
+        ('package = "two words"', "pyproject.toml:3:1: S103 'two words' cannot be imported"),
+        ('release = "v1.71"', "pyproject.toml:3:1: S105 unknown release 'v1.71', did you mean 'v1.17'?"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_told_where_it_stands(
+    setting: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings_file(f"[tool.msggen]\n# mine\n{setting}\n")
+    assert main(["build"]) == 2
+    assert capsys.readouterr().err.startswith(told)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
+from msggen.diagnostics import Diagnostic, InputError
 from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_timestamps, check_topics
 from msggen.firmware.release import CONVENTIONS, recognise
 from msggen.firmware.source import File, Sources, read_files
@@ -44,10 +44,6 @@ def read_catalog(sources: Sources, contents: Mapping[str, bytes] | None = None) 
 
 def _conventions(sources: Sources, messages: list[Message], bridge: tuple[BridgeEntry, ...]) -> Conventions:
     if sources.release is not None:
-        if sources.release not in CONVENTIONS:
-            hint = suggestion(sources.release, CONVENTIONS)
-            hint = hint or f": expected {', '.join(CONVENTIONS)}"
-            raise fault("--release", "S105", f"unknown release '{sources.release}'{hint}", line=0)
         return CONVENTIONS[sources.release]
     has_instances = any(entry.instance is not None for entry in bridge)
     own = messages[: sources.own]

@@ -5,11 +5,16 @@ from __future__ import annotations
 import os
 from typing import NamedTuple, NoReturn
 
-from msggen.diagnostics import fault
+from msggen.diagnostics import fault, suggestion
+from msggen.location import Location
 
 EMBEDDED = "embedded"
 """What the embedded set calls itself where a path would stand."""
 
+RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "main")
+"""The releases whose conventions are known (`release` has them)."""
+
+_RELEASE_OPTION = Location("--release", 0)
 _BRIDGE_PLACES = ("src/modules/uxrce_dds_client/dds_topics.yaml", "dds_topics.yaml")
 
 
@@ -51,13 +56,21 @@ class Sources(NamedTuple):
 
 
 def find_sources(
-    px4: str | None, folders: tuple[str, ...] = (), topics: str | None = None, release: str | None = None
+    px4: str | None,
+    folders: tuple[str, ...] = (),
+    topics: str | None = None,
+    release: str | None = None,
+    release_place: Location = _RELEASE_OPTION,
 ) -> Sources:
     """Return the files of the tree or package `px4` and of the bare `folders`.
 
     `topics` replaces the bridge's YAML, `release` overrules what the tree looks like. Without `px4` and
-    `folders` it is the embedded set. Raises InputError where there is nothing to read.
+    `folders` it is the embedded set. Raises InputError where there is nothing to read, and for a release that does
+    not exist, said to stand at `release_place`.
     """
+    if release is not None and release not in RELEASES:
+        hint = suggestion(release, RELEASES) or f": expected {', '.join(RELEASES)}"
+        raise fault(release_place.path, "S105", f"unknown release '{release}'{hint}", *release_place[1:])
     label = ", ".join(filter(None, (px4, *folders))) or "the embedded PX4 v1.17"
     if px4 is None and not folders:
         px4 = embedded_root()
