@@ -9,5 +9,15 @@ _PACKAGE = os.path.dirname(os.path.abspath(__file__))
 
 def resource(name: str) -> str:
     """Return the path of the folder `name`, such as "templates"."""
-    installed = os.path.join(_PACKAGE, name)
-    return installed if os.path.isdir(installed) else os.path.join(os.path.dirname(_PACKAGE), name)
+    return os.path.join(_root(name), name)
+
+
+def embedded_root() -> str:
+    """Return the folder with the embedded set: `msg/`, `srv/` and `dds_topics.yaml`."""
+    root = _root("embedded")
+    return os.path.join(root, "embedded") if root == _PACKAGE else root
+
+
+def _root(name: str) -> str:
+    """Return the installed package if it holds `name`, else the checkout."""
+    return _PACKAGE if os.path.isdir(os.path.join(_PACKAGE, name)) else os.path.dirname(_PACKAGE)

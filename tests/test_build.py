@@ -1173,3 +1173,15 @@ def test_a_misspelt_option_is_answered_with_the_nearest(capsys: pytest.CaptureFi
         build("--pxx4", "tree")
     assert stopped.value.code == 2
     assert "did you mean '--px4'?" in capsys.readouterr().err
+
+
+def test_what_a_source_is_counts_as_input() -> None:
+    """The very same files follow other conventions in a tree of the firmware than in a folder."""
+    message = "uint32 MESSAGE_VERSION = 1\nuint64 timestamp\n"
+    write_definitions(Path("in"), {"msg/VehicleStatus.msg": message, "dds_topics.yaml": "publications: []\n"})
+    assert build("-q", "--px4", "in") == 0
+    assert build("-q", "--px4", "in", "--check") == 0
+    Path("in/src/modules").mkdir(parents=True)
+    before = json.loads((PACKAGE / RECORD).read_text())["summary"]
+    assert build("-q", "--px4", "in") == 0
+    assert json.loads((PACKAGE / RECORD).read_text())["summary"] != before

@@ -7,9 +7,7 @@ from typing import NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
 from msggen.location import Location
-
-EMBEDDED = "embedded"
-"""What the embedded set calls itself where a path would stand."""
+from msggen.resources import embedded_root
 
 RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "main")
 """The releases whose conventions are known (`release` has them)."""
@@ -104,13 +102,6 @@ def read_files(sources: Sources) -> dict[str, bytes]:
         except OSError as error:
             _fail(file.path, "S101", error.strerror or str(error))
     return contents
-
-
-def embedded_root() -> str:
-    """Return the folder with the embedded set: inside the installed package, or the checkout's own."""
-    here = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    installed = os.path.join(here, EMBEDDED)
-    return installed if os.path.isdir(installed) else os.path.dirname(here)
 
 
 def _definitions(root: str, folder: str, suffix: str) -> list[File]:

@@ -78,7 +78,8 @@ class Build:
     def _fingerprint(self) -> str:
         """Digest all that the output depends on: the tool, its templates, the options and every input."""
         state = sha256()
-        for part in (__version__, self.name, self.sources.release or "", str(self.sources.own)):
+        kind = f"{self.sources.own} {self.sources.is_tree}"
+        for part in (__version__, self.name, self.sources.release or "", kind):
             state.update(part.encode() + b"\0")
         state.update(_tool_digest())
         for file in self.sources.files():

@@ -33,15 +33,15 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
 
     Raises InputError where a message has no fixed size.
     """
-    messages = list(catalog.messages.values())
-    halves = _definitions(catalog)[len(messages) :]
-    check_fixed_size([*messages, *halves])
+    definitions = _definitions(catalog)
+    check_fixed_size(definitions)
+    messages, halves = definitions[: len(catalog.messages)], definitions[len(catalog.messages) :]
     made = environment()
 
     def render(template: str, **context: object) -> str:
         return made.get_template(f"python/{template}.py.j2").render(context)
 
-    package = next((definition.package for definition in [*messages, *halves]), DEFAULT_PACKAGE)
+    package = next((definition.package for definition in definitions), DEFAULT_PACKAGE)
     names = [message.name for message in messages]
     example = _EXAMPLE if _EXAMPLE in names else "".join(names[:1])
     about = {"name": name, "package": package, "messages": messages, "services": catalog.services}
@@ -57,7 +57,7 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
         "msg/__init__.py": render("folder", title="Messages", package=package, classes=_classes(messages)),
     }
     template = made.get_template("python/message.py.j2")
-    for message in [*messages, *halves]:
+    for message in definitions:
         path = f"{message.folder}/{module_name(message.name)}.py"
         files[path] = template.render(view=message_view(catalog, message))
     if catalog.services:

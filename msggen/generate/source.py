@@ -6,6 +6,7 @@ the string it stands in.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Iterable, Sequence
@@ -19,20 +20,17 @@ WIDTH = 110
 
 
 def literal(value: object) -> str:
-    """Return `value` as a Python literal, strings in double quotes."""
+    """Return `value` as a Python literal, printable strings in double quotes."""
     if isinstance(value, float) and not math.isfinite(value):
         return f'float("{value}")'
     if isinstance(value, tuple):
         return f"({''.join(literal(item) + ', ' for item in value).strip()})"
     if isinstance(value, str):
-        if value.isascii() and value.isprintable() and '"' not in value and "\\" not in value:
-            return f'"{value}"'
-        quoted = repr("'" + value)
-        return (
-            '"' + quoted[2:]
-            if quoted.startswith('"')
-            else '"' + quoted[3:-1].replace("\\'", "'").replace('"', '\\"') + '"'
-        )
+        if not value.isprintable():
+            return ascii(value)
+        # What can be printed, JSON quotes as Python does; most of it needs no escape.
+        plain = '"' not in value and "\\" not in value
+        return f'"{value}"' if plain else json.dumps(value, ensure_ascii=False)
     return repr(value)
 
 
@@ -102,4 +100,4 @@ def _filled(items: Iterable[str], separator: str, width: int) -> list[str]:
             lines[-1] += separator + item
         else:
             lines.append(item)
-    return [line + separator.rstrip() if separator == ", " and line is not lines[-1] else line for line in lines]
+    return [*(line + "," for line in lines[:-1]), *lines[-1:]] if separator == ", " else lines

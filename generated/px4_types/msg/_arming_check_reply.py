@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
 else:
-    ClassVar, Final = _cdr.ClassVar, _cdr.Final
+    ClassVar = _cdr.ClassVar
+    Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout(
     "Q3B4?BQIH25sBQIH25sBQIH25sBQIH25sBQIH25sB11?", xcdr2="Q8B4xQIH25sBQIH25sBQIH25sBQIH25sBQIH25s12B",

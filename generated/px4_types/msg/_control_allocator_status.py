@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
 else:
-    ClassVar, Final = _cdr.ClassVar, _cdr.Final
+    ClassVar = _cdr.ClassVar
+    Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q?3x3f?3x3f16s2H", words="QB3x3IB3x3I16B2H")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from

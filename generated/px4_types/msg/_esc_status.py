@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
 else:
-    ClassVar, Final = _cdr.ClassVar, _cdr.Final
+    ClassVar = _cdr.ClassVar
+    Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout(
     "QH4B2xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb",

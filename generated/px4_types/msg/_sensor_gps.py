@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
 else:
-    ClassVar, Final = _cdr.ClassVar, _cdr.Final
+    ClassVar = _cdr.ClassVar
+    Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI4x4d2fB3x4fiHBxi2B2x5f?3xiQB3xI4fB?B", xcdr2="2QI4Q2IB3x5IHBxI2B2x5IB3xIQB3x5I3B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from

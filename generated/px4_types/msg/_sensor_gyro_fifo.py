@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
 else:
-    ClassVar, Final = _cdr.ClassVar, _cdr.Final
+    ClassVar = _cdr.ClassVar
+    Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI2fBx64s64s64s", words="2Q3IBx96H")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from

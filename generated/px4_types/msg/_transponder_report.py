@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
 else:
-    ClassVar, Final = _cdr.ClassVar, _cdr.Final
+    ClassVar = _cdr.ClassVar
+    Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI4x2dB3x4f9s2Bx2H18s", xcdr2="QI2QB3x4I9s2Bx2H18s")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from

@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
 else:
-    ClassVar, Final = _cdr.ClassVar, _cdr.Final
+    ClassVar = _cdr.ClassVar
+    Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("3Q3B5xQ3Bx2IH2B2?B?B5?3B11?", xcdr2="3Q3BxQ3Bx2IH26B")
 _pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
