@@ -46,6 +46,8 @@ CODES: dict[str, str] = {
     "S105": "an unknown release",
     "S106": "a second ROS package",
     "S107": "a package.xml that cannot be read",
+    "S108": "a revision that git cannot give",
+    "S109": "an archive that cannot be read",
     "C101": "a pyproject.toml that cannot be read",
     "C102": "an unknown setting",
     "C103": "a setting of the wrong kind",

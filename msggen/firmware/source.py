@@ -6,6 +6,7 @@ import os
 from typing import NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
+from msggen.firmware.tree import Folder, Tree, open_tree
 from msggen.location import Location
 from msggen.resources import embedded_root
 
@@ -17,10 +18,14 @@ _BRIDGE_PLACES = ("src/modules/uxrce_dds_client/dds_topics.yaml", "dds_topics.ya
 
 
 class File(NamedTuple):
-    """One input: `path` to open it and to name it to the user, `name` to cite it in what is generated."""
+    """One input: `path` names it to the user, `name` cites it in what is generated.
+
+    `tree` reads it by its name; a file that was named by itself has none, and is opened by its path.
+    """
 
     path: str
     name: str
+    tree: Tree | None = None
 
     @property
     def stem(self) -> str:
@@ -34,7 +39,7 @@ class Sources(NamedTuple):
     `manifest` is the package.xml of the first source, unless that is the firmware, and names the ROS package of all;
     `other_manifests` are those of further sources. `own` counts the messages of the first source, which come
     first: by them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in
-    a few words what the sources are.
+    a few words what the sources are. `root` is where the first source lies.
     """
 
     messages: tuple[File, ...]
@@ -46,6 +51,7 @@ class Sources(NamedTuple):
     own: int
     is_tree: bool = False
     label: str = ""
+    root: Tree | None = None
 
     def files(self) -> tuple[File, ...]:
         """Return all of them, in an order that does not depend on the machine."""
@@ -72,7 +78,7 @@ def find_sources(
     label = ", ".join(filter(None, (px4, *folders))) or "the embedded PX4 v1.17"
     if px4 is None and not folders:
         px4 = embedded_root()
-    roots = [*([px4] if px4 is not None else []), *folders]
+    roots = [open_tree(root) for root in (*([px4] if px4 is not None else []), *folders)]
     messages: list[File] = []
     services: list[File] = []
     for root in roots:
@@ -83,75 +89,60 @@ def find_sources(
             _fail_without_definitions(root)
     bridge = File(topics, os.path.basename(topics)) if topics is not None else None
     if bridge is None and px4 is not None:
-        bridge = _bridge(px4)
+        bridge = _bridge(roots[0])
     own = len(_definitions(roots[0], "msg", ".msg"))
     manifest, *others = map(_manifest, roots)
     other_manifests = tuple(file for file in others if file)
+    first = roots[0]
     return Sources(
-        tuple(messages), tuple(services), bridge, manifest, other_manifests, release, own, _is_tree(roots[0]), label
+        tuple(messages), tuple(services), bridge, manifest, other_manifests, release, own, _is_tree(first), label, first
     )
 
 
 def read_files(sources: Sources) -> dict[str, bytes]:
     """Return the contents of all files by path, each read once. Raises InputError for those that cannot be read."""
-    contents = {}
-    for file in sources.files():
-        try:
-            with open(file.path, "rb") as stream:
-                contents[file.path] = stream.read()
-        except OSError as error:
-            _fail(file.path, "S101", error.strerror or str(error))
-    return contents
+    return {file.path: _read(file) for file in sources.files()}
 
 
-def _definitions(root: str, folder: str, suffix: str) -> list[File]:
+def _read(file: File) -> bytes:
+    if file.tree is not None:
+        return file.tree.read(file.name)
+    folder, name = os.path.split(file.path)
+    return Folder(folder).read(name)
+
+
+def _definitions(root: Tree, folder: str, suffix: str) -> list[File]:
     """Return the definitions in `root`: under `msg/` or `srv/` if it has them there, else in `root` itself.
 
     `versioned/` counts, `px4_msgs_old/` with its archived versions does not.
     """
-    inside = os.path.join(root, folder)
-    base, prefix = (inside, f"{folder}/") if os.path.isdir(inside) else (root, "")
-    files = []
-    for sub in ("", "versioned/"):
-        try:
-            names = sorted(os.listdir(os.path.join(base, sub)))
-        except (FileNotFoundError, NotADirectoryError):
-            continue
-        except OSError as error:
-            _fail(root, "S101", error.strerror or str(error))
-        files += [
-            File(os.path.join(base, sub + name), prefix + sub + name)
-            for name in names
-            if name.endswith(suffix) and not name.startswith(".")
-        ]
-    return files
+    prefix = f"{folder}/" if root.is_folder(folder) else ""
+    return [
+        File(root.place(prefix + sub + name), prefix + sub + name, root)
+        for sub in ("", "versioned/")
+        for name in root.names(prefix + sub)
+        if name.endswith(suffix) and not name.startswith(".")
+    ]
 
 
-def _bridge(root: str) -> File | None:
-    for place in _BRIDGE_PLACES:
-        path = os.path.join(root, *place.split("/"))
-        if os.path.isfile(path):
-            return File(path, place)
-    return None
+def _bridge(root: Tree) -> File | None:
+    found = next((place for place in _BRIDGE_PLACES if root.is_file(place)), None)
+    return File(root.place(found), found, root) if found else None
 
 
-def _manifest(root: str) -> File | None:
+def _manifest(root: Tree) -> File | None:
     """Return the package.xml of a ROS package; the firmware's own tree has one too, and is none."""
-    path = os.path.join(root, "package.xml")
-    return File(path, os.path.basename(path)) if os.path.isfile(path) and not _is_tree(root) else None
+    name = "package.xml"
+    return File(root.place(name), name, root) if root.is_file(name) and not _is_tree(root) else None
 
 
-def _is_tree(root: str) -> bool:
-    return os.path.isdir(os.path.join(root, "src", "modules"))
+def _is_tree(root: Tree) -> bool:
+    return root.is_folder("src/modules")
 
 
-def _fail_without_definitions(root: str) -> NoReturn:
-    if not os.path.isdir(root):
-        _fail(root, "S101", "not a folder" if os.path.exists(root) else "no such folder")
-    parent = os.path.dirname(os.path.abspath(root))
-    hint = f", did you mean '{parent}'?" if os.path.isdir(os.path.join(parent, "msg")) else ""
-    _fail(root, "S102", f"no .msg file here or in msg/: expected a PX4-Autopilot tree, px4_msgs or a folder{hint}")
-
-
-def _fail(path: str, code: str, message: str) -> NoReturn:
-    raise fault(path, code, message)
+def _fail_without_definitions(root: Tree) -> NoReturn:
+    parent = os.path.dirname(os.path.abspath(root.path))
+    near = isinstance(root, Folder) and os.path.isdir(os.path.join(parent, "msg"))
+    hint = f", did you mean '{parent}'?" if near else ""
+    text = f"no .msg file here or in msg/: expected a PX4-Autopilot tree, px4_msgs or a folder{hint}"
+    raise fault(root.path, "S102", text, 0)

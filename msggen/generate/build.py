@@ -14,7 +14,8 @@ from typing import NamedTuple
 from msggen import __version__
 from msggen.diagnostics import fault
 from msggen.firmware.source import Sources, read_files
-from msggen.generate.output import ForeignFileError, Plan, is_current, plan_output, read_record, write_output
+from msggen.generate.output import ForeignFileError, Plan, is_current, plan_output, write_output
+from msggen.record import read_record
 from msggen.resources import resource
 
 TYPE_CHECKING = False

@@ -1,7 +1,4 @@
-"""The command line: arguments, settings and exit codes; everything it does is done elsewhere.
-
-argparse on purpose: larger libraries take longer to import than a build with nothing to do (docs/libraries.md).
-"""
+"""`msggen build`: definitions to a Python package."""
 
 from __future__ import annotations
 
@@ -10,101 +7,44 @@ import keyword
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from msggen import __version__
-from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
-from msggen.firmware.source import Sources, find_sources
+from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, sources_of
+from msggen.diagnostics import fault
+from msggen.firmware.source import Sources
 from msggen.generate.build import Build, Outcome, depfile, write_if_changed
 from msggen.generate.output import Plan
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
-DONE, FINDINGS, FAILED = 0, 1, 2
-"""Exit codes: all well, something found, and usage, input or I/O errors."""
-
-
 _FEW = 10
 """So many stale files are named without being asked for."""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code."""
-    try:
-        options, unknown = _parser().parse_known_args(arguments)
-        if unknown:
-            options.parser.error(f"unknown argument '{unknown[0]}'{suggestion(unknown[0], options.known)}")
-        return int(options.run(options))
-    except InputError as error:
-        _print_faults(error.diagnostics)
-        return FAILED
-    except BrokenPipeError:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - who read us has left: say no more
-        return FINDINGS
-    except OSError as error:
-        place = f"{error.filename}: " if error.filename else ""
-        print(f"msggen: {place}{error.strerror or error}", file=sys.stderr)
-        return FAILED
-    except KeyboardInterrupt:
-        print("msggen: interrupted, nothing is half-written", file=sys.stderr)
-        return FAILED
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="msggen",
-        description="PX4's message definitions in; Python types, CDR codecs and a topic registry out.",
-        allow_abbrev=False,
-    )
-    parser.add_argument("--version", action="version", version=f"msggen {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    build = commands.add_parser(
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    build = add_command(
+        commands,
         "build",
+        _build,
         help="generate a Python package from message definitions",
         description="Generate a Python package from message definitions; without a source, from the embedded set.",
         epilog="Exit codes: 0 done, 1 findings (--check, --diff), 2 usage, input or I/O error. "
         "Options may stand in [tool.msggen] of pyproject.toml.",
-        allow_abbrev=False,
     )
-    source = build.add_argument_group("sources")
-    source.add_argument(
-        "--px4", metavar="PATH", type=_given, help="PX4-Autopilot tree, px4_msgs package or folder of .msg files"
-    )
-    source.add_argument(
-        "--msg-dir",
-        metavar="DIR",
-        type=_given,
-        action="append",
-        help="further .msg files, as of external modules; repeatable",
-    )
-    source.add_argument(
-        "--topics", metavar="FILE", type=_given, help="dds_topics.yaml to use instead of the tree's own"
-    )
-    source.add_argument(
-        "--release", type=_given, help="conventions to follow, not those the tree shows: v1.14 to v1.17, main"
-    )
+    add_source_options(build)
     output = build.add_argument_group("output")
-    output.add_argument("-o", "--output", metavar="DIR", type=_given, help="folder to put the package into (generated)")
-    output.add_argument("--package", metavar="NAME", type=_given, help="name of the Python package (px4_types)")
+    output.add_argument("-o", "--output", metavar="DIR", type=given, help="folder to put the package into (generated)")
+    output.add_argument("--package", metavar="NAME", type=given, help="name of the Python package (px4_types)")
     output.add_argument("--check", action="store_true", help="write nothing; exit 1 when the package is stale")
     output.add_argument("--diff", action="store_true", help="write nothing; show the changes, exit 1 if any")
     output.add_argument(
-        "--depfile", metavar="FILE", type=_given, help="write a Makefile rule with all inputs, for CMake and Ninja"
+        "--depfile", metavar="FILE", type=given, help="write a Makefile rule with all inputs, for CMake and Ninja"
     )
     output.add_argument("--list-outputs", action="store_true", help="write nothing; list the files of the package")
     loudness = build.add_mutually_exclusive_group()
     loudness.add_argument("-q", "--quiet", action="store_true", help="say nothing but what is wrong")
     loudness.add_argument("-v", "--verbose", action="store_true", help="name every file written and removed")
-    known = [option for action in build._actions for option in action.option_strings]  # noqa: SLF001 - argparse has no other way
-    build.set_defaults(run=_build, parser=build, known=known)
-    return parser
-
-
-def _given(text: str) -> str:
-    """Refuse an empty value: an unset variable in a script must not mean the default."""
-    if not text:
-        raise argparse.ArgumentTypeError("expected a value, found an empty text")
-    return text
 
 
 def _build(options: argparse.Namespace) -> int:
@@ -134,13 +74,7 @@ def _prepare(options: argparse.Namespace, settings: Settings) -> tuple[Build, So
         place = settings.place("package") if options.package is None else Location("--package", 0)
         text = f"'{package}' cannot be imported: expected a name such as 'px4_types'"
         raise fault(place.path, "S103", text, *place[1:])
-    sources = find_sources(
-        options.px4 or settings.px4,
-        tuple(options.msg_dir or settings.msg_dir),
-        options.topics or settings.topics,
-        options.release or settings.release,
-        settings.place("release") if options.release is None else Location("--release", 0),
-    )
+    sources = sources_of(options, settings)
     return Build(sources, options.output or settings.output or "generated", package), sources
 
 
@@ -187,12 +121,3 @@ def _print_diff(plan: Plan) -> None:
         after = plan.files.get(name, "").splitlines(keepends=True)
         for line in unified_diff(before, after, path, path):
             sys.stdout.write(line.encode(sys.stdout.encoding, "backslashreplace").decode(sys.stdout.encoding))
-
-
-def _print_faults(faults: Sequence[Diagnostic]) -> None:
-    colour = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
-    for found in faults:
-        place, code, message = found
-        text = f"\033[1m{place}\033[0m: \033[31m{code}\033[0m {message}" if colour else str(found)
-        print(text, file=sys.stderr)
-    print(f"{len(faults)} error{'' if len(faults) == 1 else 's'}, nothing written", file=sys.stderr)

@@ -1,0 +1,55 @@
+"""The command line: arguments, settings and exit codes; everything it does is done elsewhere.
+
+argparse on purpose: larger libraries take longer to import than a build with nothing to do (docs/libraries.md).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from msggen import __version__
+from msggen.cli import build
+from msggen.cli.common import DONE, FAILED, FINDINGS, print_faults
+from msggen.diagnostics import InputError, suggestion
+
+__all__ = ["DONE", "FAILED", "FINDINGS", "main"]
+
+_COMMANDS = (build,)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code."""
+    try:
+        options, unknown = _parser().parse_known_args(arguments)
+        if unknown:
+            options.parser.error(f"unknown argument '{unknown[0]}'{suggestion(unknown[0], options.known)}")
+        return int(options.run(options))
+    except InputError as error:
+        print_faults(error.diagnostics)
+        return FAILED
+    except BrokenPipeError:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - who read us has left: say no more
+        return FINDINGS
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        print(f"msggen: {place}{error.strerror or error}", file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        print("msggen: interrupted, nothing is half-written", file=sys.stderr)
+        return FAILED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="msggen",
+        description="PX4's message definitions in; Python types, CDR codecs and a topic registry out.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"msggen {__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    for command in _COMMANDS:
+        command.add_to(commands)
+    return parser

@@ -1,0 +1,70 @@
+"""The earlier versions of messages that a tree of the firmware keeps, and the headers that translate between them.
+
+v1.16 brought both: `msg/px4_msgs_old/msg/<Name>V<n>.msg` and `msg/translation_node/translations/*.h`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from msggen.diagnostics import Diagnostic, InputError
+from msggen.firmware.tree import Tree
+from msggen.model import Message
+from msggen.parse import decode_text, parse_message
+
+VERSIONED = "msg/versioned"
+ARCHIVE = "msg/px4_msgs_old/msg"
+TRANSLATIONS = "msg/translation_node/translations"
+ALL_TRANSLATIONS = f"{TRANSLATIONS}/all_translations.h"
+
+_INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
+_ARCHIVED = re.compile(r"[A-Z][A-Za-z0-9]*V[0-9]+")
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """What a tree keeps of earlier versions.
+
+    `archived` has messages such as `VehicleStatusV0` by name, `translations` the texts of the headers that
+    `all_translations.h` includes, by file name. `is_kept` says whether the tree has versioned messages at all.
+    """
+
+    is_kept: bool
+    archived: Mapping[str, Message]
+    translations: Mapping[str, str]
+
+    def translates(self, name: str, version: int) -> bool:
+        """Whether a header translates the message `name` between `version` and the current one.
+
+        A header may translate several messages at once, so it is known by the types that it uses, not by its name.
+        """
+        older = re.compile(rf"px4_msgs_old::msg::{name}V{version}\b")
+        newer = re.compile(rf"px4_msgs::msg::{name}\b")
+        return any(older.search(text) and newer.search(text) for text in self.translations.values())
+
+
+def read_history(tree: Tree) -> History:
+    """Return what `tree` keeps of earlier versions. Raises InputError for archived definitions that cannot be read."""
+    archived: dict[str, Message] = {}
+    faults: list[Diagnostic] = []
+    for file in tree.names(ARCHIVE):
+        name, dot, suffix = file.partition(".")
+        if suffix != "msg" or not dot or not _ARCHIVED.fullmatch(name):
+            continue
+        path = f"{ARCHIVE}/{file}"
+        text, unclean = decode_text(tree.read(path), tree.place(path))
+        archived[name], wrong = parse_message(text, tree.place(path), name, "px4_msgs_old")
+        faults += [*(fault for fault in unclean if fault.code != "M106"), *wrong]
+    if faults:
+        raise InputError(faults)
+    return History(tree.is_folder(VERSIONED), archived, _translations(tree))
+
+
+def _translations(tree: Tree) -> dict[str, str]:
+    if not tree.is_file(ALL_TRANSLATIONS):
+        return {}
+    included = _INCLUDE.findall(tree.read(ALL_TRANSLATIONS).decode(errors="replace"))
+    paths = {name: f"{TRANSLATIONS}/{name}" for name in included}
+    return {name: tree.read(path).decode(errors="replace") for name, path in paths.items() if tree.is_file(path)}

@@ -1,0 +1,225 @@
+"""Where definitions lie: in a folder, in a revision that git keeps, or in an archive.
+
+`Folder` looks at the disk when asked; `Snapshot` holds what was read from elsewhere, so that no work tree is
+touched and nothing is unpacked.
+"""
+
+from __future__ import annotations
+
+import os
+import posixpath
+from collections.abc import Mapping
+from typing import NoReturn
+
+from msggen.diagnostics import fault
+
+ARCHIVES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz", ".zip")
+"""What an archive's name ends in."""
+
+_MAX_LINKS = 40
+_MAX_SIZE = 2**24
+"""Bytes; no definition is nearly as large."""
+
+
+class Folder:
+    """A folder on disk. Names count from it, with `/` between folders."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+
+    def names(self, folder: str) -> list[str]:
+        """Return the names of what lies in `folder`, sorted; none if there is no such folder."""
+        try:
+            return sorted(os.listdir(os.path.join(self.path, folder)))
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+        except OSError as error:
+            raise fault(self.path, "S101", error.strerror or str(error), 0) from None
+
+    def is_folder(self, name: str) -> bool:
+        """Whether a folder of that name is there."""
+        return os.path.isdir(os.path.join(self.path, *name.split("/")))
+
+    def is_file(self, name: str) -> bool:
+        """Whether a file of that name is there."""
+        return os.path.isfile(os.path.join(self.path, *name.split("/")))
+
+    def place(self, name: str) -> str:
+        """Return the path that opens `name`, and names it to the user."""
+        return os.path.join(self.path, *name.split("/"))
+
+    def read(self, name: str) -> bytes:
+        """Return the bytes of `name`. Raises InputError."""
+        path = self.place(name)
+        try:
+            with open(path, "rb") as stream:
+                return stream.read()
+        except OSError as error:
+            raise fault(path, "S101", error.strerror or str(error), 0) from None
+
+
+class Snapshot:
+    """The files of a revision or an archive: `files` by name, symbolic `links` by name to where they lead."""
+
+    def __init__(self, label: str, files: Mapping[str, bytes], links: Mapping[str, str]) -> None:
+        self.path = label
+        self._files = files
+        self._links = links
+        self._folders: dict[str, set[str]] = {"": set()}
+        for name in (*files, *links):
+            parent, base = posixpath.split(name)
+            while base and base not in self._folders.setdefault(parent, set()):
+                self._folders[parent].add(base)
+                parent, base = posixpath.split(parent)
+
+    def names(self, folder: str) -> list[str]:
+        """Return the names of what lies in `folder`, sorted; none if there is no such folder."""
+        return sorted(self._folders.get(self._resolve(folder.rstrip("/")), ()))
+
+    def is_folder(self, name: str) -> bool:
+        """Whether a folder of that name is there."""
+        return self._resolve(name) in self._folders
+
+    def is_file(self, name: str) -> bool:
+        """Whether a file of that name is there."""
+        return self._resolve(name) in self._files
+
+    def place(self, name: str) -> str:
+        """Return what names the file to the user; nothing can be opened by it."""
+        return f"{self.path}/{name}"
+
+    def read(self, name: str) -> bytes:
+        """Return the bytes of `name`. Raises InputError."""
+        found = self._resolve(name)
+        if found not in self._files:
+            raise fault(self.place(name), "S101", "no such file", 0)
+        return self._files[found]
+
+    def _resolve(self, name: str) -> str:
+        """Follow symbolic links, as a file system would."""
+        for _ in range(_MAX_LINKS):
+            parts = name.split("/")
+            heads = ("/".join(parts[:end]) for end in range(1, len(parts) + 1))
+            link = next((head for head in heads if head in self._links), None)
+            if link is None:
+                return name
+            target = posixpath.join(posixpath.dirname(link), self._links[link])
+            name = posixpath.normpath(posixpath.join(target, name[len(link) + 1 :])).removeprefix("./")
+        return name
+
+
+Tree = Folder | Snapshot
+
+
+def open_tree(text: str) -> Tree:
+    """Return what `text` names: a folder, `folder@revision`, or an archive. Raises InputError."""
+    if os.path.isdir(text):
+        return Folder(text)
+    if os.path.isfile(text):
+        if not text.lower().endswith(ARCHIVES):
+            _fail(text, "S101", f"not a folder, nor an archive ({', '.join(ARCHIVES)})")
+        return _read_archive(text)
+    for position in (index for index, character in enumerate(text) if character == "@"):
+        if os.path.isdir(text[:position]):
+            return _read_revision(text[:position], text[position + 1 :])
+    return _fail(text.partition("@")[0] if "@" in text else text, "S101", "no such folder")
+
+
+def _is_wanted(name: str) -> bool:
+    """Whether msggen may ask for the bytes of `name`; a whole firmware holds tens of thousands of other files."""
+    return name.endswith((".msg", ".srv", "dds_topics.yaml", "package.xml")) or "translation_node/" in name
+
+
+def _read_revision(folder: str, revision: str) -> Snapshot:
+    from msggen.git import GitError, commit_of, git
+
+    label = f"{folder}@{revision}"
+    try:
+        commit = commit_of(folder, revision)
+        rows = [
+            row.split("\t", 1) for row in os.fsdecode(git(folder, "ls-tree", "-r", "-z", commit)).split("\0") if row
+        ]
+        entries = {name: about.split(" ") for about, name in rows}
+        links = [name for name, about in entries.items() if about[0] == "120000"]
+        wanted = [name for name, about in entries.items() if about[1] == "blob" and (_is_wanted(name) or name in links)]
+        answer = git(folder, "cat-file", "--batch", stdin="".join(f"{entries[name][2]}\n" for name in wanted).encode())
+    except GitError as error:
+        _fail(label, "S108", str(error))
+    contents = dict(zip(wanted, _split_batch(answer), strict=True))
+    files = {name: contents.get(name, b"") for name in entries if name not in links}
+    return Snapshot(label, files, {name: os.fsdecode(contents[name]) for name in links})
+
+
+def _split_batch(answer: bytes) -> list[bytes]:
+    """Return the contents in what `git cat-file --batch` prints: a line that ends in a size, the bytes, a line end."""
+    contents = []
+    position = 0
+    while position < len(answer):
+        start = answer.index(b"\n", position) + 1
+        size = int(answer[position:start].split()[-1])
+        contents.append(answer[start : start + size])
+        position = start + size + 1
+    return contents
+
+
+def _read_archive(path: str) -> Snapshot:
+    import lzma
+    import tarfile
+    import zipfile
+    import zlib
+
+    try:
+        files, links = (_read_zip if path.lower().endswith(".zip") else _read_tar)(path)
+    except (tarfile.TarError, zipfile.BadZipFile, lzma.LZMAError, zlib.error, EOFError, OSError, RuntimeError) as error:
+        _fail(path, "S109", f"cannot be read as an archive: {error}")
+    top = {name.split("/")[0] for name in (*files, *links)}
+    if len(top) == 1 and not any("/" not in name for name in files):
+        start = len(top.pop()) + 1
+        files = {name[start:]: data for name, data in files.items()}
+        links = {name[start:]: target for name, target in links.items()}
+    return Snapshot(path, files, links)
+
+
+def _read_tar(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
+    import tarfile
+
+    files: dict[str, bytes] = {}
+    links: dict[str, str] = {}
+    with tarfile.open(path) as archive:
+        for member in archive:
+            name = posixpath.normpath(member.name)
+            if member.issym():
+                links[name] = member.linkname
+            elif member.islnk():
+                links[name] = posixpath.relpath(posixpath.normpath(member.linkname), posixpath.dirname(name) or ".")
+            elif member.isfile():
+                stream = archive.extractfile(member) if _is_wanted(name) else None
+                files[name] = stream.read(_MAX_SIZE) if stream else b""
+    return files, links
+
+
+def _read_zip(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
+    import stat
+    import zipfile
+
+    files: dict[str, bytes] = {}
+    links: dict[str, str] = {}
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.infolist():
+            name = posixpath.normpath(member.filename)
+            is_link = stat.S_ISLNK(member.external_attr >> 16)
+            if member.is_dir():
+                continue
+            data = b""
+            if is_link or _is_wanted(name):
+                with archive.open(member) as stream:
+                    data = stream.read(_MAX_SIZE)
+            if is_link:
+                links[name] = os.fsdecode(data)
+            else:
+                files[name] = data
+    return files, links
+
+
+def _fail(path: str, code: str, message: str) -> NoReturn:
+    raise fault(path, code, message, 0)

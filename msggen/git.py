@@ -1,0 +1,48 @@
+"""What msggen asks git. It asks the program: whoever has a repository has it, and it knows every format of one."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+
+_OWN_REPOSITORY = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_PREFIX", "GIT_OBJECT_DIRECTORY", "GIT_NAMESPACE")
+"""Set while git runs a hook: they would lead every call to that hook's repository."""
+
+
+class GitError(Exception):
+    """Git refused; the text is its first line."""
+
+
+def git(folder: str, *arguments: str, stdin: bytes = b"") -> bytes:
+    """Run git in `folder` and return what it prints. Raises GitError."""
+    environment = {name: value for name, value in os.environ.items() if name not in _OWN_REPOSITORY}
+    environment |= {"LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0"}
+    command = ["git", "-C", folder or ".", *arguments]
+    try:
+        done = subprocess.run(command, input=stdin, capture_output=True, check=False, env=environment)  # noqa: S603
+    except FileNotFoundError:
+        raise GitError("the program 'git' is not installed") from None
+    if done.returncode:
+        lines = done.stderr.decode(errors="replace").strip().splitlines() or [f"git {arguments[0]} failed"]
+        raise GitError(lines[0].removeprefix("fatal: "))
+    return done.stdout
+
+
+def is_revision(folder: str, revision: str) -> bool:
+    """Whether the repository of `folder` has a commit of that name."""
+    try:
+        commit_of(folder, revision)
+    except GitError:
+        return False
+    return True
+
+
+def commit_of(folder: str, revision: str) -> str:
+    """Return the full hash of the commit that `revision` names. Raises GitError."""
+    if not revision or revision.startswith("-"):
+        raise GitError(f"'{revision}' is no name of a revision")
+    try:
+        return git(folder, "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}").decode().strip()
+    except GitError:
+        git(folder, "rev-parse", "--git-dir")
+        raise GitError(f"the repository has no revision '{revision}'") from None
