@@ -46,3 +46,11 @@ def commit_of(folder: str, revision: str) -> str:
     except GitError:
         git(folder, "rev-parse", "--git-dir")
         raise GitError(f"the repository has no revision '{revision}'") from None
+
+
+def revisions(folder: str) -> list[str]:
+    """Return the names of branches and tags; none where there is no repository."""
+    try:
+        return git(folder, "for-each-ref", "--format=%(refname:short)").decode(errors="replace").split()
+    except GitError:
+        return []

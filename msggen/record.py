@@ -27,6 +27,9 @@ class Record(NamedTuple):
     files: Mapping[str, str]
 
 
+NOTHING = Record("", "", {})
+
+
 def digest(data: bytes) -> str:
     """Return what a file is recognised by."""
     return sha256(data).hexdigest()
@@ -44,13 +47,21 @@ def digest_of(folder: str, name: str) -> str | None:
 def read_record(folder: str) -> Record:
     """Return what was recorded in `folder`; an empty record where there is none that can be read."""
     try:
-        with open(os.path.join(folder, MANIFEST), encoding="utf-8") as stream:
-            stored = json.load(stream)
+        with open(os.path.join(folder, MANIFEST), "rb") as stream:
+            return parse_record(stream.read())
+    except OSError:
+        return NOTHING
+
+
+def parse_record(data: bytes) -> Record:
+    """Return what the bytes of a record say; an empty record where they cannot be read."""
+    try:
+        stored = json.loads(data)
         files = {name: str(value) for name, value in stored["files"].items() if _SAFE_NAME.fullmatch(name)}
         record = Record(str(stored["fingerprint"]), str(stored["summary"]), files)
         return record if stored["seal"] == _seal(record) else record._replace(fingerprint="")
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return Record("", "", {})
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return NOTHING
 
 
 def _seal(record: Record) -> str:

@@ -1,10 +1,12 @@
-"""`[tool.msggen]` of the nearest pyproject.toml: the options of `build`, for those who type them every day."""
+"""`[tool.msggen]` of the nearest pyproject.toml: options for those who type them every day, and the choice of rules."""
 
 from __future__ import annotations
 
 import os
 import re
 import sys
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
@@ -12,7 +14,7 @@ from msggen.location import Location
 
 
 class Settings(NamedTuple):
-    """What a build is told; None or empty where it is told nothing. `origin` is the file that told it."""
+    """What msggen is told; None or empty where it is told nothing. `origin` is the file that told it."""
 
     px4: str | None = None
     msg_dir: tuple[str, ...] = ()
@@ -20,6 +22,9 @@ class Settings(NamedTuple):
     release: str | None = None
     output: str | None = None
     package: str | None = None
+    select: tuple[str, ...] | None = None
+    ignore: tuple[str, ...] = ()
+    per_message_ignores: Mapping[str, tuple[str, ...]] = MappingProxyType({})
     origin: str = ""
 
     def place(self, key: str) -> Location:
@@ -95,14 +100,26 @@ def _field(key: str, text: str, path: str) -> str:
 
 def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
     key = field.replace("_", "-")
+    place = _place(text, key)
+    if field == "per_message_ignores":
+        if not isinstance(value, dict):
+            _fail(path, "C103", f"'{key}': expected a table of lists of rules, found {value!r}", *place)
+        return {message: _texts(rules, f"{key}.{message}", "rules", path, place) for message, rules in value.items()}
+    if field in ("select", "ignore"):
+        return _texts(value, key, "rules", path, place)
     if field == "msg_dir":
-        folders = [value] if isinstance(value, str) else value
-        if not isinstance(folders, list) or not all(item and isinstance(item, str) for item in folders):
-            _fail(path, "C103", f"'{key}': expected a list of folders, found {value!r}", *_place(text, key))
+        folders = _texts(value, key, "folders", path, place)
         return tuple(os.path.join(base, os.path.expanduser(item)) for item in folders)
     if not isinstance(value, str) or not value:
-        _fail(path, "C103", f"'{key}': expected a text, found {value!r}", *_place(text, key))
+        _fail(path, "C103", f"'{key}': expected a text, found {value!r}", *place)
     return os.path.join(base, os.path.expanduser(value)) if field in _PATHS else value
+
+
+def _texts(value: object, key: str, what: str, path: str, place: tuple[int, int]) -> tuple[str, ...]:
+    items = [value] if isinstance(value, str) else value
+    if not isinstance(items, list) or not all(item and isinstance(item, str) for item in items):
+        _fail(path, "C103", f"'{key}': expected a list of {what}, found {value!r}", *place)
+    return tuple(items)
 
 
 def _place(text: str, key: str) -> tuple[int, int]:

@@ -2,28 +2,44 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
-from msggen.diagnostics import Diagnostic, InputError
+from msggen.diagnostics import Diagnostic, InputError, fault
 from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_timestamps, check_topics
+from msggen.firmware.manifest import package_name
 from msggen.firmware.release import CONVENTIONS, recognise
-from msggen.firmware.source import File, Sources, read_files
+from msggen.firmware.source import File, Sources, read_file, read_files
 from msggen.location import Location
 from msggen.model import DEFAULT_PACKAGE, BridgeEntry, Catalog, Conventions, Message, Service
 from msggen.parse import decode_text, parse_bridge, parse_message, parse_service
 
+COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M202", "M401", "M402", "M403"})
+"""Faults that leave no doubt about what a definition means."""
 
-def read_catalog(sources: Sources, contents: Mapping[str, bytes] | None = None) -> Catalog:
+
+def read_catalog(
+    sources: Sources,
+    contents: Mapping[str, bytes] | None = None,
+    wanted: Collection[str] | None = None,
+    tolerated: Collection[str] = (),
+) -> Catalog:
     """Return the catalog that `sources` hold; `contents` has the bytes of their files, if they are read already.
 
-    Raises InputError with everything that is wrong in any of the files.
+    With `wanted` it has only the definitions of these names, and what they nest; what is wrong with others does not
+    matter then. Raises InputError with everything that is wrong in any of the files, but for the codes `tolerated`.
     """
     reader = _Reader(sources, read_files(sources) if contents is None else contents)
-    messages = reader.messages()
-    services = reader.services()
+    everything, services = reader.messages(), reader.services()
     bridge = reader.bridge()
+    messages = everything
+    if wanted is not None:
+        files = {file.path for file in (*sources.messages, *sources.services)}
+        services = [service for service in services if service.name in wanted]
+        halves = [half for service in services for half in (service.request, service.response)]
+        messages = _needed(everything, [message for message in everything if message.name in wanted] + halves)
+        dropped = files - {definition.location.path for definition in (*messages, *services)}
+        reader.faults = [found for found in reader.faults if found.location.path not in dropped]
     unread = reader.paths_with("M101", "M103", "M301", "M303", "M305")
     misread_topics = reader.paths_with("M402")
     faults = [
@@ -33,13 +49,44 @@ def read_catalog(sources: Sources, contents: Mapping[str, bytes] | None = None) 
         *check_nesting(messages, services),
         *check_timestamps(message for message in messages if message.location.path not in unread),
         *check_topics(message for message in messages if message.location.path not in misread_topics),
-        *check_bridge(bridge, messages),
+        *check_bridge(bridge, everything),
     ]
+    faults = [found for found in faults if found.code not in tolerated]
     if faults:
         raise InputError(faults)
+    names = {message.name for message in messages}
+    bridge = tuple(entry for entry in bridge if entry.message_name in names)
     by_key = {message.key: message for message in sorted(messages, key=lambda message: message.key)}
     services.sort(key=lambda service: service.name)
-    return Catalog(MappingProxyType(by_key), tuple(services), bridge, _conventions(sources, messages, bridge))
+    return Catalog(MappingProxyType(by_key), tuple(services), bridge, _conventions(sources, everything, bridge))
+
+
+def bridged_names(*sides: Sources) -> set[str]:
+    """Return the names of all messages that cross the bridge of the first of `sides` that has one, and of all services.
+
+    Raises InputError where none has a bridge, or it cannot be read.
+    """
+    bridge = next((sources.bridge for sources in sides if sources.bridge), None)
+    if bridge is None:
+        text = "no dds_topics.yaml here to say what crosses the bridge: name one with --topics"
+        raise fault(sides[0].label, "S110", text, 0)
+    entries, faults = parse_bridge(read_file(bridge), bridge.path)
+    if faults:
+        raise InputError(faults)
+    return {entry.message_name for entry in entries} | {file.stem for side in sides for file in side.services}
+
+
+def _needed(messages: list[Message], roots: list[Message]) -> list[Message]:
+    """Return those of `messages` that are among `roots` or nested in one of them, at any depth."""
+    known = {message.key: message for message in messages}
+    found: dict[str, Message] = {}
+    waiting = list(roots)
+    while waiting:
+        outer = waiting.pop()
+        if found.setdefault(outer.key, outer) is outer:
+            nested = {outer.key_of(field.type) for field in outer.fields if not field.type.is_primitive}
+            waiting += [known[key] for key in nested if key in known and key not in found]
+    return [message for message in messages if message.key in found]
 
 
 def _conventions(sources: Sources, messages: list[Message], bridge: tuple[BridgeEntry, ...]) -> Conventions:
@@ -89,7 +136,7 @@ class _Reader:
 
     def paths_with(self, *codes: str) -> set[str]:
         """Return the files in which one of the faults was found: not all that they say could be read."""
-        return {fault.location.path for fault in self.faults if fault.code in codes}
+        return {found.location.path for found in self.faults if found.code in codes}
 
     def text(self, file: File) -> str:
         text, faults = decode_text(self.contents[file.path], file.path)
@@ -109,14 +156,8 @@ class _Reader:
 
     def _name_in(self, manifest: File) -> str:
         """Return the name of the package that a package.xml describes."""
-        from xml.etree import ElementTree as ET
-
         try:
-            name = ET.fromstring(self.contents[manifest.path]).findtext("name", "").strip()  # noqa: S314
-        except ET.ParseError as error:
-            line, column = error.position
-            self.faults.append(Diagnostic(Location(manifest.path, line, column + 1), "S107", f"not XML: {error}"))
+            return package_name(self.contents[manifest.path], manifest.path)
+        except InputError as error:
+            self.faults += error.diagnostics
             return DEFAULT_PACKAGE
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-            self.faults.append(Diagnostic(Location(manifest.path, 0), "S107", f"'{name}' is no name of a ROS package"))
-        return name

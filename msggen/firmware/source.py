@@ -60,7 +60,7 @@ class Sources(NamedTuple):
 
 
 def find_sources(
-    px4: str | None,
+    px4: str | Tree | None,
     folders: tuple[str, ...] = (),
     topics: str | None = None,
     release: str | None = None,
@@ -75,10 +75,9 @@ def find_sources(
     if release is not None and release not in RELEASES:
         hint = suggestion(release, RELEASES) or f": expected {', '.join(RELEASES)}"
         raise fault(release_place.path, "S105", f"unknown release '{release}'{hint}", *release_place[1:])
-    label = ", ".join(filter(None, (px4, *folders))) or "the embedded PX4 v1.17"
-    if px4 is None and not folders:
-        px4 = embedded_root()
-    roots = [open_tree(root) for root in (*([px4] if px4 is not None else []), *folders)]
+    named = [root for root in (px4, *folders) if root is not None]
+    roots = [open_tree(root) if isinstance(root, str) else root for root in named or [embedded_root()]]
+    label = ", ".join(root.path for root in roots) if named else "the embedded PX4 v1.17"
     messages: list[File] = []
     services: list[File] = []
     for root in roots:
@@ -88,7 +87,7 @@ def find_sources(
         if len(messages) + len(services) == found:
             _fail_without_definitions(root)
     bridge = File(topics, os.path.basename(topics)) if topics is not None else None
-    if bridge is None and px4 is not None:
+    if bridge is None and (px4 is not None or not named):
         bridge = _bridge(roots[0])
     own = len(_definitions(roots[0], "msg", ".msg"))
     manifest, *others = map(_manifest, roots)
@@ -101,10 +100,11 @@ def find_sources(
 
 def read_files(sources: Sources) -> dict[str, bytes]:
     """Return the contents of all files by path, each read once. Raises InputError for those that cannot be read."""
-    return {file.path: _read(file) for file in sources.files()}
+    return {file.path: read_file(file) for file in sources.files()}
 
 
-def _read(file: File) -> bytes:
+def read_file(file: File) -> bytes:
+    """Return the contents of one file. Raises InputError."""
     if file.tree is not None:
         return file.tree.read(file.name)
     folder, name = os.path.split(file.path)

@@ -11,7 +11,7 @@ import posixpath
 from collections.abc import Mapping
 from typing import NoReturn
 
-from msggen.diagnostics import fault
+from msggen.diagnostics import fault, suggestion
 
 ARCHIVES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz", ".zip")
 """What an archive's name ends in."""
@@ -125,9 +125,42 @@ def open_tree(text: str) -> Tree:
     return _fail(text.partition("@")[0] if "@" in text else text, "S101", "no such folder")
 
 
+def revised(tree: str, against: str) -> str:
+    """Return what names `tree` as it was at `against`: a revision of its repository, or else another tree.
+
+    Raises InputError where `against` could be both, or is neither.
+    """
+    from msggen.git import is_revision, revisions
+
+    folder = tree if os.path.isdir(tree) else tree.partition("@")[0]
+    known = os.path.isdir(folder) and is_revision(folder, against)
+    if known and os.path.isdir(against):
+        text = f"'{against}' is a revision and a folder: write '{os.path.join('.', against)}' for the folder"
+        _fail("--against", "S108", f"{text}, or '{folder}@{against}' for the revision")
+    if known:
+        return f"{folder}@{against}"
+    if not os.path.exists(against) and "@" not in against:
+        hint = suggestion(against, revisions(folder))
+        _fail("--against", "S108", f"'{against}' is neither a folder nor a revision of {folder}{hint}")
+    return against
+
+
+def kept_or_revised(folder: str, tree: str, revision: str) -> str:
+    """Return what names `folder` as it was at `revision` in the repository of `tree`, or itself where it is no part."""
+    from msggen.git import GitError, git
+
+    try:
+        tops = [git(each, "rev-parse", "--show-toplevel") for each in (folder, tree)]
+        was_there = git(folder, "ls-tree", "--name-only", revision)
+    except GitError:
+        return folder
+    return f"{folder}@{revision}" if tops[0] == tops[1] and was_there else folder
+
+
 def _is_wanted(name: str) -> bool:
     """Whether msggen may ask for the bytes of `name`; a whole firmware holds tens of thousands of other files."""
-    return name.endswith((".msg", ".srv", "dds_topics.yaml", "package.xml")) or "translation_node/" in name
+    known = (".msg", ".srv", "dds_topics.yaml", "package.xml", ".msggen.json")
+    return name.endswith(known) or "translation_node/" in name
 
 
 def _read_revision(folder: str, revision: str) -> Snapshot:

@@ -10,7 +10,7 @@ import re
 from msggen.model import Comment
 
 _TAG = re.compile(r" ?\[@(range|enum|invalid|frame)\b\s*([^\]]*)\]")
-_UNIT = re.compile(r"\s*\[([^@\]\[]{1,24})\]")
+_UNIT = re.compile(r"\s*\[(?![-+\d., ]*\d[-+\d., ]*\])([^@\]\[]{1,24})\]")
 
 
 def parse_comment(lines: tuple[str, ...]) -> Comment:

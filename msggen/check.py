@@ -1,0 +1,119 @@
+"""`check` and `breaking`: reads both sides, asks the rules, and says in a line what came of it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+
+from msggen.compare.comparison import Comparison, Side
+from msggen.compare.finding import Category, Finding, Report, Rule, Severity
+from msggen.compare.rules import BREAKING, CHECKED, find
+from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
+from msggen.firmware.history import read_history
+from msggen.firmware.source import Sources, find_sources
+from msggen.firmware.tree import Folder, Snapshot
+from msggen.location import Location
+from msggen.model import Message, Service
+from msggen.record import MANIFEST, NOTHING, parse_record
+
+
+def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> Report:
+    """Return how `current` differs in meaning from `previous`, by which it is judged.
+
+    With `topics_only` only what crosses the bridge counts, with what it nests, and the services. Raises InputError
+    where a side cannot be read.
+    """
+    crossing = bridged_names(previous, current) if topics_only else None
+    before = read_catalog(previous, wanted=crossing, tolerated=COMPARABLE)
+    names = _names(before.messages.values()) | _names(before.services)
+    after = read_catalog(current, wanted=names if crossing is None else names & crossing, tolerated=COMPARABLE)
+    extra = tuple(_extra(current, names)) if crossing is None else ()
+    comparison = Comparison(Side(previous.label, before), Side(current.label, after, extra=extra))
+    return _report(comparison, CHECKED, list(find(comparison, CHECKED)), ("matches", "differs from"))
+
+
+def breaking(
+    previous: Sources,
+    current: Sources,
+    rules: Sequence[Rule] = BREAKING,
+    ignored: Mapping[str, Collection[Rule]] | None = None,
+) -> Report:
+    """Return what the change from `previous` to `current` breaks, asking `rules`.
+
+    `ignored` has rules that do not count, by name of message, service or topic, in which `*` stands for anything.
+    Raises InputError where a side cannot be read.
+    """
+    comparison = Comparison(_side(previous), _side(current))
+    findings = [finding for finding in find(comparison, rules) if not _is_ignored(finding, ignored or {})]
+    return _report(comparison, rules, findings, ("breaks nothing of", "breaks"))
+
+
+def example_of(rule: Rule) -> Report:
+    """Return what `rule` finds in its example, a pair of folders `previous` and `current`."""
+    previous, current = (find_sources(_example(rule, side)) for side in ("previous", "current"))
+    report = check(previous, current) if rule.category is Category.DRIFT else breaking(previous, current, (rule,))
+    findings = tuple(finding for finding in report.findings if finding.rule is rule)
+    return replace(report, rules=(rule,), findings=findings)
+
+
+def _example(rule: Rule, side: str) -> Snapshot:
+    root = os.path.join(os.path.dirname(__file__), "compare", "examples", rule.id, side)
+    paths = [os.path.join(folder, name) for folder, _, names in os.walk(root) for name in names]
+    folder = Folder(root)
+    names = [os.path.relpath(path, root).replace(os.sep, "/") for path in paths]
+    return Snapshot(side, {name: folder.read(name) for name in names}, {})
+
+
+def _side(sources: Sources) -> Side:
+    history = read_history(sources.root) if sources.root else None
+    return Side(sources.label, read_catalog(sources, tolerated=COMPARABLE), sources.bridge is not None, history)
+
+
+def _extra(sources: Sources, names: Collection[str]) -> Iterator[Location]:
+    """Yield the definitions of other names; in a package that `sync` keeps, those of its user are none of ours."""
+    recorded = NOTHING.files
+    if sources.root and sources.root.is_file(MANIFEST):
+        recorded = parse_record(sources.root.read(MANIFEST)).files
+    for file in (*sources.messages, *sources.services):
+        if file.stem not in names and (not recorded or file.name in recorded):
+            yield Location(file.path)
+
+
+def _is_ignored(finding: Finding, ignored: Mapping[str, Collection[Rule]]) -> bool:
+    subject = finding.change.subject
+    return any(finding.rule in rules and fnmatchcase(subject, name) for name, rules in ignored.items())
+
+
+def _report(
+    comparison: Comparison, rules: Sequence[Rule], findings: Sequence[Finding], verdicts: tuple[str, str]
+) -> Report:
+    """Sort what was found by place, and sum it up."""
+    previous, current = comparison.previous, comparison.current
+    messages = _names(previous.catalog.messages.values()) & _names(current.catalog.messages.values())
+    services = _names(previous.catalog.services) & _names(current.catalog.services)
+    failing = [finding for finding in findings if finding.fails]
+    counts = [
+        f"{_count(len(failing), 'finding')} in {_count(len({each.change.subject for each in failing}), 'definition')}"
+        if failing
+        else f"{_count(len(messages), 'message')}, {_count(len(services), 'service')}",
+        *_counted(sum(finding.is_silent for finding in failing), "silent"),
+        *_counted(sum(finding.is_handled for finding in findings), "handled"),
+        *_counted(sum(finding.rule.severity is Severity.WARNING for finding in findings), "only warned of"),
+    ]
+    summary = f"{current.label} {verdicts[bool(failing)]} {previous.label}: {', '.join(counts)}"
+    ordered = sorted(findings, key=lambda finding: (finding.change.subject, finding.change.location))
+    return Report(previous.label, current.label, tuple(rules), tuple(ordered), len(messages) + len(services), summary)
+
+
+def _names(definitions: Iterable[Message | Service]) -> set[str]:
+    return {definition.name for definition in definitions}
+
+
+def _counted(number: int, what: str) -> list[str]:
+    return [f"{number} {what}"] if number else []
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"

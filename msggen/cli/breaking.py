@@ -1,0 +1,106 @@
+"""`msggen breaking`: what a change of messages would break."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from msggen.cli.common import (
+    DONE,
+    FINDINGS,
+    Commands,
+    add_command,
+    add_output_format,
+    add_source_options,
+    given,
+    print_report,
+    sources_of,
+)
+from msggen.diagnostics import fault, suggestion
+from msggen.firmware.source import Sources, find_sources
+from msggen.firmware.tree import kept_or_revised, revised
+from msggen.location import Location
+from msggen.settings import Settings, read_settings
+
+if TYPE_CHECKING:
+    from msggen.compare.finding import Rule
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "breaking",
+        _breaking,
+        help="tell what a change of messages breaks",
+        description="Compare the definitions as they stand with those of another revision or folder, and tell by rule "
+        "what the change breaks; `msggen rules` lists the rules.",
+        epilog="Without --px4 and the setting px4, the current folder is what has changed. Exit codes: 0 nothing "
+        "breaks, 1 findings, 2 cannot tell. Rules are also chosen in [tool.msggen] of pyproject.toml: select, ignore, "
+        "per-message-ignores.",
+    )
+    parser.add_argument(
+        "--against",
+        metavar="REF|DIR",
+        type=given,
+        required=True,
+        help="a revision of the firmware's repository, a folder, PATH@REVISION or an archive",
+    )
+    add_source_options(parser)
+    choice = parser.add_argument_group("rules")
+    choice.add_argument("--select", metavar="RULE,...", type=_list, help="ask these rules or categories, not all")
+    choice.add_argument("--ignore", metavar="RULE,...", type=_list, help="do not ask these rules or categories")
+    add_output_format(parser)
+
+
+def _list(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in given(text).split(","))
+
+
+def _breaking(options: argparse.Namespace) -> int:
+    from msggen.check import breaking
+
+    settings = read_settings(".")
+    options.px4 = options.px4 or settings.px4 or "."
+    rules = _rules(options, settings)
+    ignored = {
+        message: [rule for name in names for rule in _named(name, settings.place("per-message-ignores"))]
+        for message, names in settings.per_message_ignores.items()
+    }
+    current = sources_of(options, settings)
+    report = breaking(_previous(options, settings), current, rules, ignored)
+    print_report(report, options)
+    return FINDINGS if report.fails else DONE
+
+
+def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
+    """Return the sources as they stood at --against; folders outside of that repository as they stand."""
+    previous = revised(options.px4, options.against)
+    folders = tuple(options.msg_dir or settings.msg_dir)
+    if previous != options.against:
+        folders = tuple(kept_or_revised(folder, options.px4, options.against) for folder in folders)
+    return find_sources(previous, folders, None, options.release or settings.release)
+
+
+def _rules(options: argparse.Namespace, settings: Settings) -> tuple[Rule, ...]:
+    from msggen.compare.rules import BREAKING
+
+    def all_named(key: str, names: Iterable[str] | None, option: Iterable[str] | None) -> set[str]:
+        place = settings.place(key) if option is None else Location(f"--{key}", 0)
+        return {rule.id for name in (names if option is None else option) or () for rule in _named(name, place)}
+
+    selected = all_named("select", settings.select, options.select) or {rule.id for rule in BREAKING}
+    ignored = all_named("ignore", settings.ignore, options.ignore)
+    return tuple(rule for rule in BREAKING if rule.id in selected - ignored)
+
+
+def _named(name: str, place: Location) -> tuple[Rule, ...]:
+    from msggen.compare.finding import Category
+    from msggen.compare.rules import RULES, named
+
+    found = named(name)
+    if not found:
+        known = [*(category.name for category in Category), *(rule.id for rule in RULES)]
+        raise fault(place.path, "C104", f"unknown rule '{name}'{suggestion(name, known)}", *place[1:])
+    return found

@@ -1,0 +1,55 @@
+"""`msggen check`: do two sources of definitions mean the same?"""
+
+from __future__ import annotations
+
+import argparse
+
+from msggen.cli.common import (
+    DONE,
+    FINDINGS,
+    Commands,
+    add_command,
+    add_output_format,
+    add_source_options,
+    given,
+    print_report,
+    sources_of,
+)
+from msggen.firmware.source import find_sources
+from msggen.settings import read_settings
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "check",
+        _check,
+        help="prove that a package matches the firmware",
+        description="Compare a package with the firmware, or any two sources, by meaning: bytes, names, constants, "
+        "nested types and services. Comments and white space do not count.",
+        epilog="A side is a PX4-Autopilot tree, a px4_msgs package, a folder of .msg files, PATH@REVISION of git, or "
+        "an archive. Without --px4 and the setting px4, one side is compared with the embedded set. Exit codes: 0 in "
+        "step, 1 findings, 2 cannot tell.",
+    )
+    parser.add_argument("side", metavar="PKG", type=given, help="what is judged")
+    parser.add_argument("other", metavar="B", type=given, nargs="?", help="with two sides, B is judged by the first")
+    add_source_options(parser)
+    parser.add_argument(
+        "--topics-only", action="store_true", help="only what crosses the bridge, what that nests, and services"
+    )
+    add_output_format(parser)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from msggen.check import check
+
+    if options.other is None:
+        previous, judged = sources_of(options, read_settings(".")), options.side
+    else:
+        if options.px4 or options.msg_dir:
+            options.parser.error("two sides need no --px4 and no --msg-dir: the first is what the second is judged by")
+        previous, judged = find_sources(options.side, (), options.topics, options.release), options.other
+    report = check(previous, find_sources(judged), topics_only=options.topics_only)
+    print_report(report, options)
+    return FINDINGS if report.fails else DONE

@@ -1,0 +1,266 @@
+"""Two catalogs side by side: which messages and fields belong together, and whether their bytes are the same.
+
+Whatever several rules ask is answered here, once. Comments and white space have no part in it.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from msggen.firmware.history import History
+from msggen.layout import Layout, Path, lay_out
+from msggen.location import Location
+from msggen.model import Catalog, Constant, Field, FieldType, Message
+
+Shape = tuple["tuple[str, str, Shape | None]", ...]
+"""Type and name of each field, and the shape of what it nests: all that decides bytes, names and hashes."""
+
+VERSION = "MESSAGE_VERSION"
+
+_SAME_VALUES = {"char": "uint8", "byte": "uint8"}
+"""Other names for the same bytes with the same meaning (FACTS 3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One of the two: what it is called, its definitions, what it keeps of earlier versions.
+
+    `extra` names definitions that were not read, because the other side has none of that name. Without a bridge it
+    says nothing on topics.
+    """
+
+    label: str
+    catalog: Catalog
+    has_bridge: bool = False
+    history: History | None = None
+    extra: tuple[Location, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FieldPair:
+    """A field of the previous side, and the one that it is in the current side."""
+
+    previous: Field
+    current: Field
+
+
+class MessagePair:
+    """A message that both sides have, or half of a service."""
+
+    def __init__(
+        self, previous_catalog: Catalog, previous: Message, current_catalog: Catalog, current: Message
+    ) -> None:
+        self._previous_catalog = previous_catalog
+        self._current_catalog = current_catalog
+        self.previous = previous
+        self.current = current
+
+    @property
+    def name(self) -> str:
+        """What both are called."""
+        return self.current.name
+
+    @cached_property
+    def differs(self) -> bool:
+        """Whether any type or name in it is another, at any depth."""
+        return shape(self._previous_catalog, self.previous) != shape(self._current_catalog, self.current)
+
+    @cached_property
+    def kept(self) -> tuple[FieldPair, ...]:
+        """Fields with the same name, in the current order."""
+        by_name = {field.name: field for field in self.previous.fields}
+        return tuple(FieldPair(by_name[field.name], field) for field in self.current.fields if field.name in by_name)
+
+    @cached_property
+    def renamed(self) -> tuple[FieldPair, ...]:
+        """Fields with another name that lie in the same bytes with the same type."""
+        lost = {self._place(self.previous_layout, self.previous, field): field for field in self._lost}
+        pairs = ((lost.get(self._place(self.current_layout, self.current, field)), field) for field in self._gained)
+        return tuple(FieldPair(previous, field) for previous, field in pairs if previous)
+
+    @cached_property
+    def removed(self) -> tuple[Field, ...]:
+        """Fields that the current side does not have."""
+        renamed = [pair.previous for pair in self.renamed]
+        return tuple(field for field in self._lost if field not in renamed)
+
+    @cached_property
+    def added(self) -> tuple[Field, ...]:
+        """Fields that the previous side does not have."""
+        renamed = [pair.current for pair in self.renamed]
+        return tuple(field for field in self._gained if field not in renamed)
+
+    @cached_property
+    def moved(self) -> tuple[FieldPair, ...]:
+        """The fewest fields that have to change places for the others to stand in the same order."""
+        order = [self.previous.fields.index(pair.previous) for pair in self.kept]
+        stay = _longest_increasing(order)
+        return tuple(pair for index, pair in enumerate(self.kept) if index not in stay)
+
+    @cached_property
+    def previous_layout(self) -> Layout | None:
+        """Where the bytes lie in the previous side; None where the size is not fixed."""
+        return _layout(self._previous_catalog, self.previous)
+
+    @cached_property
+    def current_layout(self) -> Layout | None:
+        """Where the bytes lie in the current side; None where the size is not fixed."""
+        return _layout(self._current_catalog, self.current)
+
+    @cached_property
+    def is_silent(self) -> bool:
+        """Whether readers built with the previous definition decode current samples into wrong values, and succeed.
+
+        Samples arrive rounded up to 4 bytes, so sizes count rounded up (FACTS 3). Values are right where a field of
+        the same name and meaning, or one that was only renamed, still lies in the same bytes.
+        """
+        if not (self.previous_layout and self.current_layout):
+            return False
+        if -(-self.previous_layout.size // 4) != -(-self.current_layout.size // 4):
+            return False
+        before = {(self._current_path(path), *value) for path, *value in _values(self.previous_layout)}
+        return not before <= set(_values(self.current_layout))
+
+    @cached_property
+    def nested(self) -> Mapping[str, MessagePair]:
+        """The messages that kept and renamed fields nest on both sides, by the field's previous name."""
+        return {
+            pair.previous.name: MessagePair(
+                self._previous_catalog,
+                self._previous_catalog.nested(self.previous, pair.previous.type),
+                self._current_catalog,
+                self._current_catalog.nested(self.current, pair.current.type),
+            )
+            for pair in (*self.kept, *self.renamed)
+            if not (pair.previous.type.is_primitive or pair.current.type.is_primitive)
+        }
+
+    def has_same_bytes(self) -> bool:
+        """Whether both have the same types in the same order, whatever their names."""
+        return bytes_shape(self._previous_catalog, self.previous) == bytes_shape(self._current_catalog, self.current)
+
+    @property
+    def _lost(self) -> list[Field]:
+        names = {field.name for field in self.current.fields}
+        return [field for field in self.previous.fields if field.name not in names]
+
+    @property
+    def _gained(self) -> list[Field]:
+        names = {field.name for field in self.previous.fields}
+        return [field for field in self.current.fields if field.name not in names]
+
+    def _current_path(self, path: Path) -> Path:
+        """Return how to reach in the current side what `path` reaches in the previous one, renamed fields followed."""
+        (name, index), inside = path[0], path[1:]
+        if inside and name in self.nested:
+            inside = self.nested[name]._current_path(inside)  # noqa: SLF001 - another of this class
+        now = {pair.previous.name: pair.current.name for pair in self.renamed}
+        return ((now.get(name, name), index), *inside)
+
+    def _place(self, layout: Layout | None, message: Message, field: Field) -> tuple[str, object]:
+        """Return the type of a field and where it lies; where offsets are not fixed, the types before it say that."""
+        if layout:
+            return str(field.type), layout.extents()[field.name]
+        before = message.fields[: message.fields.index(field)]
+        return str(field.type), tuple(str(earlier.type) for earlier in before)
+
+
+class Comparison:
+    """Both sides, and what belongs together in them."""
+
+    def __init__(self, previous: Side, current: Side) -> None:
+        self.previous = previous
+        self.current = current
+
+    @cached_property
+    def pairs(self) -> tuple[MessagePair, ...]:
+        """Messages and halves of services that both sides have, by name."""
+        previous, current = self.previous.catalog, self.current.catalog
+        before, after = definitions(previous), definitions(current)
+        names = sorted(before.keys() & after)
+        return tuple(MessagePair(previous, before[name], current, after[name]) for name in names)
+
+    @cached_property
+    def changed(self) -> tuple[MessagePair, ...]:
+        """The pairs in which any type or name is another, at any depth."""
+        return tuple(pair for pair in self.pairs if pair.differs)
+
+
+def shape(catalog: Catalog, message: Message) -> Shape:
+    """Return types and names of a message, down to every depth."""
+    return tuple(
+        (
+            spelled(message, field.type),
+            field.name,
+            None if field.type.is_primitive else shape(catalog, catalog.nested(message, field.type)),
+        )
+        for field in message.fields
+    )
+
+
+def bytes_shape(catalog: Catalog, message: Message) -> tuple[object, ...]:
+    """Return what decides the bytes of a message: types and lengths, without names."""
+    return tuple(
+        (
+            field.type.array,
+            field.type.length,
+            field.type.base if field.type.is_primitive else bytes_shape(catalog, catalog.nested(message, field.type)),
+        )
+        for field in message.fields
+    )
+
+
+def spelled(outer: Message, type_: FieldType) -> str:
+    """Return the type as the definition spells it; the package of `outer` itself need not be named."""
+    text = str(type_)
+    return text.removeprefix(f"{outer.package}/") if type_.package else text
+
+
+def constants_of(message: Message) -> dict[str, Constant]:
+    """Return the constants by name."""
+    return {constant.name: constant for constant in message.constants}
+
+
+def is_versioned(message: Message) -> bool:
+    """Whether the message says which version it is."""
+    return VERSION in constants_of(message)
+
+
+def definitions(catalog: Catalog) -> dict[str, Message]:
+    """Return all messages and halves of services by name."""
+    halves = [half for service in catalog.services for half in (service.request, service.response)]
+    return {message.name: message for message in (*catalog.messages.values(), *halves)}
+
+
+def _layout(catalog: Catalog, message: Message) -> Layout | None:
+    everything = (message, *catalog.nested_all(message))
+    if all(field.type.is_fixed_size for each in everything for field in each.fields):
+        return lay_out(catalog, message)
+    return None
+
+
+def _values(layout: Layout) -> Iterator[tuple[Path, int, int, str]]:
+    """Yield for each value how to reach it, its place in its array, its offset, and what its bytes mean."""
+    for leaf in layout.leaves:
+        meaning = _SAME_VALUES.get(leaf.type.name, leaf.type.name)
+        for index in range(leaf.count):
+            yield leaf.path, index, leaf.offset + index * leaf.size, meaning
+
+
+def _longest_increasing(numbers: list[int]) -> set[int]:
+    """Return the positions of a longest increasing selection of `numbers`, which are all different."""
+    ends: list[int] = []  # positions: the smallest number that ends a selection of each length
+    before: list[int | None] = []
+    for position, number in enumerate(numbers):
+        length = bisect_left([numbers[end] for end in ends], number)
+        before.append(ends[length - 1] if length else None)
+        ends[length : length + 1] = [position]
+    chosen: set[int] = set()
+    last = ends[-1] if ends else None
+    while last is not None:
+        chosen.add(last)
+        last = before[last]
+    return chosen

@@ -1,0 +1,39 @@
+"""DRIFT: what one side has and the other lacks, though nothing breaks. Only `check` asks for it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+from msggen.compare.comparison import VERSION, Comparison, constants_of
+from msggen.compare.finding import Change
+from msggen.compare.source import excerpt
+
+
+def find_added_definitions(comparison: Comparison) -> Iterator[Change]:
+    """Messages and services that the previous side does not have."""
+    for location in comparison.current.extra:
+        name, suffix = os.path.splitext(os.path.basename(location.path))
+        what = "service" if suffix == ".srv" else "message"
+        yield Change(name, f"{what} '{name}' is not in {comparison.previous.label}", location)
+
+
+def find_added_constants(comparison: Comparison) -> Iterator[Change]:
+    """Constants that the previous side does not have, in messages that it has."""
+    for pair in comparison.pairs:
+        known = constants_of(pair.previous)
+        for name, constant in constants_of(pair.current).items():
+            if name not in known and name != VERSION:
+                text = f"constant '{name}' is not in {comparison.previous.label}"
+                yield Change(pair.name, text, constant.location, None, excerpt(constant))
+
+
+def find_other_versions(comparison: Comparison) -> Iterator[Change]:
+    """Messages of another version: ROS 2 sees their topics under another name."""
+    for pair in comparison.pairs:
+        before, after = constants_of(pair.previous).get(VERSION), constants_of(pair.current).get(VERSION)
+        if (before and before.value) != (after and after.value):
+            now, then = (str(constant.value) if constant else "absent" for constant in (after, before))
+            text = f"{VERSION} is {now}, in {comparison.previous.label} {then}"
+            lines = [excerpt(constant) if constant else None for constant in (before, after)]
+            yield Change(pair.name, text, after.location if after else pair.current.location, *lines)

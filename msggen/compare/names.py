@@ -1,0 +1,46 @@
+"""HASH: the same bytes under other names, which the firmware's compatibility check takes for another message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msggen.compare.comparison import Comparison, MessagePair
+from msggen.compare.finding import Change
+from msggen.compare.wire import change, is_same_line, is_type_renamed
+
+
+def find_renamed(comparison: Comparison) -> Iterator[Change]:
+    """Fields with another name in the same place."""
+    for pair in comparison.changed:
+        for renamed in pair.renamed:
+            text = f"'{renamed.current.name}' is called '{renamed.previous.name}' in {comparison.previous.label}"
+            yield change(pair, renamed, text)
+
+
+def find_renamed_type(comparison: Comparison) -> Iterator[Change]:
+    """Fields that nest a message of another name with the same bytes."""
+    for pair in comparison.changed:
+        for kept in pair.kept:
+            if is_type_renamed(pair, kept):
+                text = (
+                    f"'{kept.current.name}' is {kept.current.type}, in {comparison.previous.label} {kept.previous.type}"
+                )
+                yield change(pair, kept, f"{text}: the same bytes")
+
+
+def find_nested(comparison: Comparison) -> Iterator[Change]:
+    """Fields whose own line is the same, but a field that they nest, at any depth, has another name."""
+    for pair in comparison.changed:
+        for kept in (*pair.kept, *pair.renamed):
+            inner = pair.nested.get(kept.previous.name)
+            if inner and is_same_line(pair, kept) and inner.differs and inner.has_same_bytes():
+                names = " > ".join(_path(inner))
+                text = (
+                    f"'{kept.current.type} {kept.current.name}' nests other names than in {comparison.previous.label}"
+                )
+                yield change(pair, kept, f"{text}: {names}")
+
+
+def _path(pair: MessagePair) -> list[str]:
+    deeper = () if pair.renamed else (inner for inner in pair.nested.values() if inner.differs)
+    return [pair.name, *next((_path(inner) for inner in deeper), [])]

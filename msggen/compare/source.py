@@ -1,0 +1,75 @@
+"""SOURCE: what source code that uses the definitions would miss."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msggen.compare.comparison import VERSION, Comparison, constants_of, definitions
+from msggen.compare.finding import Change, Excerpt
+from msggen.location import Location
+from msggen.model import Constant
+
+
+def find_removed_messages(comparison: Comparison) -> Iterator[Change]:
+    """Messages that the current side does not have."""
+    for name in _missing(
+        [message.name for message in comparison.previous.catalog.messages.values()],
+        [message.name for message in comparison.current.catalog.messages.values()],
+    ):
+        location = definitions(comparison.previous.catalog)[name].location
+        text = f"message '{name}' of {comparison.previous.label} is missing"
+        yield Change(name, text, Location(comparison.current.label, 0), Excerpt(location, f"{name}.msg"))
+
+
+def find_removed_services(comparison: Comparison) -> Iterator[Change]:
+    """Services that the current side does not have."""
+    services = {service.name: service for service in comparison.previous.catalog.services}
+    for name in _missing(list(services), [service.name for service in comparison.current.catalog.services]):
+        text = f"service '{name}' of {comparison.previous.label} is missing"
+        yield Change(name, text, Location(comparison.current.label, 0), Excerpt(services[name].location, f"{name}.srv"))
+
+
+def find_removed_constants(comparison: Comparison) -> Iterator[Change]:
+    """Constants that the current side does not have, in messages that it has."""
+    for pair in comparison.pairs:
+        known = constants_of(pair.current)
+        neighbour = pair.current.location
+        for name, constant in constants_of(pair.previous).items():
+            if name in known:
+                neighbour = known[name].location
+            elif name != VERSION:
+                text = f"constant '{name}' of {comparison.previous.label} is missing"
+                yield Change(pair.name, text, neighbour, excerpt(constant))
+
+
+def find_other_values(comparison: Comparison) -> Iterator[Change]:
+    """Constants with another value."""
+    for subject, before, after in _both(comparison):
+        if before.value != after.value:
+            text = f"'{after.name}' is {after.value}, in {comparison.previous.label} {before.value}"
+            yield Change(subject, text, after.location, excerpt(before), excerpt(after))
+
+
+def find_other_types(comparison: Comparison) -> Iterator[Change]:
+    """Constants with another type."""
+    for subject, before, after in _both(comparison):
+        if str(before.type) != str(after.type):
+            text = f"'{after.name}' is {after.type}, in {comparison.previous.label} {before.type}"
+            yield Change(subject, text, after.location, excerpt(before), excerpt(after))
+
+
+def excerpt(constant: Constant) -> Excerpt:
+    """Return the line of a constant."""
+    return Excerpt(constant.location, f"{constant.type} {constant.name} = {constant.value}")
+
+
+def _both(comparison: Comparison) -> Iterator[tuple[str, Constant, Constant]]:
+    for pair in comparison.pairs:
+        previous = constants_of(pair.previous)
+        for name, after in constants_of(pair.current).items():
+            if name in previous and name != VERSION:
+                yield pair.name, previous[name], after
+
+
+def _missing(wanted: list[str], known: list[str]) -> list[str]:
+    return sorted(set(wanted) - set(known))

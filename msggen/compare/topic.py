@@ -1,0 +1,98 @@
+"""TOPIC: endpoints of the bridge that applications no longer find, or find with another type."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msggen.compare.comparison import Comparison
+from msggen.compare.finding import Change, Excerpt
+from msggen.identity import Endpoint, endpoints
+from msggen.location import Location
+from msggen.model import Catalog
+
+DEFAULT_RATE_LIMIT = 100.0
+"""Hz: what the firmware takes where an entry has no limit (FACTS 4)."""
+
+_Key = tuple[str, "int | None"]
+
+
+def find_removed(comparison: Comparison) -> Iterator[Change]:
+    """Endpoints that are gone, and whose uORB topic crosses nowhere else."""
+    gone, come, _ = _sorted(comparison)
+    moved = {endpoint.entry.uorb_topic for endpoint in come}
+    for endpoint in gone:
+        if endpoint.entry.uorb_topic not in moved:
+            text = f"'{endpoint.entry.topic}' of {comparison.previous.label} is no longer bridged"
+            place = Location(_yaml(comparison), 0)
+            yield Change(endpoint.entry.topic, text, place, _excerpt(endpoint))
+
+
+def find_moved(comparison: Comparison) -> Iterator[Change]:
+    """Endpoints whose uORB topic crosses in another direction or under another name."""
+    gone, come, _ = _sorted(comparison)
+    targets = {endpoint.entry.uorb_topic: endpoint for endpoint in come}
+    for endpoint in gone:
+        target = targets.get(endpoint.entry.uorb_topic)
+        if target:
+            text = f"'{target.entry.topic}' is '{endpoint.entry.topic}' in {comparison.previous.label}"
+            yield _change(endpoint, target, text)
+
+
+def find_retyped(comparison: Comparison) -> Iterator[Change]:
+    """Endpoints that carry another message."""
+    for before, after in _sorted(comparison)[2]:
+        if before.message.name != after.message.name:
+            text = f"'{after.entry.topic}' carries {after.message.name}, in {comparison.previous.label} "
+            yield _change(before, after, text + before.message.name)
+
+
+def find_renamed(comparison: Comparison) -> Iterator[Change]:
+    """Endpoints with the same entry, whose name in ROS 2 ends in another version or follows another convention."""
+    for before, after in _sorted(comparison)[2]:
+        if before.ros_name != after.ros_name:
+            text = f"ROS 2 sees '{after.ros_name}', in {comparison.previous.label} '{before.ros_name}'"
+            yield _change(before, after, text)
+
+
+def find_other_rate(comparison: Comparison) -> Iterator[Change]:
+    """Publications that are limited to another rate."""
+    for before, after in _sorted(comparison)[2]:
+        if _rate(before) != _rate(after):
+            text = f"'{after.entry.topic}' is sent with {_said(after)}, in {comparison.previous.label} with "
+            yield _change(before, after, text + _said(before))
+
+
+def _sorted(comparison: Comparison) -> tuple[list[Endpoint], list[Endpoint], list[tuple[Endpoint, Endpoint]]]:
+    """Return endpoints that only the previous side has, that only the current one has, and those of both."""
+    if not (comparison.previous.has_bridge and comparison.current.has_bridge):
+        return [], [], []
+    previous, current = _by_entry(comparison.previous.catalog), _by_entry(comparison.current.catalog)
+    gone = [endpoint for key, endpoint in previous.items() if key not in current]
+    come = [endpoint for key, endpoint in current.items() if key not in previous]
+    return gone, come, [(previous[key], endpoint) for key, endpoint in current.items() if key in previous]
+
+
+def _by_entry(catalog: Catalog) -> dict[_Key, Endpoint]:
+    return {(endpoint.entry.topic, endpoint.entry.instance): endpoint for endpoint in endpoints(catalog)}
+
+
+def _rate(endpoint: Endpoint) -> float:
+    limit = endpoint.entry.rate_limit_hz
+    return DEFAULT_RATE_LIMIT if limit is None else limit
+
+
+def _said(endpoint: Endpoint) -> str:
+    return f"at most {_rate(endpoint):g} Hz" if _rate(endpoint) else "no limit"
+
+
+def _yaml(comparison: Comparison) -> str:
+    entries = comparison.current.catalog.bridge
+    return entries[0].location.path if entries else comparison.current.label
+
+
+def _change(before: Endpoint, after: Endpoint, text: str) -> Change:
+    return Change(after.entry.topic, text, after.entry.location, _excerpt(before), _excerpt(after))
+
+
+def _excerpt(endpoint: Endpoint) -> Excerpt:
+    return Excerpt(endpoint.entry.location, f"{endpoint.ros_name} {endpoint.message.name} {_said(endpoint)}")

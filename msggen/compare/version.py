@@ -1,0 +1,129 @@
+"""VERSION: the firmware's rules for versioned messages, those with a MESSAGE_VERSION.
+
+When a message or anything that it nests changes, its version goes up by one, the old definition is archived as
+`msg/px4_msgs_old/msg/<Name>V<n>.msg`, and a header translates between both (PX4 v1.16 and later).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msggen.compare.comparison import VERSION, Comparison, MessagePair, constants_of, is_versioned
+from msggen.compare.finding import Change, Excerpt
+from msggen.compare.source import excerpt
+from msggen.firmware.history import ARCHIVE, TRANSLATIONS
+from msggen.location import Location
+from msggen.model import Message
+
+
+def find_not_raised(comparison: Comparison) -> Iterator[Change]:
+    """Versioned messages that changed, at any depth, and whose version did not go up by exactly one."""
+    for pair in _versioned(comparison):
+        before, after = pair.previous.message_version, pair.current.message_version
+        if pair.differs and after != before + 1:
+            yield _change(pair, f"'{pair.name}' changed: expected {VERSION} = {before + 1}, found {after}")
+
+
+def find_needless(comparison: Comparison) -> Iterator[Change]:
+    """Versioned messages with another version that mean the same as before."""
+    for pair in _versioned(comparison):
+        before, after = pair.previous.message_version, pair.current.message_version
+        if before != after and not pair.differs and _meaning(pair.previous) == _meaning(pair.current):
+            text = f"{VERSION} is {after}, in {comparison.previous.label} {before}, but '{pair.name}' is the same"
+            yield _change(pair, text)
+
+
+def find_removed(comparison: Comparison) -> Iterator[Change]:
+    """Messages that are versioned no more, and archived versions that are gone."""
+    for pair in comparison.pairs:
+        if is_versioned(pair.previous) and not is_versioned(pair.current):
+            text = (
+                f"'{pair.name}' has lost its {VERSION}, {pair.previous.message_version} in {comparison.previous.label}"
+            )
+            yield _change(pair, text)
+    before, after = comparison.previous.history, comparison.current.history
+    if before and after:
+        for name in sorted(before.archived.keys() - after.archived):
+            text = f"archived version '{name}' of {comparison.previous.label} is missing"
+            place = Location(comparison.current.label, 0)
+            yield Change(name, text, place, Excerpt(before.archived[name].location, f"{name}.msg"))
+
+
+def find_not_archived(comparison: Comparison) -> Iterator[Change]:
+    """Messages with a higher version whose previous definition is not in the archive, or another is there."""
+    for pair in _raised(comparison):
+        if not _is_archived(comparison, pair):
+            name = _archived_name(pair)
+            known = comparison.current.history and name in comparison.current.history.archived
+            what = f"is not what {comparison.previous.label} has" if known else "is missing"
+            yield _change(
+                pair, f"'{ARCHIVE}/{name}.msg' {what}: the definition of version {pair.previous.message_version}"
+            )
+
+
+def find_not_translated(comparison: Comparison) -> Iterator[Change]:
+    """Messages with a higher version that no header translates from the previous one."""
+    for pair in _raised(comparison):
+        if not _is_translated(comparison, pair):
+            text = f"no header that all_translations.h includes translates '{pair.name}' from version "
+            yield _change(pair, f"{text}{pair.previous.message_version}: expected in {TRANSLATIONS}")
+
+
+def handled(comparison: Comparison) -> frozenset[str]:
+    """Return the messages whose change a complete new version takes care of."""
+    return frozenset(
+        pair.name
+        for pair in _raised(comparison)
+        if pair.current.message_version == pair.previous.message_version + 1
+        and _is_archived(comparison, pair)
+        and _is_translated(comparison, pair)
+    )
+
+
+def _versioned(comparison: Comparison) -> Iterator[MessagePair]:
+    return (pair for pair in comparison.pairs if is_versioned(pair.previous) and is_versioned(pair.current))
+
+
+def _raised(comparison: Comparison) -> Iterator[MessagePair]:
+    """Yield the messages with a higher version, where the current side is a tree that keeps earlier ones."""
+    history = comparison.current.history
+    if history and history.is_kept:
+        for pair in _versioned(comparison):
+            if pair.current.message_version > pair.previous.message_version:
+                yield pair
+
+
+def _is_archived(comparison: Comparison, pair: MessagePair) -> bool:
+    history = comparison.current.history
+    archived = history.archived.get(_archived_name(pair)) if history else None
+    return archived is not None and _own_lines(archived) == _own_lines(pair.previous)
+
+
+def _is_translated(comparison: Comparison, pair: MessagePair) -> bool:
+    history = comparison.current.history
+    return history is not None and history.translates(pair.name, pair.previous.message_version)
+
+
+def _archived_name(pair: MessagePair) -> str:
+    return f"{pair.name}V{pair.previous.message_version}"
+
+
+def _own_lines(message: Message) -> list[tuple[str, ...]]:
+    """Return fields and version; nested types have other names in the archive, their own versions."""
+    lines = [
+        (str(field.type) if field.type.is_primitive else f"{field.type.array} {field.type.length}", field.name)
+        for field in message.fields
+    ]
+    return [*lines, (VERSION, str(message.message_version))]
+
+
+def _meaning(message: Message) -> object:
+    constants = {name: constant.value for name, constant in constants_of(message).items() if name != VERSION}
+    tags = [(field.name, field.comment.unit, field.comment.invalid, field.comment.frame) for field in message.fields]
+    return constants, tags
+
+
+def _change(pair: MessagePair, text: str) -> Change:
+    before, after = constants_of(pair.previous).get(VERSION), constants_of(pair.current).get(VERSION)
+    location = after.location if after else pair.current.location
+    return Change(pair.name, text, location, excerpt(before) if before else None, excerpt(after) if after else None)

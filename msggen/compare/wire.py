@@ -1,0 +1,135 @@
+"""WIRE: what changes the bytes of a message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msggen.compare.comparison import Comparison, FieldPair, MessagePair, spelled
+from msggen.compare.finding import Change, Excerpt
+from msggen.layout import Layout
+from msggen.location import Location
+from msggen.model import Field, Message
+
+
+def find_added(comparison: Comparison) -> Iterator[Change]:
+    """Fields that the previous side does not have."""
+    for pair in comparison.changed:
+        for field in pair.added:
+            text = (
+                f"'{_line(pair.current, field)}'{_at(pair.current_layout, field)} is not in {comparison.previous.label}"
+            )
+            yield Change(pair.name, text, field.location, None, excerpt(pair.current, field))
+
+
+def find_removed(comparison: Comparison) -> Iterator[Change]:
+    """Fields that the current side does not have."""
+    for pair in comparison.changed:
+        for field in pair.removed:
+            text = f"'{_line(pair.previous, field)}'{_at(pair.previous_layout, field)} of {comparison.previous.label} "
+            yield Change(pair.name, f"{text}is missing", _neighbour(pair, field), excerpt(pair.previous, field), None)
+
+
+def find_moved(comparison: Comparison) -> Iterator[Change]:
+    """Fields that stand before or after others than they did."""
+    for pair in comparison.changed:
+        for moved in pair.moved:
+            before = _after(pair.previous, moved.previous) + _at(pair.previous_layout, moved.previous)
+            after = _after(pair.current, moved.current) + _at(pair.current_layout, moved.current)
+            yield change(pair, moved, f"'{moved.current.name}' stands {after}, in {comparison.previous.label} {before}")
+
+
+def find_retyped(comparison: Comparison) -> Iterator[Change]:
+    """Fields with another type, but for the length of an array."""
+    for pair in comparison.changed:
+        for kept in pair.kept:
+            if _base(pair.previous, kept.previous) != _base(pair.current, kept.current) and not is_type_renamed(
+                pair, kept
+            ):
+                yield change(pair, kept, _other_type(comparison, pair, kept))
+
+
+def find_other_length(comparison: Comparison) -> Iterator[Change]:
+    """Arrays with another length or bound, and arrays that were none."""
+    for pair in comparison.changed:
+        for kept in pair.kept:
+            same_base = _base(pair.previous, kept.previous) == _base(pair.current, kept.current)
+            if same_base and not _same_length(kept):
+                yield change(pair, kept, _other_type(comparison, pair, kept))
+
+
+def find_nested(comparison: Comparison) -> Iterator[Change]:
+    """Fields whose own line is the same, but what they nest, at any depth, has other bytes."""
+    for pair in comparison.changed:
+        for nested in (*pair.kept, *pair.renamed):
+            inner = pair.nested.get(nested.previous.name)
+            if inner and is_same_line(pair, nested) and not inner.has_same_bytes():
+                text = f"'{_line(pair.current, nested.current)}' nests what differs from {comparison.previous.label}"
+                yield change(pair, nested, f"{text}: {' > '.join(_path(inner))}{_sizes(inner)}")
+
+
+def change(pair: MessagePair, fields: FieldPair, text: str) -> Change:
+    """Return the change of a field that both sides have."""
+    before, after = excerpt(pair.previous, fields.previous), excerpt(pair.current, fields.current)
+    return Change(pair.name, text, fields.current.location, before, after)
+
+
+def excerpt(message: Message, field: Field) -> Excerpt:
+    """Return the line of a field."""
+    return Excerpt(field.location, _line(message, field))
+
+
+def is_same_line(pair: MessagePair, fields: FieldPair) -> bool:
+    """Whether both fields are spelled with the same type."""
+    return spelled(pair.previous, fields.previous.type) == spelled(pair.current, fields.current.type)
+
+
+def is_type_renamed(pair: MessagePair, fields: FieldPair) -> bool:
+    """Whether the fields nest types of different names and the same bytes."""
+    inner = pair.nested.get(fields.previous.name)
+    return inner is not None and _same_length(fields) and not is_same_line(pair, fields) and inner.has_same_bytes()
+
+
+def _same_length(fields: FieldPair) -> bool:
+    before, after = fields.previous.type, fields.current.type
+    return (before.array, before.length) == (after.array, after.length)
+
+
+def _base(message: Message, field: Field) -> str:
+    return spelled(message, field.type).partition("[")[0]
+
+
+def _line(message: Message, field: Field) -> str:
+    return f"{spelled(message, field.type)} {field.name}"
+
+
+def _other_type(comparison: Comparison, pair: MessagePair, fields: FieldPair) -> str:
+    before, after = spelled(pair.previous, fields.previous.type), spelled(pair.current, fields.current.type)
+    return f"'{fields.current.name}' is {after}, in {comparison.previous.label} {before}"
+
+
+def _at(layout: Layout | None, field: Field) -> str:
+    return f" at byte {layout.extents()[field.name][0]}" if layout else ""
+
+
+def _after(message: Message, field: Field) -> str:
+    index = message.fields.index(field)
+    return f"after '{message.fields[index - 1].name}'" if index else "first"
+
+
+def _sizes(pair: MessagePair) -> str:
+    before, after = pair.previous_layout, pair.current_layout
+    return f", {after.size} bytes, there {before.size}" if before and after and before.size != after.size else ""
+
+
+def _path(pair: MessagePair) -> list[str]:
+    """Return the names from a nested message down to the one with a change of its own."""
+    own = pair.added or pair.removed or pair.moved or not all(is_same_line(pair, kept) for kept in pair.kept)
+    deeper = () if own else (inner for inner in pair.nested.values() if not inner.has_same_bytes())
+    return [pair.name, *next((_path(inner) for inner in deeper), [])]
+
+
+def _neighbour(pair: MessagePair, field: Field) -> Location:
+    """Return where a removed field would stand in the current side: at what precedes it there, or at the file."""
+    before = pair.previous.fields[: pair.previous.fields.index(field)]
+    current = {kept.previous: kept.current.location for kept in (*pair.kept, *pair.renamed)}
+    return next((current[earlier] for earlier in reversed(before) if earlier in current), pair.current.location)

@@ -1,0 +1,219 @@
+"""`check` and `breaking` find every change of a layout and nothing else: all pairs of releases, and thousands of random
+edits, against the slow comparison in `comparison.py` and the hashes that the firmware's own tools computed.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import comparison as slow
+import pytest
+from conftest import ROOT, shared, write_definitions
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from msggen.check import breaking, check
+from msggen.compare.finding import Category, Report
+from msggen.firmware.source import find_sources
+
+RELEASES = ("v1.14", "v1.16", "v1.17", "main-2026-03")
+PAIRS = list(itertools.permutations(RELEASES, 2))
+
+
+def report(command: Callable[..., Report], previous: Path, current: Path) -> Report:
+    return command(find_sources(str(previous)), find_sources(str(current)))
+
+
+def subjects(found: Report, *categories: Category) -> set[str]:
+    """Return the messages with findings of these categories; services are left out."""
+    names = {each.change.subject for each in found.findings if each.rule.category in categories}
+    return {name for name in names if "_" not in name}
+
+
+def silent(found: Report) -> set[str]:
+    return {each.change.subject for each in found.findings if each.is_silent}
+
+
+# --- Every pair of releases
+
+
+class Pair(NamedTuple):
+    """Two releases, what the slow comparison read of them, and what msggen says."""
+
+    before: dict[str, slow.Definition]
+    after: dict[str, slow.Definition]
+    check: Report
+    breaking: Report
+    hashes: tuple[dict[str, int], dict[str, int]]
+
+
+@pytest.fixture(scope="module", params=PAIRS, ids=" to ".join)
+def pair(request: pytest.FixtureRequest) -> Pair:
+    sides = [shared(f"firmware/{release}") for release in request.param]
+    told = [json.loads(shared(f"oracles/uorb-{release}.json").read_text())["messages"] for release in request.param]
+    hashes = [{name: oracle["message_hash"] for name, oracle in messages.items()} for messages in told]
+    read = [slow.read(side) for side in sides]
+    return Pair(read[0], read[1], report(check, *sides), report(breaking, *sides), (hashes[0], hashes[1]))
+
+
+def test_a_message_has_findings_if_and_only_if_its_layout_or_its_names_differ(pair: Pair) -> None:
+    differ = {name for name in pair.before.keys() & pair.after if slow.differ(pair.before, pair.after, name)}
+    assert subjects(pair.check, Category.WIRE, Category.HASH) == differ
+    assert subjects(pair.breaking, Category.WIRE, Category.HASH) == differ
+
+
+def test_the_findings_agree_with_the_hashes_of_the_firmware(pair: Pair) -> None:
+    before, after = pair.hashes
+    differ = {name for name in before.keys() & after if before[name] != after[name]}
+    assert subjects(pair.check, Category.WIRE, Category.HASH) == differ
+
+
+def test_names_alone_are_no_matter_of_bytes(pair: Pair) -> None:
+    """What has no WIRE finding has the same types in the same places; what has one has not, or fields traded places."""
+    wire = subjects(pair.check, Category.WIRE)
+    for name in subjects(pair.check, Category.WIRE, Category.HASH):
+        before, after = ([row[1:] for row in slow.rows(side, name)] for side in (pair.before, pair.after))
+        lines = [sorted(slow.spelling(side, name)) for side in (pair.before, pair.after)]
+        assert (name in wire) == (before != after or lines[0] == lines[1]), name
+
+
+def test_silent_are_those_that_old_readers_misread(pair: Pair) -> None:
+    """The rounded size stays, and a value of the old definition is not where it was, renamed fields aside."""
+    for name in subjects(pair.check, Category.WIRE):
+        sizes = [-(-slow.size(side, name) // 4) for side in (pair.before, pair.after)]
+        old, new = ({row.path: row[1:] for row in slow.rows(side, name)} for side in (pair.before, pair.after))
+        kept_its_place = all(new[path] == old[path] for path in old.keys() & new)
+        nothing_lost = all(old[path] in new.values() for path in old.keys() - new)
+        assert (name in silent(pair.check)) == (sizes[0] == sizes[1] and not (kept_its_place and nothing_lost)), name
+
+
+def test_messages_are_missed_if_and_only_if_they_are_gone(pair: Pair) -> None:
+    gone = {each.change.subject for each in pair.check.findings if each.rule.id == "MESSAGE_REMOVED"}
+    assert gone == pair.before.keys() - pair.after
+    new = {each.change.subject for each in pair.check.findings if each.rule.id == "DEFINITION_ADDED"}
+    assert {name for name in new if name != "VehicleCommand"} == pair.after.keys() - pair.before
+
+
+def test_constants_are_missed_if_and_only_if_they_are_gone(pair: Pair) -> None:
+    lost = {
+        (each.change.subject, match[1])
+        for each in pair.check.findings
+        if each.rule.id == "CONSTANT_REMOVED" and (match := re.search(r"'(\w+)'", each.change.message))
+    }
+    assert lost == {
+        (name, constant)
+        for name in pair.before.keys() & pair.after
+        for constant in pair.before[name].constants.keys() - pair.after[name].constants - {"MESSAGE_VERSION"}
+    }
+
+
+def test_what_went_silently_wrong_from_one_release_to_the_next() -> None:
+    """The reason for all this: no error anywhere, and wrong values."""
+    found = report(check, shared("firmware/v1.16"), shared("firmware/v1.17"))
+    assert silent(found) == {"AirspeedValidated", "ArmingCheckReply"}
+
+
+@pytest.mark.parametrize("release", RELEASES)
+def test_a_flattened_package_matches_its_firmware(release: str, tmp_path: Path) -> None:
+    firmware = shared(f"firmware/{release}")
+    flat = {f"msg/{path.name}": path.read_text() for path in (firmware / "msg").glob("*.msg")}
+    flat |= {f"msg/{path.name}": path.read_text() for path in (firmware / "msg" / "versioned").glob("*.msg")}
+    flat |= {f"srv/{path.name}": path.read_text() for path in (firmware / "srv").glob("*.srv")}
+    flat["package.xml"] = "<package format='3'><name>px4_msgs</name></package>"
+    found = report(check, firmware, write_definitions(tmp_path, flat))
+    assert found.findings == ()
+    assert found.compared == len([name for name in flat if name != "package.xml"])
+
+
+# --- Random edits of real definitions
+
+TEXTS = {path.stem: path.read_text() for path in (ROOT / "msg").rglob("*.msg")}
+NAMES = ("EscStatus", "EscReport", "VehicleStatus", "PositionSetpointTriplet", "PositionSetpoint", "SensorCombined")
+
+
+def _lines(text: str) -> list[str]:
+    return text.splitlines()
+
+
+@st.composite
+def cosmetic_edits(draw: st.DrawFn) -> dict[str, str]:
+    """The same definitions with other comments and white space."""
+    edited = {}
+    for name in NAMES:
+        out = []
+        for line in _lines(TEXTS[name]):
+            code, mark, remark = line.partition("#")
+            if line.startswith("# TOPICS"):
+                out.append(line)
+                continue
+            if code.strip():
+                gap = draw(st.sampled_from([" ", "  ", "\t", " \t "]))
+                code = draw(st.sampled_from(["", " ", "\t"])) + gap.join(code.split(None, 1)).rstrip()
+            words = draw(st.sampled_from(["", "  ", " # other words", f" {mark}{remark}" if mark else ""]))
+            out += [code.rstrip("\n") + words, *draw(st.sampled_from([[], [""], ["# a line of its own"]]))]
+        edited[f"msg/{name}.msg"] = draw(st.sampled_from(["\n", "\r\n"])).join(out) + "\n"
+    return edited
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(edited=cosmetic_edits())
+def test_comments_and_white_space_never_count(edited: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> None:
+    real = write_definitions(tmp_path_factory.mktemp("real"), {f"msg/{name}.msg": TEXTS[name] for name in NAMES})
+    other = write_definitions(tmp_path_factory.mktemp("edited"), edited)
+    assert report(check, real, other).findings == ()
+    assert [found.rule.id for found in report(breaking, real, other).findings] == []
+
+
+@st.composite
+def edits(draw: st.DrawFn) -> dict[str, str]:
+    """The same definitions after some edits of fields: added, removed, swapped, renamed, retyped, resized."""
+    texts = {name: [line for line in _lines(TEXTS[name]) if line.partition("#")[0].strip()] for name in NAMES}
+    for number in range(draw(st.integers(1, 4))):
+        lines = texts[draw(st.sampled_from(NAMES))]
+        places = [
+            index for index, line in enumerate(lines) if "=" not in line.partition("#")[0] and "timestamp" not in line
+        ]
+        place = draw(st.sampled_from(places))
+        type_, name = lines[place].partition("#")[0].split()
+        kind = draw(st.sampled_from(["add", "remove", "swap", "rename", "retype", "resize"]))
+        if kind == "add":
+            lines.insert(place, f"{draw(st.sampled_from(list(slow.SIZES)))} extra_{number}")
+        elif kind == "remove" and len(places) > 1:
+            del lines[place]
+        elif kind == "swap":
+            other = draw(st.sampled_from(places))
+            lines[place], lines[other] = lines[other], lines[place]
+        elif kind == "rename":
+            lines[place] = f"{type_} other_{number}"
+        elif kind == "retype" and type_.partition("[")[0] in slow.SIZES:
+            lines[place] = f"{draw(st.sampled_from(list(slow.SIZES)))} {name}"
+        elif kind == "resize":
+            lines[place] = f"{type_.partition('[')[0]}[{draw(st.integers(1, 9))}] {name}"
+    return {f"msg/{name}.msg": "\n".join(lines) + "\n" for name, lines in texts.items()}
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@given(edited=edits())
+def test_random_edits_are_found_if_and_only_if_they_change_something(
+    edited: dict[str, str], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    real = write_definitions(tmp_path_factory.mktemp("real"), {f"msg/{name}.msg": TEXTS[name] for name in NAMES})
+    other = write_definitions(tmp_path_factory.mktemp("edited"), edited)
+    before, after = slow.read(real), slow.read(other)
+    differ = {
+        name
+        for name in NAMES
+        if slow.rows(before, name) != slow.rows(after, name)
+        or slow.spelling(before, name) != slow.spelling(after, name)
+    }
+    found = report(check, real, other)
+    assert subjects(found, Category.WIRE, Category.HASH) == differ
+    assert found.fails == bool(differ)
+    for name in silent(found):
+        assert -(-slow.size(before, name) // 4) == -(-slow.size(after, name) // 4)
+        assert slow.rows(before, name) != slow.rows(after, name)
