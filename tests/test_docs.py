@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import doctest
+import os
 import re
 import runpy
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +16,7 @@ import pytest
 from conftest import ROOT
 
 README = (ROOT / "README.md").read_text()
+IDENTITY = ["-c", "user.name=somebody", "-c", "user.email=somebody@example.com"]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
@@ -50,3 +54,37 @@ def test_the_interactive_examples_are_real() -> None:
 def test_the_picture_of_the_layout_is_current() -> None:
     draw = runpy.run_path(str(ROOT / "docs" / "draw_layout.py"))["draw"]
     assert draw("SensorCombined") == (ROOT / "docs" / "sensor_combined.svg").read_text()
+
+
+def sessions(page: str) -> list[str]:
+    """Return the console sessions of a page that need nothing but msggen and the embedded set."""
+    blocks = re.findall(r"```console\n(.*?)```", (ROOT / "docs" / page).read_text(), re.DOTALL)
+    return [block for block in blocks if "\n$ msggen" in f"\n{block}"]
+
+
+@pytest.mark.skipif(not shutil.which("git"), reason="the sessions are in a git repository")
+@pytest.mark.parametrize("page", ["check.md"])
+def test_the_sessions_of_a_page_are_real(page: str, tmp_path: Path) -> None:
+    """Every command prints what the page shows below it, one after the other in one shell."""
+    tree = tmp_path / "PX4-Autopilot"
+    bridge = tree / "src" / "modules" / "uxrce_dds_client"
+    bridge.mkdir(parents=True)
+    for folder in ("msg", "srv"):
+        shutil.copytree(ROOT / folder, tree / folder)
+    shutil.copy(ROOT / "dds_topics.yaml", bridge)
+    for command in (["init", "-q", "-b", "main"], ["add", "."], [*IDENTITY, "commit", "-q", "-m", "as released"]):
+        subprocess.run(["git", *command], cwd=tree, check=True)
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    shown = "".join(sessions(page))
+    commands = [line.removeprefix("$ ") for line in shown.splitlines() if line.startswith("$ ")]
+    script = "\n".join(f"echo {shlex.quote(f'$ {command}')}\n{command}" for command in commands)
+    done = subprocess.run(
+        ["bash", "-c", script],
+        cwd=tmp_path,
+        env={**os.environ, "PATH": path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert done.stdout == shown

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -69,6 +70,8 @@ def _breaking(options: argparse.Namespace) -> int:
         for message, names in settings.per_message_ignores.items()
     }
     current = sources_of(options, settings)
+    if current.label == os.curdir:
+        current = current._replace(label="the working tree")
     report = breaking(_previous(options, settings), current, rules, ignored)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
@@ -80,7 +83,7 @@ def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
     folders = tuple(options.msg_dir or settings.msg_dir)
     if previous != options.against:
         folders = tuple(kept_or_revised(folder, options.px4, options.against) for folder in folders)
-    return find_sources(previous, folders, None, options.release or settings.release)
+    return find_sources(previous, folders, None, options.release or settings.release)._replace(label=options.against)
 
 
 def _rules(options: argparse.Namespace, settings: Settings) -> tuple[Rule, ...]:

@@ -14,8 +14,8 @@ from msggen.location import Location
 from msggen.model import DEFAULT_PACKAGE, BridgeEntry, Catalog, Conventions, Message, Service
 from msggen.parse import decode_text, parse_bridge, parse_message, parse_service
 
-COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M202", "M401", "M402", "M403"})
-"""Faults that leave no doubt about what a definition means."""
+COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M202", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"})
+"""Faults that leave no doubt about what a definition or an entry of the bridge means."""
 
 
 def read_catalog(
@@ -38,7 +38,8 @@ def read_catalog(
         services = [service for service in services if service.name in wanted]
         halves = [half for service in services for half in (service.request, service.response)]
         messages = _needed(everything, [message for message in everything if message.name in wanted] + halves)
-        dropped = files - {definition.location.path for definition in (*messages, *services)}
+        kept = [message.location.path for message in messages] + [service.location.path for service in services]
+        dropped = files.difference(kept)
         reader.faults = [found for found in reader.faults if found.location.path not in dropped]
     unread = reader.paths_with("M101", "M103", "M301", "M303", "M305")
     misread_topics = reader.paths_with("M402")
@@ -55,7 +56,8 @@ def read_catalog(
     if faults:
         raise InputError(faults)
     names = {message.name for message in messages}
-    bridge = tuple(entry for entry in bridge if entry.message_name in names)
+    topics = {topic for message in messages for topic in message.topic_names}
+    bridge = tuple(entry for entry in bridge if entry.message_name in names and entry.uorb_topic in topics)
     by_key = {message.key: message for message in sorted(messages, key=lambda message: message.key)}
     services.sort(key=lambda service: service.name)
     return Catalog(MappingProxyType(by_key), tuple(services), bridge, _conventions(sources, everything, bridge))

@@ -46,7 +46,7 @@ class Folder:
 
     def place(self, name: str) -> str:
         """Return the path that opens `name`, and names it to the user."""
-        return os.path.join(self.path, *name.split("/"))
+        return os.path.join("" if self.path == os.curdir else self.path, *name.split("/"))
 
     def read(self, name: str) -> bytes:
         """Return the bytes of `name`. Raises InputError."""
