@@ -48,9 +48,23 @@ CODES: dict[str, str] = {
     "S107": "a package.xml that cannot be read",
     "S108": "a revision that git cannot give",
     "S109": "an archive that cannot be read",
+    "S110": "no bridge to say what crosses it",
+    "S111": "a target that is no ROS package",
+    "S112": "a package of another name",
+    "S113": "changes that are not committed",
+    "S114": "a target that is read-only",
+    "S115": "a symbolic link that leads out of the package",
+    "S116": "a file that differs only in case from one of the firmware",
+    "B101": "a firmware that `bump` cannot write to",
+    "B102": "a message that has no versions",
+    "B103": "a version that is not one more than the old one",
+    "B104": "a service: not yet",
+    "B105": "an archived version that is another definition",
+    "B106": "a symbolic link that leads out of the firmware",
     "C101": "a pyproject.toml that cannot be read",
     "C102": "an unknown setting",
     "C103": "a setting of the wrong kind",
+    "C104": "an unknown rule",
 }
 """Every code, and what it stands for. docs/errors.md shows each with an example."""
 

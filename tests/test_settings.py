@@ -46,10 +46,22 @@ topics = "bridge.yaml"
 release = "v1.16"
 output = "src"
 package = "vehicle_types"
+select = "WIRE"
+ignore = ["FIELD_ADDED", "DRIFT"]
+per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
 """
     )
     expected = Settings(
-        "firmware", ("mine", "../yours"), "bridge.yaml", "v1.16", "src", "vehicle_types", "pyproject.toml"
+        "firmware",
+        ("mine", "../yours"),
+        "bridge.yaml",
+        "v1.16",
+        "src",
+        "vehicle_types",
+        ("WIRE",),
+        ("FIELD_ADDED", "DRIFT"),
+        {"Debug*": ("WIRE", "HASH")},
+        "pyproject.toml",
     )
     assert read_settings(".") == expected
 

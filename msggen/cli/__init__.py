@@ -6,29 +6,34 @@ argparse on purpose: larger libraries take longer to import than a build with no
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
 
 from msggen import __version__
-from msggen.cli import build
+from msggen.cli import breaking, build, bump, check, rules, sync
 from msggen.cli.common import DONE, FAILED, FINDINGS, print_faults
 from msggen.diagnostics import InputError, suggestion
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main"]
 
-_COMMANDS = (build,)
+_COMMANDS = (build, sync, check, breaking, bump, rules)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a name that the terminal cannot show must not end the run
+    options = argparse.Namespace(writes=True)
     try:
         options, unknown = _parser().parse_known_args(arguments)
         if unknown:
             options.parser.error(f"unknown argument '{unknown[0]}'{suggestion(unknown[0], options.known)}")
         return int(options.run(options))
     except InputError as error:
-        print_faults(error.diagnostics)
+        print_faults(error.diagnostics, "nothing written" if options.writes else "cannot tell")
         return FAILED
     except BrokenPipeError:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - who read us has left: say no more

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, sources_of
+from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_diff, sources_of
 from msggen.diagnostics import fault
 from msggen.firmware.source import Sources
 from msggen.generate.build import Build, Outcome, depfile, write_if_changed
@@ -27,6 +27,7 @@ def add_to(commands: Commands) -> None:
         commands,
         "build",
         _build,
+        writes=True,
         help="generate a Python package from message definitions",
         description="Generate a Python package from message definitions; without a source, from the embedded set.",
         epilog="Exit codes: 0 done, 1 findings (--check, --diff), 2 usage, input or I/O error. "
@@ -59,7 +60,7 @@ def _build(options: argparse.Namespace) -> int:
         write_if_changed(options.depfile, depfile(outcome.folder, outcome.outputs, sources))
     lines = list(_report(outcome, sources.label, time.perf_counter() - started, writes=writes, verbose=options.verbose))
     if options.diff and outcome.plan:
-        _print_diff(outcome.plan)
+        _print_diffs(outcome.plan)
     for name in outcome.plan.edited if outcome.plan else ():
         print(f"{os.path.join(build.folder, name)} is no longer needed, but was edited: left in place", file=sys.stderr)
     if not options.quiet:
@@ -108,16 +109,12 @@ def _files(number: int) -> str:
     return f"{number} file{'' if number == 1 else 's'}"
 
 
-def _print_diff(plan: Plan) -> None:
-    from difflib import unified_diff
-
+def _print_diffs(plan: Plan) -> None:
     for name in (*plan.written, *plan.removed):
         path = os.path.join(plan.folder, name)
         try:
-            with open(path, encoding="utf-8", errors="replace") as stream:
-                before = stream.read().splitlines(keepends=True)
+            with open(path, "rb") as stream:
+                before = stream.read()
         except OSError:
-            before = []
-        after = plan.files.get(name, "").splitlines(keepends=True)
-        for line in unified_diff(before, after, path, path):
-            sys.stdout.write(line.encode(sys.stdout.encoding, "backslashreplace").decode(sys.stdout.encoding))
+            before = b""
+        print_diff(path, before, plan.files.get(name, "").encode())

@@ -6,25 +6,32 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from msggen.diagnostics import Diagnostic
 from msggen.firmware.source import Sources, find_sources
 from msggen.location import Location
+from msggen.report import FORMATS
 from msggen.settings import Settings
+
+if TYPE_CHECKING:
+    from msggen.compare.finding import Report
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001 - argparse names no other
 
 DONE, FINDINGS, FAILED = 0, 1, 2
 """Exit codes: all well, something found, and usage, input or I/O errors."""
 
+_WIDTH_OF_A_LOG = 120
+
 
 def add_command(
-    commands: Commands, name: str, run: Callable[[argparse.Namespace], int], **about: Any
+    commands: Commands, name: str, run: Callable[[argparse.Namespace], int], *, writes: bool = False, **about: Any
 ) -> argparse.ArgumentParser:
-    """Return the parser of a new command `name`, which `run` does."""
+    """Return the parser of a new command `name`, which `run` does; whether it `writes` is said where it fails."""
     parser = commands.add_parser(name, allow_abbrev=False, **about)
-    parser.set_defaults(run=run, parser=parser, known=parser._option_string_actions)  # noqa: SLF001 - no other way
+    known = parser._option_string_actions  # noqa: SLF001 - no other way
+    parser.set_defaults(run=run, parser=parser, known=known, writes=writes)
     return parser
 
 
@@ -68,11 +75,47 @@ def given(text: str) -> str:
     return text
 
 
-def print_faults(faults: Sequence[Diagnostic]) -> None:
-    """Print `faults` and their number to stderr."""
+def add_output_format(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of how findings are shown."""
+    parser.add_argument(
+        "--output-format", choices=FORMATS, default="full", metavar="FORMAT", help=f"{', '.join(FORMATS)}"
+    )
+
+
+def print_report(report: Report, options: argparse.Namespace) -> None:
+    """Print `report` as the options say."""
+    from msggen.report import render
+
+    print(render(report, options.output_format, width=width(), colour=colour()))
+
+
+def width() -> int:
+    """Return how many columns there are to print in."""
+    import shutil
+
+    return shutil.get_terminal_size((_WIDTH_OF_A_LOG, 0)).columns if sys.stdout.isatty() else _WIDTH_OF_A_LOG
+
+
+def colour() -> bool:
+    """Whether stdout is a terminal that shows colours, and its user wants them (https://no-color.org)."""
+    return sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+
+
+def print_diff(path: str, before: bytes, after: bytes) -> None:
+    """Print what changes in a file as a patch."""
+    from difflib import unified_diff
+
+    old, new = (data.decode(errors="replace").splitlines(keepends=True) for data in (before, after))
+    for line in unified_diff(old, new, path, path):
+        whole = line if line.endswith("\n") else f"{line}\n\\ no line end here\n"
+        sys.stdout.write(whole)
+
+
+def print_faults(faults: Sequence[Diagnostic], outcome: str) -> None:
+    """Print `faults`, their number and what follows to stderr."""
     colour = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
     for found in faults:
         place, code, message = found
         text = f"\033[1m{place}\033[0m: \033[31m{code}\033[0m {message}" if colour else str(found)
         print(text, file=sys.stderr)
-    print(f"{len(faults)} error{'' if len(faults) == 1 else 's'}, nothing written", file=sys.stderr)
+    print(f"{len(faults)} error{'' if len(faults) == 1 else 's'}, {outcome}", file=sys.stderr)

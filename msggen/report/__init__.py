@@ -1,0 +1,35 @@
+"""What a comparison found, as text for people and for machines: one module for each format."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from msggen.compare.finding import Report
+
+FORMATS = ("full", "concise", "json", "github", "sarif", "junit")
+"""What `--output-format` takes, the default first. Their libraries are imported when they are used."""
+
+
+def render(report: Report, format: str, *, width: int, colour: bool) -> str:  # noqa: A002 - what the option is called
+    """Return `report` in one of FORMATS, without a line end after the last line.
+
+    Only `full` is as wide as `width` and may be coloured; the others are the same wherever they go.
+    """
+    if format == "full" and report.findings:
+        from msggen.report.full import write_full
+
+        return write_full(report, width=width, colour=colour)
+    if format in ("full", "concise"):
+        from msggen.report.line import write_concise as write
+    elif format == "json":
+        from msggen.report.json import write_json as write
+    elif format == "github":
+        from msggen.report.github import write_github as write
+    elif format == "sarif":
+        from msggen.report.sarif import write_sarif as write
+    elif format == "junit":
+        from msggen.report.junit import write_junit as write
+    else:
+        raise ValueError(f"unknown format '{format}'")
+    return write(report)

@@ -1,0 +1,103 @@
+"""For people: findings by subject, and the lines that differ, side by side."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from textwrap import wrap
+
+from rich.box import ASCII
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from msggen.compare.finding import Excerpt, Finding, Report
+from msggen.report.line import deceives, mark, printable
+
+_SILENT = "silent: old readers decode wrong values without an error"
+_ALARM = "bold white on red"
+_BETWEEN = len("    |")
+"""What the two columns leave between and around them."""
+
+
+def write_full(report: Report, *, width: int, colour: bool) -> str:
+    """Return the findings of each subject with their lines, then which subjects are silent, then the summary.
+
+    Only ASCII is drawn, so that it reads the same in a terminal, a log and a mail.
+    """
+    console = Console(
+        file=io.StringIO(),
+        width=width,
+        color_system="standard" if colour else None,
+        force_terminal=colour,
+        no_color=not colour,
+        force_jupyter=False,
+        legacy_windows=False,
+        highlight=False,
+        _environ={},
+    )
+    with console.capture() as capture:
+        for subject, findings in _by_subject(report.findings).items():
+            _print_group(console, report, subject, findings)
+        deceived = list(_by_subject([finding for finding in report.findings if deceives(finding)]))
+        if deceived:
+            _print_line(console, Text.assemble((_SILENT, _ALARM), f": {printable(', '.join(deceived))}"))
+        _print_line(console, Text(printable(report.summary), "bold"))
+    return "\n".join(row.rstrip() for row in capture.get().split("\n")).rstrip("\n")
+
+
+def _by_subject(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
+    groups: dict[str, list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault(finding.change.subject, []).append(finding)
+    return groups
+
+
+def _print_group(console: Console, report: Report, subject: str, findings: Sequence[Finding]) -> None:
+    heading = Text(printable(subject), "bold")
+    if any(map(deceives, findings)):
+        heading = Text.assemble(heading, " ", (f"({_SILENT})", _ALARM))
+    _print_line(console, heading)
+    for finding in findings:
+        _print_line(console, _line(finding))
+    pairs = dict.fromkeys((finding.change.before, finding.change.after) for finding in findings)
+    pairs.pop((None, None), None)
+    if pairs:
+        _print_line(console, Text())
+        console.print(_side_by_side(report, list(pairs), console.width))
+    _print_line(console, Text())
+
+
+def _print_line(console: Console, text: Text) -> None:
+    """Print without a line break: a terminal breaks lines itself, and whoever searches a log wants them whole."""
+    console.print(text, soft_wrap=True)
+
+
+def _line(finding: Finding) -> Text:
+    style = _ALARM if deceives(finding) else "dim" if finding.is_handled else "yellow"
+    words = mark(finding).rstrip(": ")
+    return Text.assemble(
+        f"{finding.change.location}: ",
+        (finding.rule.id, "bold"),
+        " ",
+        (words, style),
+        ": " if words else "",
+        printable(finding.change.message),
+    )
+
+
+def _side_by_side(report: Report, pairs: Sequence[tuple[Excerpt | None, Excerpt | None]], width: int) -> Table:
+    table = Table(box=ASCII, show_edge=False, expand=True, header_style="bold")
+    digits = len(str(max(excerpt.location.line for pair in pairs for excerpt in pair if excerpt)))
+    for name, style in ((report.previous, "red"), (report.current, "green")):
+        table.add_column(Text(printable(name)), ratio=1, overflow="fold", style=style)
+    for pair in pairs:
+        table.add_row(*(_cell(excerpt, digits, (width - _BETWEEN) // 2) if excerpt else "" for excerpt in pair))
+    return table
+
+
+def _cell(excerpt: Excerpt, digits: int, width: int) -> Text:
+    """Return the number of a line, and the line; where that is long, it goes on below itself."""
+    number = f"{excerpt.location.line or '':>{digits}}  "
+    lines = wrap(printable(excerpt.text), max(width - len(number), 1), break_on_hyphens=False)
+    return Text(number + f"\n{' ' * len(number)}".join(lines))

@@ -1,0 +1,46 @@
+"""For programs: one JSON object, whose keys docs/ci.md describes."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from msggen.compare.finding import Excerpt, Finding, Report
+from msggen.location import Location
+
+
+def write_json(report: Report) -> str:
+    """Return the whole report, nothing left out and nothing escaped but what JSON escapes."""
+    document = {
+        "previous": report.previous,
+        "current": report.current,
+        "summary": report.summary,
+        "compared": report.compared,
+        "findings": [_finding(finding) for finding in report.findings],
+    }
+    return json.dumps(document, indent=2)
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    rule, change = finding.rule, finding.change
+    return {
+        "rule": rule.id,
+        "category": rule.category.name,
+        "severity": rule.severity.value,
+        "silent": finding.is_silent,
+        "handled": finding.is_handled,
+        "fails": finding.fails,
+        "subject": change.subject,
+        "message": change.message,
+        "location": _location(change.location),
+        "before": _excerpt(change.before),
+        "after": _excerpt(change.after),
+    }
+
+
+def _excerpt(excerpt: Excerpt | None) -> dict[str, Any] | None:
+    return {"location": _location(excerpt.location), "text": excerpt.text} if excerpt else None
+
+
+def _location(location: Location) -> dict[str, Any]:
+    return {"path": location.path, "line": location.line, "column": location.column}

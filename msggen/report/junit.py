@@ -1,0 +1,53 @@
+"""For CI servers that show tests: a suite for each category, a test for each rule."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from junitparser import Failure, JUnitXml, TestCase, TestSuite
+
+from msggen.compare.finding import Category, Excerpt, Finding, Report, Rule
+from msggen.report.line import line, printable
+
+
+def write_junit(report: Report) -> str:
+    """Return JUnit XML. A rule fails with its failing findings; what does not fail is its output."""
+    document = JUnitXml("msggen")
+    for category in Category:
+        rules = [rule for rule in report.rules if rule.category is category]
+        if rules:
+            document.add_testsuite(_suite(report, category, rules))
+    document.update_statistics()
+    text: bytes = document.tostring()
+    return text.decode()
+
+
+def _suite(report: Report, category: Category, rules: Sequence[Rule]) -> TestSuite:
+    suite = TestSuite(category.name)
+    for name, value in (("previous", report.previous), ("current", report.current), ("summary", report.summary)):
+        suite.add_property(name, printable(value))
+    for rule in rules:
+        suite.add_testcase(_case(rule, [finding for finding in report.findings if finding.rule.id == rule.id]))
+    return suite
+
+
+def _case(rule: Rule, findings: Sequence[Finding]) -> TestCase:
+    case = TestCase(rule.id, classname=f"msggen.{rule.category.name}")
+    failing = [finding for finding in findings if finding.fails]
+    others = [finding for finding in findings if not finding.fails]
+    if failing:
+        failure = Failure(f"{rule.purpose}: {len(failing)} times" if len(failing) > 1 else rule.purpose, rule.id)
+        failure.text = "\n".join(map(_paragraph, failing))
+        case.result = [failure]
+    if others:
+        case.system_out = "\n".join(map(_paragraph, others))
+    return case
+
+
+def _paragraph(finding: Finding) -> str:
+    sides = (("-", finding.change.before), ("+", finding.change.after))
+    return "\n".join([line(finding), *(_line(sign, excerpt) for sign, excerpt in sides if excerpt)])
+
+
+def _line(sign: str, excerpt: Excerpt) -> str:
+    return f"  {sign} {printable(excerpt.text)}  ({excerpt.location})"

@@ -1,0 +1,38 @@
+"""Rules to text: the list of them, and each explained with an example."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import fill
+
+from msggen.compare.finding import Category, Report, Rule, Severity
+from msggen.report import render
+
+
+def list_rules(rules: Sequence[Rule]) -> str:
+    """Return a line for each rule: its ID, its category and its purpose."""
+    names = max(len(rule.id) for rule in rules)
+    categories = max(len(rule.category.name) for rule in rules)
+    return "\n".join(f"{rule.id:{names}}  {rule.category.name:{categories}}  {rule.purpose}" for rule in rules)
+
+
+def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> str:
+    """Return what `rule` is for, who asks it, and what it finds in its `example`."""
+    says = "warns of it" if rule.severity is Severity.WARNING else "fails"
+    asked = {Category.DRIFT: "check"}.get(rule.category, "breaking")
+    asked = "check and breaking" if rule.category in _BOTH else asked
+    found = render(example, "full", width=width, colour=colour).rpartition("\n")[0].rstrip()
+    return "\n".join(
+        [
+            f"{rule.id} ({rule.category.name}): {rule.purpose}.",
+            "",
+            fill(f"{rule.category.name}: {rule.category.value}. Asked by {asked}, which {says}.", min(width, 100)),
+            "",
+            "For example:",
+            "",
+            found,
+        ]
+    )
+
+
+_BOTH = (Category.WIRE, Category.HASH, Category.SOURCE)

@@ -1,0 +1,100 @@
+"""For code scanning: SARIF 2.1.0 (the OASIS standard of that name), by which its keys are called.
+
+Plain dictionaries, held to the standard's JSON schema by the tests: docs/libraries.md says why no library.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+from urllib.parse import quote
+
+from msggen import __version__
+from msggen.compare.finding import Excerpt, Finding, Report, Rule
+from msggen.location import Location
+from msggen.report.line import level, printable, statement
+
+_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
+
+
+def write_sarif(report: Report) -> str:
+    """Return a SARIF log with one run: the rules that were asked, and a result for each finding."""
+    run = {
+        "tool": {"driver": {"name": "msggen", "version": __version__, "rules": [_rule(rule) for rule in report.rules]}},
+        "columnKind": "unicodeCodePoints",
+        "results": list(_results(report)),
+        "properties": {
+            "previous": report.previous,
+            "current": report.current,
+            "compared": report.compared,
+            "summary": report.summary,
+        },
+    }
+    return json.dumps({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2)
+
+
+def _rule(rule: Rule) -> dict[str, Any]:
+    return {
+        "id": rule.id,
+        "shortDescription": {"text": rule.purpose},
+        "fullDescription": {"text": f"{rule.category.name}: {rule.category.value}"},
+        "help": {"text": f"'msggen explain {rule.id}' shows an example."},
+        "defaultConfiguration": {"level": rule.severity.value},
+        "properties": {"category": rule.category.name},
+    }
+
+
+def _results(report: Report) -> Iterator[dict[str, Any]]:
+    indices = {rule.id: index for index, rule in enumerate(report.rules)}
+    seen: Counter[str] = Counter()
+    for finding in report.findings:
+        fingerprint = _fingerprint(finding)
+        seen[fingerprint] += 1
+        result = {
+            "ruleId": finding.rule.id,
+            "ruleIndex": indices[finding.rule.id],
+            "level": level(finding),
+            "message": {"text": statement(finding)},
+            "locations": [_place(finding.change.location)],
+            "partialFingerprints": {"primaryLocationLineHash": f"{fingerprint}:{seen[fingerprint]}"},
+            "properties": {
+                "subject": finding.change.subject,
+                "silent": finding.is_silent,
+                "handled": finding.is_handled,
+            },
+        }
+        if finding.change.before:
+            result["relatedLocations"] = [_previous(report, finding.change.before)]
+        yield result
+
+
+def _fingerprint(finding: Finding) -> str:
+    """Return what stays the same when lines move, under the name by which GitHub knows an alert again."""
+    change = finding.change
+    texts = [excerpt.text if excerpt else "" for excerpt in (change.before, change.after)]
+    facts = "\0".join([finding.rule.id, change.subject, *texts])
+    return hashlib.sha256(facts.encode(errors="backslashreplace")).hexdigest()[:16]
+
+
+def _previous(report: Report, excerpt: Excerpt) -> dict[str, Any]:
+    text = printable(f"{report.previous}: {excerpt.text}")
+    return {"id": 1, "message": {"text": text}, **_place(excerpt.location)}
+
+
+def _place(location: Location) -> dict[str, Any]:
+    place: dict[str, Any] = {"artifactLocation": {"uri": _uri(location.path)}}
+    if location.line:
+        place["region"] = {"startLine": location.line, "startColumn": location.column}
+    return {"physicalLocation": place}
+
+
+def _uri(path: str) -> str:
+    """Return a path below the current folder as a relative reference, any other as a whole URI."""
+    below = os.path.relpath(path)
+    outside = below == os.pardir or below.startswith(os.pardir + os.sep)
+    text = os.path.abspath(path) if outside else below
+    return ("file://" if outside else "") + quote(os.fsencode(text.replace(os.sep, "/")))
