@@ -140,3 +140,13 @@ def test_an_application_is_typed_throughout(tmp_path: Path) -> None:
 def test_the_types_catch_mistakes(tmp_path: Path) -> None:
     lines = {int(line.split(":")[1]) for line in check_application(MISTAKES, tmp_path)}
     assert lines == {4, 5, 6, 7}
+
+
+HEAVY = {"dataclasses", "difflib", "inspect", "jinja2", "msggen.model", "rich", "subprocess", "xml", "yaml"}
+"""Modules that a build with nothing to do has no time to import."""
+
+
+def test_the_command_line_imports_nothing_heavy() -> None:
+    command = [sys.executable, "-c", "import sys, msggen.cli; print(*sys.modules)"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert not HEAVY & {*done.stdout.split()}

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, given
+from msggen.cli.common import DONE, FINDINGS, Commands, add_command, given, print_diff
 from msggen.settings import read_settings
 
 if TYPE_CHECKING:
@@ -49,7 +48,8 @@ def _bump(options: argparse.Namespace) -> int:
     writes = not (options.dry_run or options.diff)
     plan = (bump if writes else plan_bump)(firmware, options.message, options.against)
     if options.diff:
-        _print_diff(plan)
+        for change in plan.changes:
+            print_diff(change.name, change.before or b"", change.after)
     print("\n".join(_report(plan, writes=writes)))
     return FINDINGS if plan.changes and not writes else DONE
 
@@ -63,14 +63,3 @@ def _report(plan: Plan, *, writes: bool) -> Iterator[str]:
         yield "  nothing to do, all files are there"
     yield "what is left:"
     yield from (f"  {line}" for line in plan.left)
-
-
-def _print_diff(plan: Plan) -> None:
-    from difflib import unified_diff
-
-    for change in plan.changes:
-        before, after = (
-            (data or b"").decode(errors="replace").splitlines(keepends=True) for data in (change.before, change.after)
-        )
-        for line in unified_diff(before, after, change.name, change.name):
-            sys.stdout.write(line.encode(sys.stdout.encoding, "backslashreplace").decode(sys.stdout.encoding))
