@@ -1,0 +1,62 @@
+"""What belongs into a package: the firmware's definitions byte for byte, and which topics of the bridge carry them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
+
+from msggen.diagnostics import Diagnostic, InputError
+from msggen.firmware.catalog import bridged_names, read_catalog
+from msggen.firmware.source import File, Sources, read_files
+from msggen.identity import endpoints
+from msggen.model import Catalog, Message
+
+
+class Definitions(NamedTuple):
+    """`files` by their name in the package, such as `msg/VehicleStatus.msg`.
+
+    `topics` has the ROS names of the endpoints that carry each of them, by itself or nested at any depth.
+    """
+
+    files: Mapping[str, bytes]
+    topics: Mapping[str, tuple[str, ...]]
+
+
+def read_definitions(sources: Sources, package: str, *, topics_only: bool) -> Definitions:
+    """Return the definitions of `sources` as the ROS package `package` has them: `versioned/` goes, all lie flat.
+
+    With `topics_only` those that cross the bridge, the services, and what they nest. Raises InputError with
+    everything that is wrong in the files.
+    """
+    contents = read_files(sources)
+    catalog = read_catalog(sources, contents, bridged_names(sources) if topics_only else None)
+    halves = [half for service in catalog.services for half in (service.request, service.response)]
+    faults = [*_foreign_types([*catalog.messages.values(), *halves], package)]
+    if faults:
+        raise InputError(faults)
+    known = {message.name for message in catalog.messages.values()}
+    files = {_flat("msg", file): contents[file.path] for file in sources.messages if file.stem in known}
+    files |= {_flat("srv", file): contents[file.path] for file in sources.services}
+    return Definitions(dict(sorted(files.items())), _topics(catalog))
+
+
+def _flat(folder: str, file: File) -> str:
+    return f"{folder}/{os.path.basename(file.name)}"
+
+
+def _foreign_types(messages: Iterable[Message], package: str) -> Iterator[Diagnostic]:
+    """Spelled with its package, a type is found only in a package of that name."""
+    for message in messages:
+        for field in message.fields:
+            if field.type.package not in (None, package):
+                text = f"unknown type '{field.type.base}': the package is named '{package}', write '{field.type.name}'"
+                yield Diagnostic(field.location, "M301", text)
+
+
+def _topics(catalog: Catalog) -> dict[str, tuple[str, ...]]:
+    found: dict[str, list[str]] = {}
+    for endpoint in endpoints(catalog):
+        for message in (endpoint.message, *catalog.nested_all(endpoint.message)):
+            found.setdefault(f"msg/{message.name}.msg", []).append(endpoint.ros_name)
+    return {name: tuple(sorted(set(names))) for name, names in found.items()}

@@ -1,0 +1,135 @@
+"""Why a plan must not be carried out. All of it is found before anything is written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+from msggen.diagnostics import Diagnostic, fault
+from msggen.location import Location
+from msggen.package.plan import Plan, entries
+from msggen.package.target import KINDS, Target
+from msggen.record import MANIFEST, digest
+
+_WRITABLE = 0o222
+
+
+def find_faults(plan: Plan) -> list[Diagnostic]:
+    """Return what stands against `plan`. Raises InputError where git cannot say what is committed."""
+    if plan.target.is_new:
+        return [*_no_place(plan)]
+    faults = [*_bad_links(plan), *_no_folders(plan), *_no_files(plan), *_other_cases(plan)]
+    return [*faults, *_read_only(plan), *_losses(plan)] if plan.is_stale else faults
+
+
+def _no_place(plan: Plan) -> Iterator[Diagnostic]:
+    """A new package is moved into the folder that is to have it, or takes the place of an empty one."""
+    target = plan.target
+    parent = os.path.dirname(target.folder)
+    while not os.path.lexists(parent):
+        parent = os.path.dirname(parent)
+    for name, path in ((".", target.folder), ("..", parent)):
+        if os.path.exists(path) and not _is_writable(path):
+            yield _fault(plan, name, "S114", "the folder is read-only, and is to have a new package: make it writable")
+
+
+def _bad_links(plan: Plan) -> Iterator[Diagnostic]:
+    """What is reached through a symbolic link must lie in the package: sync changes nothing outside."""
+    target = plan.target
+    inside = os.path.join(target.folder, "")
+    names = [kind for kind in KINDS if os.path.islink(os.path.join(target.folder, kind))]
+    outside = [name for name in names if not os.path.realpath(os.path.join(target.folder, name)).startswith(inside)]
+    for name in (*plan.changed, *plan.removed, *plan.unchanged):
+        path = os.path.join(target.folder, name)
+        is_in_such_a_folder = name.split("/")[0] in outside
+        if os.path.islink(path) and not is_in_such_a_folder and not os.path.realpath(path).startswith(inside):
+            outside.append(name)
+    for name in outside:
+        leads = os.readlink(os.path.join(target.folder, name))
+        yield _fault(plan, name, "S115", f"a symbolic link out of the package, to {leads}: put a real one in its place")
+
+
+def _no_folders(plan: Plan) -> Iterator[Diagnostic]:
+    for kind in KINDS:
+        path = os.path.join(plan.target.folder, kind)
+        if os.path.lexists(path) and not os.path.isdir(path):
+            yield _fault(plan, kind, "S104", "not a folder: move it, definitions are to be put there")
+
+
+def _no_files(plan: Plan) -> Iterator[Diagnostic]:
+    for name in (*plan.changed, *plan.removed):
+        if os.path.isdir(os.path.join(plan.target.folder, name)):
+            yield _fault(plan, name, "S104", "a folder, where a definition is to be: move it")
+
+
+def _other_cases(plan: Plan) -> Iterator[Diagnostic]:
+    """On many machines, and for ROS, names that differ only in case are the same."""
+    wanted = {name.lower(): name for name in plan.files}
+    for kind in KINDS:
+        for base in entries(plan.target.folder, kind):
+            name = f"{kind}/{base}"
+            other = wanted.get(name.lower(), name)
+            if other != name:
+                yield _fault(
+                    plan, name, "S116", f"differs only in case from '{other}' of the firmware: rename or remove it"
+                )
+
+
+def _read_only(plan: Plan) -> Iterator[Diagnostic]:
+    """What has no write bit is not to be written, even by a user who could all the same."""
+    names = [".", *plan.folders, *plan.changed, *plan.removed, *plan.scaffold, MANIFEST]
+    for name in names:
+        path = os.path.join(plan.target.folder, name)
+        if not os.path.exists(path) or (os.path.islink(path) and not os.path.isdir(path)):
+            continue
+        if not _is_writable(path):
+            what = "the folder" if os.path.isdir(path) else "the file"
+            yield _fault(plan, name, "S114", f"{what} is read-only, and is to be changed: make it writable")
+
+
+def _is_writable(path: str) -> bool:
+    return bool(os.stat(path).st_mode & _WRITABLE) and os.access(path, os.W_OK)
+
+
+def _losses(plan: Plan) -> Iterator[Diagnostic]:
+    """Work that nobody could bring back: neither committed, nor written by msggen."""
+    uncommitted = _uncommitted(plan.target)
+    for name in (*plan.changed, *plan.removed):
+        data = plan.before[name]
+        if data is None or digest(data) in plan.known.files.get(name, "").split():
+            continue
+        real = os.path.relpath(os.path.realpath(os.path.join(plan.target.folder, name)), plan.target.folder)
+        if uncommitted is not None and real in uncommitted:
+            yield _fault(plan, name, "S113", "has changes that are not committed: commit or stash them")
+        elif uncommitted is None and plan.known.files and name not in plan.known.files:
+            yield _fault(
+                plan, name, "S104", "msggen did not write this file, and the firmware has one of this name: move it"
+            )
+
+
+def _uncommitted(target: Target) -> set[str] | None:
+    """Return the files of the package that differ from the last commit; None where no repository has the package."""
+    from msggen.git import GitError, git
+
+    try:
+        if not git(target.folder, "ls-files", "--", "."):
+            return None
+        prefix = git(target.folder, "rev-parse", "--show-prefix").rstrip(b"\n")
+        rows = git(target.folder, "status", "--porcelain", "-z", "--no-renames", "--untracked-files=all", "--", ".")
+    except GitError as error:
+        if not _is_in_repository(target.folder):
+            return None
+        raise fault(target.path, "S113", f"git cannot say what is committed here: {error}", 0) from None
+    return {os.fsdecode(row[3:].removeprefix(prefix)) for row in rows.split(b"\0") if row}
+
+
+def _is_in_repository(folder: str) -> bool:
+    while not os.path.lexists(os.path.join(folder, ".git")):
+        folder, below = os.path.dirname(folder), folder
+        if folder == below:
+            return False
+    return True
+
+
+def _fault(plan: Plan, name: str, code: str, message: str) -> Diagnostic:
+    return Diagnostic(Location(os.path.normpath(plan.target.place(name)), 0), code, message)
