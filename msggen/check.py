@@ -27,9 +27,10 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
     """
     crossing = bridged_names(previous, current) if topics_only else None
     before = read_catalog(previous, wanted=crossing, tolerated=COMPARABLE)
-    names = _names(before.messages.values()) | _names(before.services)
-    after = read_catalog(current, wanted=names if crossing is None else names & crossing, tolerated=COMPARABLE)
-    extra = tuple(_extra(current, names)) if crossing is None else ()
+    files = {f"{name}.msg" for name in _names(before.messages.values())}
+    files |= {f"{name}.srv" for name in _names(before.services)}
+    after = read_catalog(current, wanted=files, tolerated=COMPARABLE)
+    extra = tuple(_extra(current, files)) if crossing is None else ()
     comparison = Comparison(Side(previous.label, before), Side(current.label, after, extra=extra))
     return _report(comparison, CHECKED, list(find(comparison, CHECKED)), ("matches", "differs from"))
 
@@ -71,13 +72,13 @@ def _side(sources: Sources) -> Side:
     return Side(sources.label, read_catalog(sources, tolerated=COMPARABLE), sources.bridge is not None, history)
 
 
-def _extra(sources: Sources, names: Collection[str]) -> Iterator[Location]:
-    """Yield the definitions of other names; in a package that `sync` keeps, those of its user are none of ours."""
+def _extra(sources: Sources, files: Collection[str]) -> Iterator[Location]:
+    """Yield the definitions that are none of `files`; in a package that `sync` keeps, its user's own do not count."""
     recorded = NOTHING.files
     if sources.root and sources.root.is_file(MANIFEST):
         recorded = parse_record(sources.root.read(MANIFEST)).files
     for file in (*sources.messages, *sources.services):
-        if file.stem not in names and (not recorded or file.name in recorded):
+        if os.path.basename(file.name) not in files and (not recorded or file.name in recorded):
             yield Location(file.path)
 
 

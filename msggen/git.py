@@ -5,8 +5,20 @@ from __future__ import annotations
 import os
 import subprocess
 
-_OWN_REPOSITORY = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_PREFIX", "GIT_OBJECT_DIRECTORY", "GIT_NAMESPACE")
-"""Set while git runs a hook: they would lead every call to that hook's repository."""
+_OWN_REPOSITORY = {
+    "GIT_ALTERNATE_OBJECT_DIRECTORIES",
+    "GIT_COMMON_DIR",
+    "GIT_DIR",
+    "GIT_GRAFT_FILE",
+    "GIT_IMPLICIT_WORK_TREE",
+    "GIT_INDEX_FILE",
+    "GIT_NAMESPACE",
+    "GIT_OBJECT_DIRECTORY",
+    "GIT_PREFIX",
+    "GIT_SHALLOW_FILE",
+    "GIT_WORK_TREE",
+}
+"""Set while git runs a hook (`git rev-parse --local-env-vars`); they lead every call to that hook's repository."""
 
 
 class GitError(Exception):
@@ -39,10 +51,11 @@ def is_revision(folder: str, revision: str) -> bool:
 
 def commit_of(folder: str, revision: str) -> str:
     """Return the full hash of the commit that `revision` names. Raises GitError."""
-    if not revision or revision.startswith("-"):
-        raise GitError(f"'{revision}' is no name of a revision")
+    if not revision or revision.startswith("-") or "\0" in revision:
+        raise GitError(f"{revision!r} is no name of a revision")
     try:
-        return git(folder, "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}").decode().strip()
+        found = git(folder, "rev-parse", "--verify", "--quiet", revision).decode().strip()
+        return git(folder, "rev-parse", "--verify", "--quiet", f"{found}^{{commit}}").decode().strip()
     except GitError:
         git(folder, "rev-parse", "--git-dir")
         raise GitError(f"the repository has no revision '{revision}'") from None

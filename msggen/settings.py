@@ -123,6 +123,9 @@ def _texts(value: object, key: str, what: str, path: str, place: tuple[int, int]
 
 
 def _place(text: str, key: str) -> tuple[int, int]:
+    table = re.search(rf"^[ \t]*\[[\w\t \"'.]*\bmsggen\b[\"'\t ]*\.[\"'\t ]*{re.escape(key)}\b", text, re.MULTILINE)
+    if table:
+        return text.count("\n", 0, table.start()) + 1, 1
     header = _HEADER.search(text)
     start = header.end() if header else _MENTIONED.search(text + "msggen =").start()  # type: ignore[union-attr]
     found = re.compile(rf"[\"']?\b{re.escape(key)}\b[\"']?\s*[.=]").search(text, start)

@@ -281,7 +281,6 @@ def test_a_path_that_is_not_there_is_told_without_its_revision(source: str) -> N
     assert refused(source) == f"{source.partition('@')[0]}: S101 no such folder"
 
 
-@pytest.mark.xfail(reason="`git cat-file` says '<hash> missing', which is taken for a size", strict=True)
 def test_a_damaged_repository_is_told() -> None:
     repository()
     blob = git(FIRMWARE, "rev-parse", "v1.16:msg/Rpm.msg")
@@ -291,11 +290,10 @@ def test_a_damaged_repository_is_told() -> None:
 
 # --- Hooks
 
-OWN = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_OBJECT_DIRECTORY")
-COMMON = pytest.param(["GIT_COMMON_DIR"], marks=pytest.mark.xfail(reason="is passed on", strict=True))
+OWN = ("GIT_COMMON_DIR", "GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_OBJECT_DIRECTORY")
 
 
-@pytest.mark.parametrize("variables", [*([name] for name in OWN), OWN, COMMON], ids=" ".join)
+@pytest.mark.parametrize("variables", [*([name] for name in OWN), OWN], ids=" ".join)
 def test_a_hook_of_another_repository_does_not_mislead(
     variables: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -379,7 +377,6 @@ def test_an_archive_of_the_messages_alone_is_read() -> None:
     assert messages.keys() == read_catalog(find_sources("firmware@v1.16")).messages.keys()
 
 
-@pytest.mark.xfail(reason="a lone `msg/` is taken for the folder that everything lies in", strict=True)
 def test_an_archive_of_the_messages_alone_keeps_their_history() -> None:
     """`git archive v1.16 msg`: without its `msg/`, nobody asks for the archived versions."""
     write_definitions(FIRMWARE, {"msg/versioned/Rpm.msg": RPM, "msg/px4_msgs_old/msg/RpmV0.msg": RPM})
@@ -425,7 +422,6 @@ def test_members_that_lead_out_of_an_archive_do_not_matter(kind: str) -> None:
     assert [path.name for path in Path("..").glob("Evil.msg")] == []
 
 
-@pytest.mark.xfail(reason="a member outside counts as a second top folder", strict=True)
 @pytest.mark.parametrize("name", OUTSIDE)
 @pytest.mark.parametrize("kind", ["tar", "zip"])
 def test_nor_do_they_where_everything_else_lies_in_one_folder(kind: str, name: str) -> None:
@@ -433,7 +429,6 @@ def test_nor_do_they_where_everything_else_lies_in_one_folder(kind: str, name: s
     assert catalog(with_members(pack(kind), [name])) == said
 
 
-@pytest.mark.xfail(reason="counts as a second top folder", strict=True)
 def test_what_a_mac_adds_to_an_archive_does_not_matter() -> None:
     said = catalog(str(firmware()))
     names = ["__MACOSX/firmware/msg/._Rpm.msg", "__MACOSX/._firmware"]
@@ -513,7 +508,6 @@ def test_symbolic_links_are_followed_as_on_a_disk(link: Callable[[], None], kind
     assert catalog(path) == said
 
 
-@pytest.mark.xfail(reason="the folder itself has no name in a snapshot", strict=True)
 @pytest.mark.parametrize("kind", ["revision", "tar", "zip"])
 def test_a_link_to_the_folder_itself_is_followed(kind: str) -> None:
     write_definitions(FIRMWARE, {"Rpm.msg": RPM})
@@ -523,7 +517,6 @@ def test_a_link_to_the_folder_itself_is_followed(kind: str) -> None:
     assert catalog("firmware@HEAD" if kind == "revision" else pack(kind)) == said
 
 
-@pytest.mark.xfail(reason="git lists only what lies below the folder", strict=True)
 def test_a_link_to_another_folder_of_the_repository_is_followed() -> None:
     write_definitions(Path("ws"), {"shared/Rpm.msg": RPM})
     Path("ws/firmware").mkdir()
@@ -541,7 +534,6 @@ def is_told_as_broken(path: str) -> bool:
     return refused(path).startswith(f"{path}: S109 cannot be read as an archive: ")
 
 
-@pytest.mark.xfail(reason="tarfile tells the fate of every way that it tried", strict=True)
 def test_what_is_wrong_with_an_archive_is_said_in_a_line() -> None:
     Path("text.tar.gz").write_text("<html>Not found</html>")
     assert len(refused("text.tar.gz").splitlines()) == 1
@@ -569,7 +561,6 @@ def test_a_truncated_archive_is_told_wherever_it_ends(kind: str) -> None:
         assert is_told_as_broken(f"half.{kind}"), end
 
 
-@pytest.mark.xfail(reason="tarfile takes a tar that ends between two members for whole", strict=True)
 def test_a_truncated_tar_is_told_wherever_it_ends() -> None:
     """It would be a firmware with fewer messages."""
     firmware()
@@ -615,7 +606,7 @@ DAMAGE = st.lists(st.tuples(st.floats(0, 0.999), st.integers(0, 255)), min_size=
     "kind",
     [
         *("tar", "tar.gz", "tar.bz2", "tar.xz"),
-        pytest.param("zip", marks=pytest.mark.xfail(reason="see test_a_zip_with_a_name_that_is_no_text", strict=False)),
+        "zip",
     ],
 )
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
@@ -635,7 +626,6 @@ def test_a_damaged_archive_is_read_or_refused(kind: str, damage: list[tuple[floa
         read_catalog(find_sources(f"damaged.{kind}"))
 
 
-@pytest.mark.xfail(reason="zipfile raises UnicodeDecodeError", strict=True)
 def test_a_zip_with_a_name_that_is_no_text_is_told() -> None:
     """Bit 11 says that the name is UTF-8 (APPNOTE 4.4.4)."""
     write_definitions(FIRMWARE, {"msg/Gr\u00f6\u00dfe.msg": RPM})
@@ -644,7 +634,6 @@ def test_a_zip_with_a_name_that_is_no_text_is_told() -> None:
     assert is_told_as_broken("broken.zip")
 
 
-@pytest.mark.xfail(reason="the checksum stands behind what tarfile reads", strict=True)
 def test_a_checksum_that_does_not_fit_is_told() -> None:
     """Otherwise other definitions than were packed are taken for them."""
     firmware()
@@ -668,7 +657,6 @@ def test_a_package_is_generated_from_a_revision_or_an_archive(kind: str, capsys:
     assert main(["build", "--px4", source, "-o", "out", "--check"]) == DONE
 
 
-@pytest.mark.xfail(reason="names files inside of the revision or archive", strict=True)
 @pytest.mark.parametrize("source", ["firmware@HEAD", "packed-v1.16.tar"])
 def test_a_depfile_names_what_is_on_the_disk(source: str) -> None:
     """make and Ninja know nothing of the files inside, and stop for want of them."""

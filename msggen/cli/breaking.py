@@ -19,8 +19,8 @@ from msggen.cli.common import (
     sources_of,
 )
 from msggen.diagnostics import fault, suggestion
-from msggen.firmware.source import Sources, find_sources
-from msggen.firmware.tree import kept_or_revised, revised
+from msggen.firmware.source import File, Sources, find_sources
+from msggen.firmware.tree import kept_or_revised, open_tree, revised
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
@@ -78,12 +78,22 @@ def _breaking(options: argparse.Namespace) -> int:
 
 
 def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
-    """Return the sources as they stood at --against; folders outside of that repository as they stand."""
+    """Return the sources as they were at --against; what is not in that repository, as it is."""
     previous = revised(options.px4, options.against)
     folders = tuple(options.msg_dir or settings.msg_dir)
+    topics: str | File | None = options.topics or settings.topics
     if previous != options.against:
         folders = tuple(kept_or_revised(folder, options.px4, options.against) for folder in folders)
-    return find_sources(previous, folders, None, options.release or settings.release)._replace(label=options.against)
+        if isinstance(topics, str):
+            folder = kept_or_revised(os.path.dirname(topics) or os.curdir, options.px4, options.against)
+            topics = _bridge_in(folder, topics)
+    found = find_sources(previous, folders, topics, options.release or settings.release)
+    return found._replace(label=options.against)
+
+
+def _bridge_in(folder: str, topics: str) -> File | str:
+    tree, name = open_tree(folder), os.path.basename(topics)
+    return File(tree.place(name), name, tree) if tree.is_file(name) else topics
 
 
 def _rules(options: argparse.Namespace, settings: Settings) -> tuple[Rule, ...]:
@@ -100,10 +110,11 @@ def _rules(options: argparse.Namespace, settings: Settings) -> tuple[Rule, ...]:
 
 def _named(name: str, place: Location) -> tuple[Rule, ...]:
     from msggen.compare.finding import Category
-    from msggen.compare.rules import RULES, named
+    from msggen.compare.rules import BREAKING, named
 
-    found = named(name)
+    found = tuple(rule for rule in named(name) if rule in BREAKING)
     if not found:
-        known = [*(category.name for category in Category), *(rule.id for rule in RULES)]
-        raise fault(place.path, "C104", f"unknown rule '{name}'{suggestion(name, known)}", *place[1:])
+        known = [*(category.name for category in Category), *(rule.id for rule in BREAKING)]
+        text = f"only check asks '{name}'" if named(name) else f"unknown rule '{name}'{suggestion(name, known)}"
+        raise fault(place.path, "C104", text, *place[1:])
     return found

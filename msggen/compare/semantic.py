@@ -5,45 +5,59 @@ Only a tag that is on both sides can change: to write down a unit where there wa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
-from msggen.compare.comparison import Comparison
+from msggen.compare.comparison import Comparison, FieldPair, MessagePair
 from msggen.compare.finding import Change, Excerpt
 from msggen.model import Comment, Field
+
+_TAGS: Mapping[str, Callable[[Comment], str]] = {
+    "unit": lambda comment: "".join(comment.unit.split()),
+    "frame": lambda comment: "".join(comment.frame.split()),
+    "enum": lambda comment: "".join(comment.enum.split()),
+    "invalid value": lambda comment: comment.invalid.partition(" ")[0].strip(",;:."),
+}
+"""What a tag says. Of an invalid value, what follows it only explains it."""
 
 
 def find_other_unit(comparison: Comparison) -> Iterator[Change]:
     """Fields with another unit."""
-    return _find(comparison, "unit", lambda comment: _plain(comment.unit))
+    return _find(comparison, "unit")
 
 
 def find_other_frame(comparison: Comparison) -> Iterator[Change]:
     """Fields in another frame."""
-    return _find(comparison, "frame", lambda comment: _plain(comment.frame))
+    return _find(comparison, "frame")
 
 
 def find_other_invalid(comparison: Comparison) -> Iterator[Change]:
-    """Fields with another value for "not known"; what follows the value in its tag only explains it."""
-    return _find(comparison, "invalid value", lambda comment: comment.invalid.partition(" ")[0].strip(",;:."))
+    """Fields with another value for "not known"."""
+    return _find(comparison, "invalid value")
 
 
 def find_other_enum(comparison: Comparison) -> Iterator[Change]:
     """Fields whose values are named by other constants."""
-    return _find(comparison, "enum", lambda comment: _plain(comment.enum))
+    return _find(comparison, "enum")
 
 
-def _find(comparison: Comparison, what: str, tag: Callable[[Comment], str]) -> Iterator[Change]:
+def has_same_tags(pair: MessagePair) -> bool:
+    """Whether no tag says something else than before."""
+    return not any(_others(pair, tag) for tag in _TAGS.values())
+
+
+def _find(comparison: Comparison, what: str) -> Iterator[Change]:
     for pair in comparison.pairs:
-        for kept in pair.kept:
-            before, after = tag(kept.previous.comment), tag(kept.current.comment)
-            if before and after and before != after:
-                text = f"the {what} of '{kept.current.name}' is {after}, in {comparison.previous.label} {before}"
-                lines = _excerpt(kept.previous), _excerpt(kept.current)
-                yield Change(pair.name, text, kept.current.location, *lines)
+        for kept in _others(pair, _TAGS[what]):
+            before, after = (_TAGS[what](field.comment) for field in (kept.previous, kept.current))
+            text = f"the {what} of '{kept.current.name}' is {after}, in {comparison.previous.label} {before}"
+            lines = _excerpt(kept.previous), _excerpt(kept.current)
+            yield Change(pair.name, text, kept.current.location, *lines)
 
 
-def _plain(tag: str) -> str:
-    return "".join(tag.split())
+def _others(pair: MessagePair, tag: Callable[[Comment], str]) -> list[FieldPair]:
+    """Return the fields on both sides of which a tag says something, and not the same."""
+    said = ((kept, tag(kept.previous.comment), tag(kept.current.comment)) for kept in pair.kept)
+    return [kept for kept, before, after in said if before and after and before != after]
 
 
 def _excerpt(field: Field) -> Excerpt:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msggen.compare.comparison import VERSION, Comparison, constants_of, definitions
 from msggen.compare.finding import Change, Excerpt
 from msggen.location import Location
-from msggen.model import Constant
+from msggen.model import Constant, Value
 
 
 def find_removed_messages(comparison: Comparison) -> Iterator[Change]:
@@ -45,7 +45,7 @@ def find_removed_constants(comparison: Comparison) -> Iterator[Change]:
 def find_other_values(comparison: Comparison) -> Iterator[Change]:
     """Constants with another value."""
     for subject, before, after in _both(comparison):
-        if before.value != after.value:
+        if not _is_same(before.value, after.value):
             text = f"'{after.name}' is {after.value}, in {comparison.previous.label} {before.value}"
             yield Change(subject, text, after.location, excerpt(before), excerpt(after))
 
@@ -69,6 +69,11 @@ def _both(comparison: Comparison) -> Iterator[tuple[str, Constant, Constant]]:
         for name, after in constants_of(pair.current).items():
             if name in previous and name != VERSION:
                 yield pair.name, previous[name], after
+
+
+def _is_same(before: Value, after: Value) -> bool:
+    """Whether both are equal, or both are not a number."""
+    return before == after or (before != before and after != after)  # noqa: PLR0124 - only NaN is not itself
 
 
 def _missing(wanted: list[str], known: list[str]) -> list[str]:

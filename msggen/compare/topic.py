@@ -8,12 +8,12 @@ from msggen.compare.comparison import Comparison
 from msggen.compare.finding import Change, Excerpt
 from msggen.identity import Endpoint, endpoints
 from msggen.location import Location
-from msggen.model import Catalog
+from msggen.model import BridgeEntry, Catalog, Direction
 
 DEFAULT_RATE_LIMIT = 100.0
 """Hz: what the firmware takes where an entry has no limit (FACTS 4)."""
 
-_Key = tuple[str, "int | None"]
+_Key = tuple[str, "int | None", Direction]
 
 
 def find_removed(comparison: Comparison) -> Iterator[Change]:
@@ -34,7 +34,7 @@ def find_moved(comparison: Comparison) -> Iterator[Change]:
     for endpoint in gone:
         target = targets.get(endpoint.entry.uorb_topic)
         if target:
-            text = f"'{target.entry.topic}' is '{endpoint.entry.topic}' in {comparison.previous.label}"
+            text = f"{_whole_name(target)} is {_whole_name(endpoint)} in {comparison.previous.label}"
             yield _change(endpoint, target, text)
 
 
@@ -73,7 +73,17 @@ def _sorted(comparison: Comparison) -> tuple[list[Endpoint], list[Endpoint], lis
 
 
 def _by_entry(catalog: Catalog) -> dict[_Key, Endpoint]:
-    return {(endpoint.entry.topic, endpoint.entry.instance): endpoint for endpoint in endpoints(catalog)}
+    return {_key(endpoint.entry): endpoint for endpoint in endpoints(catalog)}
+
+
+def _key(entry: BridgeEntry) -> _Key:
+    return entry.topic, entry.instance, entry.direction
+
+
+def _whole_name(endpoint: Endpoint) -> str:
+    entry = endpoint.entry
+    instance = "" if entry.instance is None else f", instance {entry.instance}"
+    return f"'{entry.topic}' ({'from' if entry.direction is Direction.OUT else 'to'} PX4{instance})"
 
 
 def _rate(endpoint: Endpoint) -> float:

@@ -10,10 +10,11 @@ from collections.abc import Iterator
 
 from msggen.compare.comparison import VERSION, Comparison, MessagePair, constants_of, is_versioned
 from msggen.compare.finding import Change, Excerpt
+from msggen.compare.semantic import has_same_tags
 from msggen.compare.source import excerpt
-from msggen.firmware.history import ARCHIVE, TRANSLATIONS
+from msggen.firmware.history import ARCHIVE, TRANSLATIONS, History
 from msggen.location import Location
-from msggen.model import Message
+from msggen.model import Catalog, Message
 
 
 def find_not_raised(comparison: Comparison) -> Iterator[Change]:
@@ -28,7 +29,7 @@ def find_needless(comparison: Comparison) -> Iterator[Change]:
     """Versioned messages with another version that mean the same as before."""
     for pair in _versioned(comparison):
         before, after = pair.previous.message_version, pair.current.message_version
-        if before != after and not pair.differs and _meaning(pair.previous) == _meaning(pair.current):
+        if before != after and not pair.differs and _has_same_constants(pair) and has_same_tags(pair):
             text = f"{VERSION} is {after}, in {comparison.previous.label} {before}, but '{pair.name}' is the same"
             yield _change(pair, text)
 
@@ -96,7 +97,12 @@ def _raised(comparison: Comparison) -> Iterator[MessagePair]:
 def _is_archived(comparison: Comparison, pair: MessagePair) -> bool:
     history = comparison.current.history
     archived = history.archived.get(_archived_name(pair)) if history else None
-    return archived is not None and _own_lines(archived) == _own_lines(pair.previous)
+    return (
+        history is not None
+        and archived is not None
+        and archived.message_version == pair.previous.message_version
+        and _is_copy(history, archived, comparison.previous.catalog, pair.previous)
+    )
 
 
 def _is_translated(comparison: Comparison, pair: MessagePair) -> bool:
@@ -105,22 +111,37 @@ def _is_translated(comparison: Comparison, pair: MessagePair) -> bool:
 
 
 def _archived_name(pair: MessagePair) -> str:
-    return f"{pair.name}V{pair.previous.message_version}"
+    return _name_in_archive(pair.previous)
 
 
-def _own_lines(message: Message) -> list[tuple[str, ...]]:
-    """Return fields and version; nested types have other names in the archive, their own versions."""
-    lines = [
-        (str(field.type) if field.type.is_primitive else f"{field.type.array} {field.type.length}", field.name)
-        for field in message.fields
-    ]
-    return [*lines, (VERSION, str(message.message_version))]
+def _name_in_archive(message: Message) -> str:
+    return f"{message.name}V{message.message_version}"
 
 
-def _meaning(message: Message) -> object:
-    constants = {name: constant.value for name, constant in constants_of(message).items() if name != VERSION}
-    tags = [(field.name, field.comment.unit, field.comment.invalid, field.comment.frame) for field in message.fields]
-    return constants, tags
+def _is_copy(history: History, archived: Message, catalog: Catalog, message: Message) -> bool:
+    """Whether `archived` has the fields of `message`; what it nests is archived, too, and called so."""
+    if len(archived.fields) != len(message.fields):
+        return False
+    for kept, field in zip(archived.fields, message.fields, strict=True):
+        if kept.name != field.name or (kept.type.array, kept.type.length) != (field.type.array, field.type.length):
+            return False
+        if field.type.is_primitive:
+            if kept.type != field.type:
+                return False
+            continue
+        inner = catalog.nested(message, field.type)
+        found = history.archived.get(kept.type.name)
+        if not found or found.name != _name_in_archive(inner) or not _is_copy(history, found, catalog, inner):
+            return False
+    return True
+
+
+def _has_same_constants(pair: MessagePair) -> bool:
+    before, after = (
+        {name: repr(constant.value) for name, constant in constants_of(message).items() if name != VERSION}
+        for message in (pair.previous, pair.current)
+    )
+    return before == after
 
 
 def _change(pair: MessagePair, text: str) -> Change:

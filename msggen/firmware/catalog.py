@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
-from msggen.diagnostics import Diagnostic, InputError, fault
+from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
 from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_timestamps, check_topics
 from msggen.firmware.manifest import package_name
 from msggen.firmware.release import CONVENTIONS, recognise
@@ -26,8 +26,9 @@ def read_catalog(
 ) -> Catalog:
     """Return the catalog that `sources` hold; `contents` has the bytes of their files, if they are read already.
 
-    With `wanted` it has only the definitions of these names, and what they nest; what is wrong with others does not
-    matter then. Raises InputError with everything that is wrong in any of the files, but for the codes `tolerated`.
+    With `wanted` it has only the definitions in files of these names (`Rpm.msg`), and what they nest; what is wrong
+    with others does not matter then. Raises InputError with everything that is wrong in any of the files, but for
+    the codes `tolerated`.
     """
     reader = _Reader(sources, read_files(sources) if contents is None else contents)
     everything, services = reader.messages(), reader.services()
@@ -35,9 +36,9 @@ def read_catalog(
     messages = everything
     if wanted is not None:
         files = {file.path for file in (*sources.messages, *sources.services)}
-        services = [service for service in services if service.name in wanted]
+        services = [service for service in services if f"{service.name}.srv" in wanted]
         halves = [half for service in services for half in (service.request, service.response)]
-        messages = _needed(everything, [message for message in everything if message.name in wanted] + halves)
+        messages = _needed(everything, [message for message in everything if f"{message.name}.msg" in wanted] + halves)
         kept = [message.location.path for message in messages] + [service.location.path for service in services]
         dropped = files.difference(kept)
         reader.faults = [found for found in reader.faults if found.location.path not in dropped]
@@ -64,18 +65,25 @@ def read_catalog(
 
 
 def bridged_names(*sides: Sources) -> set[str]:
-    """Return the names of all messages that cross the bridge of the first of `sides` that has one, and of all services.
+    """Return the files of all messages that cross the bridge of the first of `sides` that has one, and of all services.
 
-    Raises InputError where none has a bridge, or it cannot be read.
+    Names such as `Rpm.msg` and `VehicleCommand.srv`. Raises InputError where none has a bridge, or it cannot be read,
+    or it names a message that no side has.
     """
     bridge = next((sources.bridge for sources in sides if sources.bridge), None)
     if bridge is None:
         text = "no dds_topics.yaml here to say what crosses the bridge: name one with --topics"
         raise fault(sides[0].label, "S110", text, 0)
     entries, faults = parse_bridge(read_file(bridge), bridge.path)
+    known = {file.stem for side in sides for file in side.messages}
+    for entry in entries:
+        if entry.message_name not in known:
+            text = f"no message defines the type '{entry.type_name}'{suggestion(entry.message_name, known)}"
+            faults.append(Diagnostic(entry.type_location, "Y201", text))
     if faults:
         raise InputError(faults)
-    return {entry.message_name for entry in entries} | {file.stem for side in sides for file in side.services}
+    services = {f"{file.stem}.srv" for side in sides for file in side.services}
+    return {f"{entry.message_name}.msg" for entry in entries} | services
 
 
 def _needed(messages: list[Message], roots: list[Message]) -> list[Message]:

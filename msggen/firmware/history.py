@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from msggen.diagnostics import Diagnostic, InputError
+from msggen.firmware.catalog import COMPARABLE
 from msggen.firmware.tree import Tree
 from msggen.model import Message
 from msggen.parse import decode_text, parse_message
@@ -56,7 +57,7 @@ def read_history(tree: Tree) -> History:
         path = f"{ARCHIVE}/{file}"
         text, unclean = decode_text(tree.read(path), tree.place(path))
         archived[name], wrong = parse_message(text, tree.place(path), name, "px4_msgs_old")
-        faults += [*(fault for fault in unclean if fault.code != "M106"), *wrong]
+        faults += [found for found in (*unclean, *wrong) if found.code not in COMPARABLE]
     if faults:
         raise InputError(faults)
     return History(tree.is_folder(VERSIONED), archived, _translations(tree))

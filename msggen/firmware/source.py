@@ -6,7 +6,7 @@ import os
 from typing import NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
-from msggen.firmware.tree import Folder, Tree, open_tree
+from msggen.firmware.tree import Folder, Snapshot, Tree, open_tree
 from msggen.location import Location
 from msggen.resources import embedded_root
 
@@ -53,6 +53,11 @@ class Sources(NamedTuple):
     label: str = ""
     root: Tree | None = None
 
+    def dependencies(self) -> tuple[str, ...]:
+        """Return the paths of what is read from the disk: files, and archives; a revision never changes."""
+        paths = (file.tree.path if isinstance(file.tree, Snapshot) else file.path for file in self.files())
+        return tuple(path for path in dict.fromkeys(paths) if os.path.isfile(path))
+
     def files(self) -> tuple[File, ...]:
         """Return all of them, in an order that does not depend on the machine."""
         single = [file for file in (self.bridge, self.manifest) if file]
@@ -62,7 +67,7 @@ class Sources(NamedTuple):
 def find_sources(
     px4: str | Tree | None,
     folders: tuple[str, ...] = (),
-    topics: str | None = None,
+    topics: str | File | None = None,
     release: str | None = None,
     release_place: Location = _RELEASE_OPTION,
 ) -> Sources:
@@ -86,7 +91,7 @@ def find_sources(
         services += _definitions(root, "srv", ".srv")
         if len(messages) + len(services) == found:
             _fail_without_definitions(root)
-    bridge = File(topics, os.path.basename(topics)) if topics is not None else None
+    bridge = File(topics, os.path.basename(topics)) if isinstance(topics, str) else topics
     if bridge is None and (px4 is not None or not named):
         bridge = _bridge(roots[0])
     own = len(_definitions(roots[0], "msg", ".msg"))

@@ -9,14 +9,19 @@ from __future__ import annotations
 import os
 import posixpath
 from collections.abc import Mapping
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from msggen.diagnostics import fault, suggestion
+
+if TYPE_CHECKING:
+    import tarfile
 
 ARCHIVES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz", ".zip")
 """What an archive's name ends in."""
 
 _MAX_LINKS = 40
+_TAR_BLOCK = 512
+_CHUNK = 2**20
 _MAX_SIZE = 2**24
 """Bytes; no definition is nearly as large."""
 
@@ -59,22 +64,26 @@ class Folder:
 
 
 class Snapshot:
-    """The files of a revision or an archive: `files` by name, symbolic `links` by name to where they lead."""
+    """The files of a revision or an archive: `files` by name, symbolic `links` by name to where they lead.
 
-    def __init__(self, label: str, files: Mapping[str, bytes], links: Mapping[str, str]) -> None:
+    Names count from the folder `base`, "" or one that ends in `/`; links may lead out of it.
+    """
+
+    def __init__(self, label: str, files: Mapping[str, bytes], links: Mapping[str, str], base: str = "") -> None:
         self.path = label
         self._files = files
         self._links = links
+        self._base = base
         self._folders: dict[str, set[str]] = {"": set()}
         for name in (*files, *links):
-            parent, base = posixpath.split(name)
-            while base and base not in self._folders.setdefault(parent, set()):
-                self._folders[parent].add(base)
-                parent, base = posixpath.split(parent)
+            parent, child = posixpath.split(name)
+            while child and child not in self._folders.setdefault(parent, set()):
+                self._folders[parent].add(child)
+                parent, child = posixpath.split(parent)
 
     def names(self, folder: str) -> list[str]:
         """Return the names of what lies in `folder`, sorted; none if there is no such folder."""
-        return sorted(self._folders.get(self._resolve(folder.rstrip("/")), ()))
+        return sorted(self._folders.get(self._resolve(folder), ()))
 
     def is_folder(self, name: str) -> bool:
         """Whether a folder of that name is there."""
@@ -96,7 +105,8 @@ class Snapshot:
         return self._files[found]
 
     def _resolve(self, name: str) -> str:
-        """Follow symbolic links, as a file system would."""
+        """Return the whole name of what `name` leads to; symbolic links are followed as a file system would."""
+        name = (self._base + name).rstrip("/")
         for _ in range(_MAX_LINKS):
             parts = name.split("/")
             heads = ("/".join(parts[:end]) for end in range(1, len(parts) + 1))
@@ -104,7 +114,7 @@ class Snapshot:
             if link is None:
                 return name
             target = posixpath.join(posixpath.dirname(link), self._links[link])
-            name = posixpath.normpath(posixpath.join(target, name[len(link) + 1 :])).removeprefix("./")
+            name = posixpath.normpath(posixpath.join(target, name[len(link) + 1 :])).removeprefix(".")
         return name
 
 
@@ -113,16 +123,26 @@ Tree = Folder | Snapshot
 
 def open_tree(text: str) -> Tree:
     """Return what `text` names: a folder, `folder@revision`, or an archive. Raises InputError."""
+    if "\0" in text:
+        _fail(text, "S101", "no such folder")
     if os.path.isdir(text):
         return Folder(text)
     if os.path.isfile(text):
         if not text.lower().endswith(ARCHIVES):
             _fail(text, "S101", f"not a folder, nor an archive ({', '.join(ARCHIVES)})")
         return _read_archive(text)
-    for position in (index for index, character in enumerate(text) if character == "@"):
-        if os.path.isdir(text[:position]):
-            return _read_revision(text[:position], text[position + 1 :])
-    return _fail(text.partition("@")[0] if "@" in text else text, "S101", "no such folder")
+    folder, revision = split_revision(text)
+    if folder == text:
+        _fail(text.partition("@")[0] or text, "S101", "no such folder")
+    return _read_revision(folder, revision)
+
+
+def split_revision(text: str) -> tuple[str, str]:
+    """Return folder and revision of `folder@revision`, the longest folder there is; no revision where it is none."""
+    ends = [index for index, character in enumerate(text) if character == "@" and os.path.isdir(text[:index])]
+    if os.path.exists(text) or not ends:
+        return text, ""
+    return text[: ends[-1]], text[ends[-1] + 1 :]
 
 
 def revised(tree: str, against: str) -> str:
@@ -132,29 +152,29 @@ def revised(tree: str, against: str) -> str:
     """
     from msggen.git import is_revision, revisions
 
-    folder = tree if os.path.isdir(tree) else tree.partition("@")[0]
+    folder = split_revision(tree)[0]
     known = os.path.isdir(folder) and is_revision(folder, against)
     if known and os.path.isdir(against):
         text = f"'{against}' is a revision and a folder: write '{os.path.join('.', against)}' for the folder"
         _fail("--against", "S108", f"{text}, or '{folder}@{against}' for the revision")
     if known:
         return f"{folder}@{against}"
-    if not os.path.exists(against) and "@" not in against:
-        hint = suggestion(against, revisions(folder))
+    if not os.path.exists(against) and split_revision(against)[0] == against:
+        hint = suggestion(against, revisions(folder) if os.path.isdir(folder) else ())
         _fail("--against", "S108", f"'{against}' is neither a folder nor a revision of {folder}{hint}")
     return against
 
 
-def kept_or_revised(folder: str, tree: str, revision: str) -> str:
-    """Return what names `folder` as it was at `revision` in the repository of `tree`, or itself where it is no part."""
+def kept_or_revised(path: str, tree: str, revision: str) -> str:
+    """Return what names the folder `path` as it was at `revision`, or `path` if the repository of `tree` has it not."""
     from msggen.git import GitError, git
 
     try:
-        tops = [git(each, "rev-parse", "--show-toplevel") for each in (folder, tree)]
-        was_there = git(folder, "ls-tree", "--name-only", revision)
+        tops = [git(each, "rev-parse", "--show-toplevel") for each in (path, split_revision(tree)[0])]
+        was_there = git(path, "ls-tree", "--name-only", revision)
     except GitError:
-        return folder
-    return f"{folder}@{revision}" if tops[0] == tops[1] and was_there else folder
+        return path
+    return f"{path}@{revision}" if tops[0] == tops[1] and was_there else path
 
 
 def _is_wanted(name: str) -> bool:
@@ -169,27 +189,34 @@ def _read_revision(folder: str, revision: str) -> Snapshot:
     label = f"{folder}@{revision}"
     try:
         commit = commit_of(folder, revision)
-        rows = [
-            row.split("\t", 1) for row in os.fsdecode(git(folder, "ls-tree", "-r", "-z", commit)).split("\0") if row
-        ]
-        entries = {name: about.split(" ") for about, name in rows}
+        base = os.fsdecode(git(folder, "rev-parse", "--show-prefix").rstrip(b"\n"))
+        rows = os.fsdecode(git(folder, "ls-tree", "--full-tree", "-r", "-z", commit)).split("\0")
+        entries = {name: about.split(" ") for about, _, name in (row.partition("\t") for row in rows if row)}
         links = [name for name, about in entries.items() if about[0] == "120000"]
         wanted = [name for name, about in entries.items() if about[1] == "blob" and (_is_wanted(name) or name in links)]
         answer = git(folder, "cat-file", "--batch", stdin="".join(f"{entries[name][2]}\n" for name in wanted).encode())
+        contents = dict(zip(wanted, _split_batch(answer), strict=True))
     except GitError as error:
         _fail(label, "S108", str(error))
-    contents = dict(zip(wanted, _split_batch(answer), strict=True))
     files = {name: contents.get(name, b"") for name in entries if name not in links}
-    return Snapshot(label, files, {name: os.fsdecode(contents[name]) for name in links})
+    return Snapshot(label, files, {name: os.fsdecode(contents[name]) for name in links}, base)
 
 
 def _split_batch(answer: bytes) -> list[bytes]:
-    """Return the contents in what `git cat-file --batch` prints: a line that ends in a size, the bytes, a line end."""
+    """Return the contents in what `git cat-file --batch` prints: a line that ends in a size, the bytes, a line end.
+
+    Raises GitError where an object is missing.
+    """
+    from msggen.git import GitError
+
     contents = []
     position = 0
     while position < len(answer):
         start = answer.index(b"\n", position) + 1
-        size = int(answer[position:start].split()[-1])
+        about = answer[position:start].decode(errors="replace").split()
+        if about[-1] == "missing":
+            raise GitError(f"the repository is damaged: object {about[0]} is missing")
+        size = int(about[-1])
         contents.append(answer[start : start + size])
         position = start + size + 1
     return contents
@@ -197,20 +224,27 @@ def _split_batch(answer: bytes) -> list[bytes]:
 
 def _read_archive(path: str) -> Snapshot:
     import lzma
+    import struct
     import tarfile
     import zipfile
     import zlib
 
+    damaged = (tarfile.TarError, zipfile.BadZipFile, lzma.LZMAError, zlib.error, struct.error)
     try:
         files, links = (_read_zip if path.lower().endswith(".zip") else _read_tar)(path)
-    except (tarfile.TarError, zipfile.BadZipFile, lzma.LZMAError, zlib.error, EOFError, OSError, RuntimeError) as error:
-        _fail(path, "S109", f"cannot be read as an archive: {error}")
-    top = {name.split("/")[0] for name in (*files, *links)}
-    if len(top) == 1 and not any("/" not in name for name in files):
-        start = len(top.pop()) + 1
-        files = {name[start:]: data for name, data in files.items()}
-        links = {name[start:]: target for name, target in links.items()}
-    return Snapshot(path, files, links)
+    except (*damaged, EOFError, OSError, RuntimeError, ValueError) as error:
+        reason = str(error).partition("\n")[0].rstrip(":") or type(error).__name__
+        _fail(path, "S109", f"cannot be read as an archive: {reason}")
+    tops = {name.split("/")[0] for name in (*files, *links)}
+    top = tops.pop() if len(tops) == 1 else ""
+    is_wrapped = top and top not in ("msg", "srv", "src") and not any("/" not in name for name in (*files, *links))
+    return Snapshot(path, files, links, f"{top}/" if is_wrapped else "")
+
+
+def _inside(name: str) -> str:
+    """Return the name of a member in plain form, "" for one that lies nowhere inside, or that only a Mac reads."""
+    name = posixpath.normpath(name)
+    return "" if name.startswith(("/", "..")) or name.split("/")[0] in (".", "__MACOSX") else name
 
 
 def _read_tar(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
@@ -220,7 +254,9 @@ def _read_tar(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
     links: dict[str, str] = {}
     with tarfile.open(path) as archive:
         for member in archive:
-            name = posixpath.normpath(member.name)
+            name = _inside(member.name)
+            if not name:
+                continue
             if member.issym():
                 links[name] = member.linkname
             elif member.islnk():
@@ -228,7 +264,23 @@ def _read_tar(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
             elif member.isfile():
                 stream = archive.extractfile(member) if _is_wanted(name) else None
                 files[name] = stream.read(_MAX_SIZE) if stream else b""
+        _check_end(archive)
     return files, links
+
+
+def _check_end(archive: tarfile.TarFile) -> None:
+    """Raise EOFError unless a block of zeros ends the archive: tarfile takes one that was cut off for whole.
+
+    Reads on to the very end, where a compressed archive has its checksum.
+    """
+    stream = archive.fileobj
+    if stream is None:
+        return
+    stream.seek(archive.offset)
+    if stream.read(_TAR_BLOCK) != bytes(_TAR_BLOCK):
+        raise EOFError("it was cut off, or is damaged")
+    while stream.read(_CHUNK):
+        pass
 
 
 def _read_zip(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
@@ -239,9 +291,9 @@ def _read_zip(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
     links: dict[str, str] = {}
     with zipfile.ZipFile(path) as archive:
         for member in archive.infolist():
-            name = posixpath.normpath(member.filename)
+            name = _inside(member.filename)
             is_link = stat.S_ISLNK(member.external_attr >> 16)
-            if member.is_dir():
+            if member.is_dir() or not name:
                 continue
             data = b""
             if is_link or _is_wanted(name):

@@ -94,8 +94,8 @@ def depfile(outcome_folder: str, outputs: tuple[str, ...], sources: Sources) -> 
 
     Only the first, because Ninja refuses a rule with outputs that it has not been told of, such as one that has gone.
     """
-    inputs = [file.path for file in sources.files()]
-    return " \\\n ".join([f"{_escaped(os.path.join(outcome_folder, outputs[0]))}:", *map(_escaped, inputs)]) + "\n"
+    inputs = map(_escaped, sources.dependencies())
+    return " \\\n ".join([f"{_escaped(os.path.join(outcome_folder, outputs[0]))}:", *inputs]) + "\n"
 
 
 def write_if_changed(path: str, text: str) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from msggen import __version__
 from msggen.firmware.source import Sources
-from msggen.firmware.tree import Folder
+from msggen.firmware.tree import Folder, split_revision
 from msggen.package.target import KINDS, Target
 from msggen.record import Record, digest, digest_of
 from msggen.resources import embedded_root, resource
@@ -66,7 +66,7 @@ def origin_of(sources: Sources) -> Origin:
         return Origin("PX4 v1.17, as msggen brings it along", further=further)
     if isinstance(root, Folder):
         return _origin_in_git(root.path, None)._replace(name=_base(root.path), further=further)
-    folder, revision = _split(root.path)
+    folder, revision = split_revision(root.path)
     return _origin_in_git(folder, revision)._replace(name=_base(root.path), further=further)
 
 
@@ -89,16 +89,9 @@ def _origin_in_git(folder: str, revision: str | None) -> Origin:
     return Origin("", commit, described, bool(is_modified))
 
 
-def _split(label: str) -> tuple[str, str]:
-    """Return folder and revision of `folder@revision`, as `firmware.tree` reads it; two empty texts for an archive."""
-    ends = (index for index, character in enumerate(label) if character == "@" and os.path.isdir(label[:index]))
-    end = next(ends, None)
-    return ("", "") if end is None or os.path.isfile(label) else (label[:end], label[end + 1 :])
-
-
 def _base(path: str) -> str:
     """Return the last part of a path, such that it can stand in a README."""
-    folder, revision = _split(path)
+    folder, revision = split_revision(path)
     name = os.path.basename(os.path.abspath(folder or path)) + (f"@{revision}" if revision else "")
     return "".join(character if character.isprintable() and character not in "`|" else "_" for character in name)
 
