@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
-from msggen.compare.comparison import Comparison, Side
+from msggen.compare.comparison import Comparison, Extra, Side
 from msggen.compare.finding import Category, Finding, Report, Rule, Severity
 from msggen.compare.rules import BREAKING, CHECKED, find
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
@@ -16,7 +16,7 @@ from msggen.firmware.source import Sources, find_sources
 from msggen.firmware.tree import Folder, Snapshot
 from msggen.location import Location
 from msggen.model import Message, Service
-from msggen.record import MANIFEST, NOTHING, parse_record
+from msggen.record import MANIFEST, parse_record
 
 
 def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> Report:
@@ -25,13 +25,15 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
     With `topics_only` only what crosses the bridge counts, with what it nests, and the services. Raises InputError
     where a side cannot be read.
     """
-    crossing = bridged_names(previous, current) if topics_only else None
+    crossing = bridged_names(previous, current) if topics_only else _own_files(previous)
     before = read_catalog(previous, wanted=crossing, tolerated=COMPARABLE)
     files = {f"{name}.msg" for name in _names(before.messages.values())}
     files |= {f"{name}.srv" for name in _names(before.services)}
     after = read_catalog(current, wanted=files, tolerated=COMPARABLE)
-    extra = tuple(_extra(current, files)) if crossing is None else ()
-    comparison = Comparison(Side(previous.label, before), Side(current.label, after, extra=extra))
+    extra = () if topics_only else tuple(_extra(current, files))
+    comparison = Comparison(
+        Side(previous.label, _place(previous), before), Side(current.label, _place(current), after, extra=extra)
+    )
     return _report(comparison, CHECKED, list(find(comparison, CHECKED)), ("matches", "differs from"))
 
 
@@ -68,23 +70,40 @@ def _example(rule: Rule, side: str) -> Snapshot:
 
 
 def _side(sources: Sources) -> Side:
+    """Return a side for `breaking`. A tree of the firmware without a bridge bridges nothing; a package does not say."""
     history = read_history(sources.root) if sources.root else None
-    return Side(sources.label, read_catalog(sources, tolerated=COMPARABLE), sources.bridge is not None, history)
+    catalog = read_catalog(sources, tolerated=COMPARABLE)
+    return Side(sources.label, _place(sources), catalog, sources.is_tree or sources.bridge is not None, history)
 
 
-def _extra(sources: Sources, files: Collection[str]) -> Iterator[Location]:
+def _place(sources: Sources) -> str:
+    return sources.root.path if sources.root else sources.label
+
+
+def _own_files(sources: Sources) -> set[str] | None:
+    """Return the files of a package that `sync` keeps, without its user's own; None where all count."""
+    if not sources.root or not sources.root.is_file(MANIFEST):
+        return None
+    return {name.rpartition("/")[2] for name in parse_record(sources.root.read(MANIFEST)).files} or None
+
+
+def _extra(sources: Sources, files: Collection[str]) -> Iterator[Extra]:
     """Yield the definitions that are none of `files`; in a package that `sync` keeps, its user's own do not count."""
-    recorded = NOTHING.files
-    if sources.root and sources.root.is_file(MANIFEST):
-        recorded = parse_record(sources.root.read(MANIFEST)).files
-    for file in (*sources.messages, *sources.services):
-        if os.path.basename(file.name) not in files and (not recorded or file.name in recorded):
-            yield Location(file.path)
+    own = _own_files(sources)
+    for kind, found in (("message", sources.messages), ("service", sources.services)):
+        for file in found:
+            name = file.name.rpartition("/")[2]
+            if name not in files and (own is None or name in own):
+                yield Extra(kind, file.stem, Location(file.path))
 
 
 def _is_ignored(finding: Finding, ignored: Mapping[str, Collection[Rule]]) -> bool:
     subject = finding.change.subject
-    return any(finding.rule in rules and fnmatchcase(subject, name) for name, rules in ignored.items())
+    service = subject.removesuffix("_Request").removesuffix("_Response")
+    return any(
+        finding.rule in rules and (fnmatchcase(subject, name) or fnmatchcase(service, name))
+        for name, rules in ignored.items()
+    )
 
 
 def _report(

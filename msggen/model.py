@@ -46,6 +46,9 @@ SIZES: Mapping[str, int] = {
 }
 """Bytes of each primitive that has a fixed size (FACTS 3)."""
 
+VERSION = "MESSAGE_VERSION"
+"""The constant that says which version of a message a definition is (FACTS 1)."""
+
 DEFAULT_PACKAGE = "px4_msgs"
 """The ROS 2 package that the firmware's definitions belong to."""
 
@@ -196,7 +199,12 @@ class Message:
     @property
     def message_version(self) -> int:
         """MESSAGE_VERSION, or 0: what the firmware assumes without it."""
-        return self._special("MESSAGE_VERSION", 0)
+        return self._special(VERSION, 0)
+
+    @property
+    def is_versioned(self) -> bool:
+        """Whether the message says which version it is."""
+        return any(constant.name == VERSION for constant in self.constants)
 
     @property
     def queue_length(self) -> int:

@@ -28,7 +28,7 @@ class Definition(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One value: how to reach it, where it lies, and its type."""
+    """One value: how to reach it, where it lies, and its type; char and byte are uint8 by other names (FACTS 3)."""
 
     path: str
     offset: int
@@ -81,7 +81,7 @@ def _unfold(messages: dict[str, Definition], name: str, prefix: str, offset: int
             path = f"{prefix}{field}[{index}]" if length else f"{prefix}{field}"
             if type_ in SIZES:
                 offset = -(-offset // SIZES[type_]) * SIZES[type_]
-                found.append(Row(path, offset, type_))
+                found.append(Row(path, offset, "uint8" if type_ in ("byte", "char") else type_))
                 offset += SIZES[type_]
             else:
                 offset = _unfold(messages, type_, f"{path}.", offset, found)

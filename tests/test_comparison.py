@@ -84,7 +84,7 @@ def test_names_alone_are_no_matter_of_bytes(pair: Pair) -> None:
 
 def test_silent_are_those_that_old_readers_misread(pair: Pair) -> None:
     """The rounded size stays, and a value of the old definition is not where it was, renamed fields aside."""
-    for name in subjects(pair.check, Category.WIRE):
+    for name in subjects(pair.check, Category.WIRE, Category.HASH):
         sizes = [-(-slow.size(side, name) // 4) for side in (pair.before, pair.after)]
         old, new = ({row.path: row[1:] for row in slow.rows(side, name)} for side in (pair.before, pair.after))
         kept_its_place = all(new[path] == old[path] for path in old.keys() & new)
@@ -172,14 +172,13 @@ def test_comments_and_white_space_never_count(edited: dict[str, str], tmp_path_f
 @st.composite
 def edits(draw: st.DrawFn) -> dict[str, str]:
     """The same definitions after some edits of fields: added, removed, swapped, renamed, retyped, resized."""
-    texts = {name: [line for line in _lines(TEXTS[name]) if line.partition("#")[0].strip()] for name in NAMES}
+    lines_of = {name: [line.partition("#")[0].strip() for line in _lines(TEXTS[name])] for name in NAMES}
+    texts = {name: [line for line in lines if line and "=" not in line] for name, lines in lines_of.items()}
     for number in range(draw(st.integers(1, 4))):
         lines = texts[draw(st.sampled_from(NAMES))]
-        places = [
-            index for index, line in enumerate(lines) if "=" not in line.partition("#")[0] and "timestamp" not in line
-        ]
+        places = [index for index, line in enumerate(lines) if "timestamp" not in line]
         place = draw(st.sampled_from(places))
-        type_, name = lines[place].partition("#")[0].split()
+        type_, name = lines[place].split()
         kind = draw(st.sampled_from(["add", "remove", "swap", "rename", "retype", "resize"]))
         if kind == "add":
             lines.insert(place, f"{draw(st.sampled_from(list(slow.SIZES)))} extra_{number}")
@@ -205,15 +204,14 @@ def test_random_edits_are_found_if_and_only_if_they_change_something(
     real = write_definitions(tmp_path_factory.mktemp("real"), {f"msg/{name}.msg": TEXTS[name] for name in NAMES})
     other = write_definitions(tmp_path_factory.mktemp("edited"), edited)
     before, after = slow.read(real), slow.read(other)
-    differ = {
-        name
-        for name in NAMES
-        if slow.rows(before, name) != slow.rows(after, name)
-        or slow.spelling(before, name) != slow.spelling(after, name)
-    }
+    differ = {name for name in NAMES if slow.differ(before, after, name)}
     found = report(check, real, other)
     assert subjects(found, Category.WIRE, Category.HASH) == differ
-    assert found.fails == bool(differ)
-    for name in silent(found):
-        assert -(-slow.size(before, name) // 4) == -(-slow.size(after, name) // 4)
-        assert slow.rows(before, name) != slow.rows(after, name)
+    wire = subjects(found, Category.WIRE)
+    for name in differ:
+        old, new = slow.rows(before, name), slow.rows(after, name)
+        assert name in wire or [row[1:] for row in old] == [row[1:] for row in new]
+        same_size = -(-slow.size(before, name) // 4) == -(-slow.size(after, name) // 4)
+        strayed = {row for row in old if row.path in {other.path for other in new}} - {*new}
+        assert same_size or name not in silent(found)
+        assert name in silent(found) or not (same_size and strayed)

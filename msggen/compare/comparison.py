@@ -9,6 +9,7 @@ from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from msggen.firmware.history import History
 from msggen.layout import Layout, Path, lay_out
@@ -18,25 +19,32 @@ from msggen.model import Catalog, Constant, Field, FieldType, Message
 Shape = tuple["tuple[str, str, Shape | None]", ...]
 """Type and name of each field, and the shape of what it nests: all that decides bytes, names and hashes."""
 
-VERSION = "MESSAGE_VERSION"
-
 _SAME_VALUES = {"char": "uint8", "byte": "uint8"}
 """Other names for the same bytes with the same meaning (FACTS 3)."""
 
 
+class Extra(NamedTuple):
+    """A definition of which only the name is known: `kind` is "message" or "service"."""
+
+    kind: str
+    name: str
+    location: Location
+
+
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One of the two: what it is called, its definitions, what it keeps of earlier versions.
+    """One of the two: what it is called, where it is, its definitions, what it keeps of earlier versions.
 
-    `extra` names definitions that were not read, because the other side has none of that name. Without a bridge it
+    `extra` are definitions that were not read, because the other side has none of that name. Without a bridge it
     says nothing on topics.
     """
 
     label: str
+    place: str
     catalog: Catalog
     has_bridge: bool = False
     history: History | None = None
-    extra: tuple[Location, ...] = ()
+    extra: tuple[Extra, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,9 +146,18 @@ class MessagePair:
             if not (pair.previous.type.is_primitive or pair.current.type.is_primitive)
         }
 
-    def has_same_bytes(self) -> bool:
-        """Whether both have the same types in the same order, whatever their names."""
-        return bytes_shape(self._previous_catalog, self.previous) == bytes_shape(self._current_catalog, self.current)
+    @cached_property
+    def is_only_renamed(self) -> bool:
+        """Whether every value lies where it did, down to every depth, whatever it is called now."""
+        if self.added or self.removed or self.moved:
+            return False
+        pairs = (*self.kept, *self.renamed)
+        return all(map(has_same_length, pairs)) and all(
+            self.nested[pair.previous.name].is_only_renamed
+            if pair.previous.name in self.nested
+            else meaning(pair.previous.type) == meaning(pair.current.type)
+            for pair in pairs
+        )
 
     @property
     def _lost(self) -> list[Field]:
@@ -201,16 +218,15 @@ def shape(catalog: Catalog, message: Message) -> Shape:
     )
 
 
-def bytes_shape(catalog: Catalog, message: Message) -> tuple[object, ...]:
-    """Return what decides the bytes of a message: types and lengths, without names."""
-    return tuple(
-        (
-            field.type.array,
-            field.type.length,
-            field.type.base if field.type.is_primitive else bytes_shape(catalog, catalog.nested(message, field.type)),
-        )
-        for field in message.fields
-    )
+def meaning(type_: FieldType) -> str:
+    """Return what one value of a type means: `char` and `byte` are other names for `uint8` (FACTS 3)."""
+    return _SAME_VALUES.get(type_.base, type_.base)
+
+
+def has_same_length(pair: FieldPair) -> bool:
+    """Whether both fields hold as many values."""
+    before, after = pair.previous.type, pair.current.type
+    return (before.array, before.length) == (after.array, after.length)
 
 
 def spelled(outer: Message, type_: FieldType) -> str:
@@ -222,11 +238,6 @@ def spelled(outer: Message, type_: FieldType) -> str:
 def constants_of(message: Message) -> dict[str, Constant]:
     """Return the constants by name."""
     return {constant.name: constant for constant in message.constants}
-
-
-def is_versioned(message: Message) -> bool:
-    """Whether the message says which version it is."""
-    return VERSION in constants_of(message)
 
 
 def definitions(catalog: Catalog) -> dict[str, Message]:
@@ -245,9 +256,8 @@ def _layout(catalog: Catalog, message: Message) -> Layout | None:
 def _values(layout: Layout) -> Iterator[tuple[Path, int, int, str]]:
     """Yield for each value how to reach it, its place in its array, its offset, and what its bytes mean."""
     for leaf in layout.leaves:
-        meaning = _SAME_VALUES.get(leaf.type.name, leaf.type.name)
         for index in range(leaf.count):
-            yield leaf.path, index, leaf.offset + index * leaf.size, meaning
+            yield leaf.path, index, leaf.offset + index * leaf.size, meaning(leaf.type)
 
 
 def _longest_increasing(numbers: list[int]) -> set[int]:

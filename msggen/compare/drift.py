@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 
-from msggen.compare.comparison import VERSION, Comparison, constants_of
+from msggen.compare.comparison import Comparison, constants_of
 from msggen.compare.finding import Change
 from msggen.compare.source import excerpt
+from msggen.model import VERSION
 
 
 def find_added_definitions(comparison: Comparison) -> Iterator[Change]:
     """Messages and services that the previous side does not have."""
-    for location in comparison.current.extra:
-        name, suffix = os.path.splitext(os.path.basename(location.path))
-        what = "service" if suffix == ".srv" else "message"
-        yield Change(name, f"{what} '{name}' is not in {comparison.previous.label}", location)
+    for kind, name, location in comparison.current.extra:
+        yield Change(name, f"{kind} '{name}' is not in {comparison.previous.label}", location)
 
 
 def find_added_constants(comparison: Comparison) -> Iterator[Change]:

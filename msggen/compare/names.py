@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from msggen.compare.comparison import Comparison, MessagePair
 from msggen.compare.finding import Change
-from msggen.compare.wire import change, is_same_line, is_type_renamed
+from msggen.compare.wire import change, is_same_type, is_type_renamed
 
 
 def find_renamed(comparison: Comparison) -> Iterator[Change]:
@@ -18,7 +18,7 @@ def find_renamed(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_renamed_type(comparison: Comparison) -> Iterator[Change]:
-    """Fields that nest a message of another name with the same bytes."""
+    """Fields whose type has another name, and the same values in the same bytes."""
     for pair in comparison.changed:
         for kept in pair.kept:
             if is_type_renamed(pair, kept):
@@ -29,11 +29,11 @@ def find_renamed_type(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_nested(comparison: Comparison) -> Iterator[Change]:
-    """Fields whose own line is the same, but a field that they nest, at any depth, has another name."""
+    """Fields whose own type is the same, but a field or type that they nest, at any depth, has another name."""
     for pair in comparison.changed:
         for kept in (*pair.kept, *pair.renamed):
             inner = pair.nested.get(kept.previous.name)
-            if inner and is_same_line(pair, kept) and inner.differs and inner.has_same_bytes():
+            if inner and is_same_type(pair, kept) and inner.differs and inner.is_only_renamed:
                 names = " > ".join(_path(inner))
                 text = (
                     f"'{kept.current.type} {kept.current.name}' nests other names than in {comparison.previous.label}"

@@ -18,9 +18,11 @@ RULES = (
     Rule("FIELD_MOVED", "a field changed places with others", _WIRE, wire.find_moved),
     Rule("FIELD_RETYPED", "a field has another type", _WIRE, wire.find_retyped),
     Rule("ARRAY_LENGTH_CHANGED", "an array has another length", _WIRE, wire.find_other_length),
-    Rule("NESTED_LAYOUT_CHANGED", "a nested message, at any depth, has other bytes", _WIRE, wire.find_nested),
+    Rule("NESTED_LAYOUT_CHANGED", "values of a nested message, at any depth, lie elsewhere", _WIRE, wire.find_nested),
     Rule("FIELD_RENAMED", "a field has another name, in the same bytes", _HASH, names.find_renamed),
-    Rule("TYPE_RENAMED", "a nested message has another name and the same bytes", _HASH, names.find_renamed_type),
+    Rule(
+        "TYPE_RENAMED", "a type has another name, and the same values in the same bytes", _HASH, names.find_renamed_type
+    ),
     Rule("NESTED_NAME_CHANGED", "a name in a nested message, at any depth, is another", _HASH, names.find_nested),
     Rule("MESSAGE_REMOVED", "a message is gone", _SOURCE, source.find_removed_messages),
     Rule("SERVICE_REMOVED", "a service is gone", _SOURCE, source.find_removed_services),
@@ -45,6 +47,13 @@ RULES = (
     ),
     Rule("VERSION_NOT_ARCHIVED", "the old version is not in px4_msgs_old", _VERSION, version.find_not_archived),
     Rule("TRANSLATION_MISSING", "no header translates from the old version", _VERSION, version.find_not_translated),
+    Rule(
+        "TRANSLATION_UNFINISHED",
+        "a header leaves out a field, or has a TODO",
+        _VERSION,
+        version.find_unfinished_translations,
+        Severity.WARNING,
+    ),
     Rule("DEFINITION_ADDED", "a message or service that the other side lacks", _DRIFT, drift.find_added_definitions),
     Rule("CONSTANT_ADDED", "a constant that the other side lacks", _DRIFT, drift.find_added_constants),
     Rule("VERSION_DIFFERS", "a message of another version", _DRIFT, drift.find_other_versions),

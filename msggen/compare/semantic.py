@@ -15,9 +15,18 @@ _TAGS: Mapping[str, Callable[[Comment], str]] = {
     "unit": lambda comment: "".join(comment.unit.split()),
     "frame": lambda comment: "".join(comment.frame.split()),
     "enum": lambda comment: "".join(comment.enum.split()),
-    "invalid value": lambda comment: comment.invalid.partition(" ")[0].strip(",;:."),
+    "invalid value": lambda comment: _value(comment.invalid),
 }
-"""What a tag says. Of an invalid value, what follows it only explains it."""
+"""What a tag says."""
+
+
+def _value(tag: str) -> str:
+    """Return the number or constant that a tag begins with, for what follows only explains it; or else all of it."""
+    first = tag.partition(" ")[0].strip(",;:.")
+    try:
+        return repr(float(first))
+    except ValueError:
+        return first if first.isupper() else tag.lower()
 
 
 def find_other_unit(comparison: Comparison) -> Iterator[Change]:
@@ -56,7 +65,7 @@ def _find(comparison: Comparison, what: str) -> Iterator[Change]:
 
 def _others(pair: MessagePair, tag: Callable[[Comment], str]) -> list[FieldPair]:
     """Return the fields on both sides of which a tag says something, and not the same."""
-    said = ((kept, tag(kept.previous.comment), tag(kept.current.comment)) for kept in pair.kept)
+    said = ((kept, tag(kept.previous.comment), tag(kept.current.comment)) for kept in (*pair.kept, *pair.renamed))
     return [kept for kept, before, after in said if before and after and before != after]
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from struct import pack, unpack
 
-from msggen.compare.comparison import VERSION, Comparison, constants_of, definitions
+from msggen.compare.comparison import Comparison, constants_of, definitions
 from msggen.compare.finding import Change, Excerpt
 from msggen.location import Location
-from msggen.model import Constant, Value
+from msggen.model import VERSION, Constant
 
 
 def find_removed_messages(comparison: Comparison) -> Iterator[Change]:
@@ -18,7 +19,7 @@ def find_removed_messages(comparison: Comparison) -> Iterator[Change]:
     ):
         location = definitions(comparison.previous.catalog)[name].location
         text = f"message '{name}' of {comparison.previous.label} is missing"
-        yield Change(name, text, Location(comparison.current.label, 0), Excerpt(location, f"{name}.msg"))
+        yield Change(name, text, Location(comparison.current.place, 0), Excerpt(location, f"{name}.msg"))
 
 
 def find_removed_services(comparison: Comparison) -> Iterator[Change]:
@@ -26,7 +27,7 @@ def find_removed_services(comparison: Comparison) -> Iterator[Change]:
     services = {service.name: service for service in comparison.previous.catalog.services}
     for name in _missing(list(services), [service.name for service in comparison.current.catalog.services]):
         text = f"service '{name}' of {comparison.previous.label} is missing"
-        yield Change(name, text, Location(comparison.current.label, 0), Excerpt(services[name].location, f"{name}.srv"))
+        yield Change(name, text, Location(comparison.current.place, 0), Excerpt(services[name].location, f"{name}.srv"))
 
 
 def find_removed_constants(comparison: Comparison) -> Iterator[Change]:
@@ -45,7 +46,7 @@ def find_removed_constants(comparison: Comparison) -> Iterator[Change]:
 def find_other_values(comparison: Comparison) -> Iterator[Change]:
     """Constants with another value."""
     for subject, before, after in _both(comparison):
-        if not _is_same(before.value, after.value):
+        if wire_value(before) != wire_value(after):
             text = f"'{after.name}' is {after.value}, in {comparison.previous.label} {before.value}"
             yield Change(subject, text, after.location, excerpt(before), excerpt(after))
 
@@ -56,6 +57,12 @@ def find_other_types(comparison: Comparison) -> Iterator[Change]:
         if str(before.type) != str(after.type):
             text = f"'{after.name}' is {after.type}, in {comparison.previous.label} {before.type}"
             yield Change(subject, text, after.location, excerpt(before), excerpt(after))
+
+
+def wire_value(constant: Constant) -> str:
+    """Return the value as its type holds it: spelled otherwise it is the same, and so is NaN."""
+    is_single = constant.type.name == "float32" and isinstance(constant.value, float)
+    return repr(unpack("<f", pack("<f", constant.value))[0] if is_single else constant.value)
 
 
 def excerpt(constant: Constant) -> Excerpt:
@@ -69,11 +76,6 @@ def _both(comparison: Comparison) -> Iterator[tuple[str, Constant, Constant]]:
         for name, after in constants_of(pair.current).items():
             if name in previous and name != VERSION:
                 yield pair.name, previous[name], after
-
-
-def _is_same(before: Value, after: Value) -> bool:
-    """Whether both are equal, or both are not a number."""
-    return before == after or (before != before and after != after)  # noqa: PLR0124 - only NaN is not itself
 
 
 def _missing(wanted: list[str], known: list[str]) -> list[str]:

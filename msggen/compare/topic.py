@@ -40,7 +40,7 @@ def find_moved(comparison: Comparison) -> Iterator[Change]:
 
 def find_retyped(comparison: Comparison) -> Iterator[Change]:
     """Endpoints that carry another message."""
-    for before, after in _sorted(comparison)[2]:
+    for before, after in _both(comparison):
         if before.message.name != after.message.name:
             text = f"'{after.entry.topic}' carries {after.message.name}, in {comparison.previous.label} "
             yield _change(before, after, text + before.message.name)
@@ -56,7 +56,7 @@ def find_renamed(comparison: Comparison) -> Iterator[Change]:
 
 def find_other_rate(comparison: Comparison) -> Iterator[Change]:
     """Publications that are limited to another rate."""
-    for before, after in _sorted(comparison)[2]:
+    for before, after in _both(comparison):
         if _rate(before) != _rate(after):
             text = f"'{after.entry.topic}' is sent with {_said(after)}, in {comparison.previous.label} with "
             yield _change(before, after, text + _said(before))
@@ -70,6 +70,14 @@ def _sorted(comparison: Comparison) -> tuple[list[Endpoint], list[Endpoint], lis
     gone = [endpoint for key, endpoint in previous.items() if key not in current]
     come = [endpoint for key, endpoint in current.items() if key not in previous]
     return gone, come, [(previous[key], endpoint) for key, endpoint in current.items() if key in previous]
+
+
+def _both(comparison: Comparison) -> list[tuple[Endpoint, Endpoint]]:
+    """Return the endpoints of both sides, moved ones among them."""
+    gone, come, both = _sorted(comparison)
+    targets = {endpoint.entry.uorb_topic: endpoint for endpoint in come}
+    moved = ((endpoint, targets.get(endpoint.entry.uorb_topic)) for endpoint in gone)
+    return [*both, *((before, after) for before, after in moved if after)]
 
 
 def _by_entry(catalog: Catalog) -> dict[_Key, Endpoint]:

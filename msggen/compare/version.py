@@ -6,22 +6,24 @@ When a message or anything that it nests changes, its version goes up by one, th
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
-from msggen.compare.comparison import VERSION, Comparison, MessagePair, constants_of, is_versioned
+from msggen.compare.comparison import Comparison, MessagePair, constants_of
 from msggen.compare.finding import Change, Excerpt
 from msggen.compare.semantic import has_same_tags
-from msggen.compare.source import excerpt
-from msggen.firmware.history import ARCHIVE, TRANSLATIONS, History
+from msggen.compare.source import excerpt, wire_value
+from msggen.firmware.history import ARCHIVE, TRANSLATIONS, History, without_comments
 from msggen.location import Location
-from msggen.model import Catalog, Message
+from msggen.model import VERSION, Catalog, Message
 
 
 def find_not_raised(comparison: Comparison) -> Iterator[Change]:
     """Versioned messages that changed, at any depth, and whose version did not go up by exactly one."""
     for pair in _versioned(comparison):
         before, after = pair.previous.message_version, pair.current.message_version
-        if pair.differs and after != before + 1:
+        jumps = after not in (before, before + 1) and not _means_the_same(pair)
+        if after != before + 1 and (pair.differs or jumps):
             yield _change(pair, f"'{pair.name}' changed: expected {VERSION} = {before + 1}, found {after}")
 
 
@@ -29,7 +31,7 @@ def find_needless(comparison: Comparison) -> Iterator[Change]:
     """Versioned messages with another version that mean the same as before."""
     for pair in _versioned(comparison):
         before, after = pair.previous.message_version, pair.current.message_version
-        if before != after and not pair.differs and _has_same_constants(pair) and has_same_tags(pair):
+        if before != after and _means_the_same(pair):
             text = f"{VERSION} is {after}, in {comparison.previous.label} {before}, but '{pair.name}' is the same"
             yield _change(pair, text)
 
@@ -37,16 +39,16 @@ def find_needless(comparison: Comparison) -> Iterator[Change]:
 def find_removed(comparison: Comparison) -> Iterator[Change]:
     """Messages that are versioned no more, and archived versions that are gone."""
     for pair in comparison.pairs:
-        if is_versioned(pair.previous) and not is_versioned(pair.current):
+        if pair.previous.is_versioned and not pair.current.is_versioned:
             text = (
                 f"'{pair.name}' has lost its {VERSION}, {pair.previous.message_version} in {comparison.previous.label}"
             )
             yield _change(pair, text)
     before, after = comparison.previous.history, comparison.current.history
-    if before and after:
+    if before and after and after.is_kept:
         for name in sorted(before.archived.keys() - after.archived):
             text = f"archived version '{name}' of {comparison.previous.label} is missing"
-            place = Location(comparison.current.label, 0)
+            place = Location(comparison.current.place, 0)
             yield Change(name, text, place, Excerpt(before.archived[name].location, f"{name}.msg"))
 
 
@@ -70,6 +72,19 @@ def find_not_translated(comparison: Comparison) -> Iterator[Change]:
             yield _change(pair, f"{text}{pair.previous.message_version}: expected in {TRANSLATIONS}")
 
 
+def find_unfinished_translations(comparison: Comparison) -> Iterator[Change]:
+    """Headers that translate, but leave out a field, or have a line with TODO on it."""
+    for pair in _raised(comparison):
+        for header, text in _translating(comparison, pair).items():
+            code = without_comments(text)
+            names = [field.name for field in (*pair.current.fields, *pair.removed)]
+            missing = [name for name in names if not re.search(rf"\.{name}\b", code)]
+            left = [f"does not mention {', '.join(missing)}"] if missing else []
+            left += ["has lines with TODO"] if "TODO" in text else []
+            if left:
+                yield _change(pair, f"'{header}' {' and '.join(left)}")
+
+
 def handled(comparison: Comparison) -> frozenset[str]:
     """Return the messages whose change a complete new version takes care of."""
     return frozenset(
@@ -82,7 +97,7 @@ def handled(comparison: Comparison) -> frozenset[str]:
 
 
 def _versioned(comparison: Comparison) -> Iterator[MessagePair]:
-    return (pair for pair in comparison.pairs if is_versioned(pair.previous) and is_versioned(pair.current))
+    return (pair for pair in comparison.pairs if pair.previous.is_versioned and pair.current.is_versioned)
 
 
 def _raised(comparison: Comparison) -> Iterator[MessagePair]:
@@ -106,8 +121,12 @@ def _is_archived(comparison: Comparison, pair: MessagePair) -> bool:
 
 
 def _is_translated(comparison: Comparison, pair: MessagePair) -> bool:
+    return bool(_translating(comparison, pair))
+
+
+def _translating(comparison: Comparison, pair: MessagePair) -> dict[str, str]:
     history = comparison.current.history
-    return history is not None and history.translates(pair.name, pair.previous.message_version)
+    return history.translating(pair.name, pair.previous.message_version) if history else {}
 
 
 def _archived_name(pair: MessagePair) -> str:
@@ -136,12 +155,12 @@ def _is_copy(history: History, archived: Message, catalog: Catalog, message: Mes
     return True
 
 
-def _has_same_constants(pair: MessagePair) -> bool:
+def _means_the_same(pair: MessagePair) -> bool:
     before, after = (
-        {name: repr(constant.value) for name, constant in constants_of(message).items() if name != VERSION}
+        {name: wire_value(constant) for name, constant in constants_of(message).items() if name != VERSION}
         for message in (pair.previous, pair.current)
     )
-    return before == after
+    return not pair.differs and before == after and has_same_tags(pair)
 
 
 def _change(pair: MessagePair, text: str) -> Change:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from msggen.compare.comparison import Comparison, FieldPair, MessagePair, spelled
+from msggen.compare.comparison import Comparison, FieldPair, MessagePair, has_same_length, meaning, spelled
 from msggen.compare.finding import Change, Excerpt
 from msggen.layout import Layout
 from msggen.location import Location
@@ -42,9 +42,7 @@ def find_retyped(comparison: Comparison) -> Iterator[Change]:
     """Fields with another type, but for the length of an array."""
     for pair in comparison.changed:
         for kept in pair.kept:
-            if _base(pair.previous, kept.previous) != _base(pair.current, kept.current) and not is_type_renamed(
-                pair, kept
-            ):
+            if not is_same_type(pair, kept) and not is_type_renamed(pair, kept):
                 yield change(pair, kept, _other_type(comparison, pair, kept))
 
 
@@ -52,17 +50,16 @@ def find_other_length(comparison: Comparison) -> Iterator[Change]:
     """Arrays with another length or bound, and arrays that were none."""
     for pair in comparison.changed:
         for kept in pair.kept:
-            same_base = _base(pair.previous, kept.previous) == _base(pair.current, kept.current)
-            if same_base and not _same_length(kept):
+            if not has_same_length(kept) and (is_same_type(pair, kept) or is_type_renamed(pair, kept)):
                 yield change(pair, kept, _other_type(comparison, pair, kept))
 
 
 def find_nested(comparison: Comparison) -> Iterator[Change]:
-    """Fields whose own line is the same, but what they nest, at any depth, has other bytes."""
+    """Fields whose own type is the same, but not where values lie that they nest at any depth, or what those mean."""
     for pair in comparison.changed:
         for nested in (*pair.kept, *pair.renamed):
             inner = pair.nested.get(nested.previous.name)
-            if inner and is_same_line(pair, nested) and not inner.has_same_bytes():
+            if inner and is_same_type(pair, nested) and not inner.is_only_renamed:
                 text = f"'{_line(pair.current, nested.current)}' nests what differs from {comparison.previous.label}"
                 yield change(pair, nested, f"{text}: {' > '.join(_path(inner))}{_sizes(inner)}")
 
@@ -78,24 +75,21 @@ def excerpt(message: Message, field: Field) -> Excerpt:
     return Excerpt(field.location, _line(message, field))
 
 
-def is_same_line(pair: MessagePair, fields: FieldPair) -> bool:
-    """Whether both fields are spelled with the same type."""
-    return spelled(pair.previous, fields.previous.type) == spelled(pair.current, fields.current.type)
+def is_same_type(pair: MessagePair, fields: FieldPair) -> bool:
+    """Whether both fields are spelled with the same type, but for the length of an array."""
+    before, after = spelled(pair.previous, fields.previous.type), spelled(pair.current, fields.current.type)
+    return before.partition("[")[0] == after.partition("[")[0]
 
 
 def is_type_renamed(pair: MessagePair, fields: FieldPair) -> bool:
-    """Whether the fields nest types of different names and the same bytes."""
+    """Whether the types have different names, and their values lie in the same bytes and mean the same."""
+    if is_same_type(pair, fields):
+        return False
     inner = pair.nested.get(fields.previous.name)
-    return inner is not None and _same_length(fields) and not is_same_line(pair, fields) and inner.has_same_bytes()
-
-
-def _same_length(fields: FieldPair) -> bool:
+    if inner:
+        return inner.is_only_renamed
     before, after = fields.previous.type, fields.current.type
-    return (before.array, before.length) == (after.array, after.length)
-
-
-def _base(message: Message, field: Field) -> str:
-    return spelled(message, field.type).partition("[")[0]
+    return before.is_primitive and after.is_primitive and meaning(before) == meaning(after)
 
 
 def _line(message: Message, field: Field) -> str:
@@ -123,8 +117,8 @@ def _sizes(pair: MessagePair) -> str:
 
 def _path(pair: MessagePair) -> list[str]:
     """Return the names from a nested message down to the one with a change of its own."""
-    own = pair.added or pair.removed or pair.moved or not all(is_same_line(pair, kept) for kept in pair.kept)
-    deeper = () if own else (inner for inner in pair.nested.values() if not inner.has_same_bytes())
+    own = pair.added or pair.removed or pair.moved or not all(is_same_type(pair, kept) for kept in pair.kept)
+    deeper = () if own else (inner for inner in pair.nested.values() if not inner.is_only_renamed)
     return [pair.name, *next((_path(inner) for inner in deeper), [])]
 
 

@@ -107,7 +107,7 @@ def _conventions(sources: Sources, messages: list[Message], bridge: tuple[Bridge
     if sources.is_tree:
         has_versions = any("versioned/" in file.name for file in sources.messages[: sources.own])
     else:
-        has_versions = any(constant.name == "MESSAGE_VERSION" for message in own for constant in message.constants)
+        has_versions = any(message.is_versioned for message in own)
     return recognise(own, has_versions=has_versions, has_instances=has_instances)
 
 

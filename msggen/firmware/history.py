@@ -21,6 +21,7 @@ TRANSLATIONS = "msg/translation_node/translations"
 ALL_TRANSLATIONS = f"{TRANSLATIONS}/all_translations.h"
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _ARCHIVED = re.compile(r"[A-Z][A-Za-z0-9]*V[0-9]+")
 
 
@@ -29,7 +30,8 @@ class History:
     """What a tree keeps of earlier versions.
 
     `archived` has messages such as `VehicleStatusV0` by name, `translations` the texts of the headers that
-    `all_translations.h` includes, by file name. `is_kept` says whether the tree has versioned messages at all.
+    `all_translations.h` includes, by file name. `is_kept` says whether the tree has
+    versioned messages at all.
     """
 
     is_kept: bool
@@ -37,13 +39,27 @@ class History:
     translations: Mapping[str, str]
 
     def translates(self, name: str, version: int) -> bool:
-        """Whether a header translates the message `name` between `version` and the current one.
+        """Whether a header translates the message `name` between `version` and the current one."""
+        return bool(self.translating(name, version))
+
+    def translating(self, name: str, version: int) -> dict[str, str]:
+        """Return the headers that translate the message `name` between `version` and the current one.
 
         A header may translate several messages at once, so it is known by the types that it uses, not by its name.
         """
         older = re.compile(rf"px4_msgs_old::msg::{name}V{version}\b")
         newer = re.compile(rf"px4_msgs::msg::{name}\b")
-        return any(older.search(text) and newer.search(text) for text in self.translations.values())
+        code = {header: without_comments(text) for header, text in self.translations.items()}
+        return {
+            header: self.translations[header]
+            for header, text in code.items()
+            if older.search(text) and newer.search(text)
+        }
+
+
+def without_comments(text: str) -> str:
+    """Return C++ without its comments."""
+    return _COMMENT.sub(" ", text)
 
 
 def read_history(tree: Tree) -> History:
@@ -66,6 +82,6 @@ def read_history(tree: Tree) -> History:
 def _translations(tree: Tree) -> dict[str, str]:
     if not tree.is_file(ALL_TRANSLATIONS):
         return {}
-    included = _INCLUDE.findall(tree.read(ALL_TRANSLATIONS).decode(errors="replace"))
+    included = _INCLUDE.findall(without_comments(tree.read(ALL_TRANSLATIONS).decode(errors="replace")))
     paths = {name: f"{TRANSLATIONS}/{name}" for name in included}
     return {name: tree.read(path).decode(errors="replace") for name, path in paths.items() if tree.is_file(path)}

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from textwrap import fill
 
-from msggen.compare.finding import Category, Report, Rule, Severity
+from msggen.compare.finding import Report, Rule, Severity
+from msggen.compare.rules import BREAKING, CHECKED
 from msggen.report import render
 
 
@@ -19,8 +20,7 @@ def list_rules(rules: Sequence[Rule]) -> str:
 def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> str:
     """Return what `rule` is for, who asks it, and what it finds in its `example`."""
     says = "warns of it" if rule.severity is Severity.WARNING else "fails"
-    asked = {Category.DRIFT: "check"}.get(rule.category, "breaking")
-    asked = "check and breaking" if rule.category in _BOTH else asked
+    asked = " and ".join(name for name, rules in (("check", CHECKED), ("breaking", BREAKING)) if rule in rules)
     found = render(example, "full", width=width, colour=colour).rpartition("\n")[0].rstrip()
     return "\n".join(
         [
@@ -33,6 +33,3 @@ def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> st
             found,
         ]
     )
-
-
-_BOTH = (Category.WIRE, Category.HASH, Category.SOURCE)
