@@ -1,4 +1,4 @@
-"""How long whole processes take: a build, a build with nothing to do, and the import of one type and of all.
+"""How long whole processes take: builds, syncs, checks, and the import of one type and of all.
 
     python benchmarks/processes.py
 
@@ -16,18 +16,24 @@ import time
 from pathlib import Path
 
 ROUNDS = 15
-GENERATED = Path(__file__).resolve().parent.parent / "generated"
+ROOT = Path(__file__).resolve().parent.parent
+GENERATED = ROOT / "generated"
 
 
 def main() -> None:
     """Run all rounds and print the table."""
     with tempfile.TemporaryDirectory() as folder:
-        build = [sys.executable, "-m", "msggen", "build", "--quiet", "--output"]
+        msggen = [sys.executable, "-m", "msggen"]
+        build = [*msggen, "build", "--quiet", "--output"]
+        source = ["--px4", str(ROOT)]
         importing = f"import sys; sys.path.insert(0, {str(GENERATED)!r}); "
         commands = {
             "bare interpreter": [sys.executable, "-c", "pass"],
             "build, all of v1.17": [*build, f"{folder}/ROUND"],
             "build, nothing to do": [*build, f"{folder}/same"],
+            "sync, a whole new package": [*msggen, "sync", "-q", *source, "--create", f"{folder}/px4_msgs_ROUND"],
+            "sync, nothing to do": [*msggen, "sync", "-q", *source, "--create", f"{folder}/px4_msgs"],
+            "check, a package against its firmware": [*msggen, "check", *source, f"{folder}/px4_msgs"],
             "from px4_types import SensorCombined": [
                 sys.executable,
                 "-c",
@@ -51,7 +57,7 @@ def seconds(command: list[str]) -> float:
     """Run a command, with bytecode cached, and return the wall-clock time it took."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     started = time.perf_counter()
-    subprocess.run(command, check=True, env=environment)
+    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
     return time.perf_counter() - started
 
 

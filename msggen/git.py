@@ -40,6 +40,16 @@ def git(folder: str, *arguments: str, stdin: bytes = b"") -> bytes:
     return done.stdout
 
 
+def is_in_repository(folder: str) -> bool:
+    """Whether git should know the folder. What git itself says is not asked: it may refuse for other reasons."""
+    here = os.path.realpath(folder)
+    while not os.path.lexists(os.path.join(here, ".git")):
+        here, below = os.path.dirname(here), here
+        if here == below:
+            return False
+    return True
+
+
 def is_revision(folder: str, revision: str) -> bool:
     """Whether the repository of `folder` has a commit of that name."""
     try:

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import comparison as slow
 import pytest
 from conftest import ROOT, shared, write_definitions
 from packages import committed, definition, git
@@ -210,7 +211,39 @@ def test_a_bad_revision_with_an_at_in_it_is_told_as_one(against: str, capsys: Ca
 
 def test_a_firmware_without_a_repository_has_no_revisions(capsys: Capture) -> None:
     shutil.rmtree("firmware/.git")
-    assert told(capsys, *AGAINST_V1).startswith("--against: S108 'v1' is neither a folder nor a revision of firmware")
+    text = "--against: S108 'v1' is neither a folder nor a revision of firmware: not a git repository"
+    assert told(capsys, *AGAINST_V1).startswith(text)
+
+
+def test_without_git_that_is_the_reason(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    text = "--against: S108 'v1' is neither a folder nor a revision of firmware: the program 'git' is not installed"
+    assert told(capsys, *AGAINST_V1) == text
+
+
+def test_a_shallow_repository_is_told_as_one(capsys: Capture) -> None:
+    git(FIRMWARE, "commit", "-q", "--allow-empty", "-m", "later")
+    git(Path(), "clone", "-q", "--depth", "1", FIRMWARE.absolute().as_uri(), "shallow")
+    reason = ": the repository is shallow, `git fetch --unshallow` brings the rest of it"
+    against = "--against: S108 'HEAD~1' is neither a folder nor a revision of shallow"
+    assert told(capsys, "--px4", "shallow", "--against", "HEAD~1") == f"{against}{reason}"
+    source = "shallow@v1: S108 the repository has no revision 'v1'"
+    assert told(capsys, "--px4", "shallow@v1", "--against", "firmware") == f"{source}{reason}"
+
+
+def test_a_setting_that_leads_nowhere_is_told_where_it_stands(capsys: Capture) -> None:
+    Path("pyproject.toml").write_text('[tool.msggen]\npx4 = "firmwar"\nmsg-dir = ["extra/msg"]\ntopics = "b.yml"\n')
+    Path("extras/msg").mkdir(parents=True)
+    Path("b.yaml").touch()
+    assert told(capsys, "--against", "v1").splitlines() == [
+        "pyproject.toml:2:1: S101 'firmwar': no such folder, did you mean 'firmware'?",
+        "pyproject.toml:3:1: S101 'extra/msg': no such folder, did you mean 'extras'?",
+        "pyproject.toml:4:1: S101 'b.yml': no such file, did you mean 'b.yaml'?",
+    ]
+    assert told(capsys, "--against", "v1", "--px4", "./firmwre", "--msg-dir", "firmware/mgs", "--topics", "b.yaml") == (
+        "./firmwre: S101 no such folder, did you mean './firmware'?\n"
+        "firmware/mgs: S101 no such folder, did you mean 'firmware/msg'?"
+    )
 
 
 def test_against_what_has_to_be_said(capsys: Capture) -> None:
@@ -457,7 +490,11 @@ def header(*messages: tuple[str, int]) -> str:
         f"\tusing {name}Older = px4_msgs_old::msg::{name}V{version};\n\tusing {name}Newer = px4_msgs::msg::{name};"
         for name, version in messages
     ]
-    return "\n".join(["#pragma once", "", "class Translation {", "public:", *lines, "};", ""])
+    texts = [(FIRMWARE / "msg" / "versioned" / f"{name}.msg").read_text(encoding="utf-8") for name, _ in messages]
+    fields = [field for text in texts for _, _, field in slow.definition(text).fields]
+    copies = [f"\t\tnewer.{field} = older.{field};" for field in fields]
+    body = ["\tstatic void fromOlder(const Older &older, Newer &newer) {", *copies, "\t}"]
+    return "\n".join(["#pragma once", "", "class Translation {", "public:", *lines, *body, "};", ""])
 
 
 def archive(file: str, number: int, old: str = "", new: str = "") -> None:

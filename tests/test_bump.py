@@ -250,6 +250,17 @@ def test_a_message_may_be_named_by_its_file(firmware: Path, name: str) -> None:
     assert (firmware / STATUS_V1).exists()
 
 
+def test_a_setting_that_leads_nowhere_is_told_where_it_stands(
+    firmware: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "pyproject.toml").write_text('[tool.msggen]\npx4 = "PX4-Autopilt"\n')
+    monkeypatch.chdir(tmp_path)
+    assert bump("VehicleStatus") == FAILED
+    told = "pyproject.toml:2:1: S101 'PX4-Autopilt': no such folder, did you mean 'PX4-Autopilot'?\n"
+    assert capsys.readouterr().err.startswith(told)
+    assert bump("VehicleStatus", "--px4", str(firmware)) == DONE
+
+
 def test_ros_names_files_of_capitals_in_a_row_its_own_way() -> None:
     names = ["VehicleStatus", "TrajectorySetpoint6dof", "VehicleStatusV1", "GPSDump", "Px4ioStatus"]
     expected = ["vehicle_status", "trajectory_setpoint6dof", "vehicle_status_v1", "gps_dump", "px4io_status"]
@@ -459,6 +470,56 @@ def test_a_header_that_no_longer_fits_is_named(firmware: Path, capsys: pytest.Ca
     assert "bump Event" not in capsys.readouterr().out
 
 
+def left(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """Return what the last bump said that is left."""
+    lines = capsys.readouterr().out.splitlines()
+    return [line.strip() for line in lines[lines.index("what is left:") + 1 :]]
+
+
+@pytest.mark.parametrize("is_nested_deeper", [False, True])
+def test_services_that_nest_the_message_are_named(
+    firmware: Path, capsys: pytest.CaptureFixture[str], *, is_nested_deeper: bool
+) -> None:
+    if is_nested_deeper:
+        (firmware / "msg" / "Order.msg").write_text("uint64 timestamp\nVehicleCommand[2] commands\n")
+        (firmware / "srv" / "VehicleCommand.srv").write_text("uint8 a\n---\nOrder order\n")
+    append(VERSIONED / "VehicleCommand.msg", "uint8 more")
+    assert bump("VehicleCommand", "--px4", str(firmware)) == DONE
+    told = "srv/VehicleCommand.srv nests it, and services have no versions: its clients must be built anew"
+    assert told in left(capsys)
+    assert bump("VehicleStatus") == DONE
+    assert ".srv" not in "".join(left(capsys))
+
+
+def test_a_nested_message_without_versions_that_changed_is_named(
+    firmware: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (VERSIONED / "Wheel.msg").write_text("uint32 MESSAGE_VERSION = 0\nuint64 timestamp\nRpm left\nEscReport esc\n")
+    commit(firmware)
+    append(Path("msg/Rpm.msg"), "float32 slip")
+    assert bump("Wheel") == DONE
+    said = left(capsys)
+    assert "msg/Rpm.msg changed too and has no versions: it is translated as part of Wheel, and nowhere else" in said
+    assert "EscReport" not in "".join(said)
+
+
+@pytest.mark.parametrize("has_git", [True, False])
+def test_a_bump_of_what_has_not_changed_says_so_first(
+    firmware: Path, capsys: pytest.CaptureFixture[str], *, has_git: bool
+) -> None:
+    if not has_git:
+        shutil.rmtree(firmware / ".git")
+    assert bump("VehicleStatus") == DONE
+    since, how = ("since HEAD", "delete trans") if has_git else ("yet", "and what trans")
+    assert left(capsys)[0].startswith(f"nothing in VehicleStatus has changed {since}: change {STATUS}, {how}")
+
+
+def test_a_bump_of_what_has_changed_does_not_say_so(capsys: pytest.CaptureFixture[str]) -> None:
+    append(STATUS, "uint8 battery_count")
+    assert bump("VehicleStatus") == DONE
+    assert "nothing in" not in "".join(left(capsys))
+
+
 # --- It is complete
 
 
@@ -530,7 +591,15 @@ def test_what_px4_archived_wrongly_is_found(
 def releases_of(folder: Path, names: tuple[str, str]) -> tuple[Path, Path, Path]:
     """Return the trees of an older and a newer release, and a copy of the newer one to write to."""
     older, newer = (shared(f"firmware/{name}") for name in names)
-    return older, newer, Path(shutil.copytree(newer, folder / "tree"))
+    return older, newer, writable_copy(newer, folder / "tree")
+
+
+def writable_copy(tree: Path, target: Path) -> Path:
+    """Copy a release, whose files may be kept without a write bit."""
+    shutil.copytree(tree, target)
+    for path in (target, *target.rglob("*")):
+        path.chmod(path.stat().st_mode | 0o200)
+    return target
 
 
 # --- It compiles, and it translates
@@ -678,8 +747,7 @@ def test_every_topic_is_registered_when_it_runs(firmware: Path, tmp_path: Path) 
 
 
 def test_every_versioned_message_of_a_release_can_be_bumped(tmp_path: Path) -> None:
-    tree = tmp_path / "tree"
-    shutil.copytree(shared("firmware/main-2026-03"), tree)
+    tree = writable_copy(shared("firmware/main-2026-03"), tmp_path / "tree")
     names = [path.stem for path in sorted((tree / VERSIONED).glob("*.msg"))]
     commit(tree)
     for name in names:
@@ -693,16 +761,23 @@ def test_every_versioned_message_of_a_release_can_be_bumped(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ("VehicleStats", "MSG: B102 no message 'VehicleStats' in ., did you mean 'VehicleStatus'?"),
-        ("vehicle_status", "MSG: B102 no message 'vehicle_status' in ., did you mean 'VehicleStatus'?"),
-        ("VehicleStatusV0", "MSG: B102 no message 'VehicleStatusV0' in ., did you mean 'VehicleStatus'?"),
+        ("VehicleStats", "VehicleStats: B102 no message 'VehicleStats' in ., did you mean 'VehicleStatus'?"),
+        ("vehicle_status", "vehicle_status: B102 no message 'vehicle_status' in ., did you mean 'VehicleStatus'?"),
+        ("VehicleStatusV0", "VehicleStatusV0: B102 no message 'VehicleStatusV0' in ., did you mean 'VehicleStatus'?"),
         (
             "SensorCombined",
             "msg/SensorCombined.msg: B102 'SensorCombined' has no versions: it needs 'uint32 MESSAGE_",
         ),
         ("../other/VehicleStatus.msg", "../other/VehicleStatus.msg: B102 lies elsewhere: the firmware's own is msg/"),
-        ("srv/VehicleCommand.srv", "MSG: B104 not yet: the service 'VehicleCommand' has no versions"),
+        (
+            "srv/VehicleCommand.srv",
+            "srv/VehicleCommand.srv: B104 not yet: the service 'VehicleCommand' has no versions",
+        ),
         ("Wind --px4 nowhere", "nowhere: B101 no such folder: expected that of a PX4-Autopilot tree"),
+        (
+            "Wind --px4 mgs",
+            "mgs: B101 no such folder: expected that of a PX4-Autopilot tree, for bump writes into it, did",
+        ),
         ("Wind --px4 .@HEAD", ".@HEAD: B101 not a folder: expected that of a PX4-Autopilot tree"),
         ("Wind --px4 ../px4.zip", "../px4.zip: B101 not a folder: expected that of a PX4-Autopilot tree"),
         ("Wind --px4 ../other", "../other: B101 no msg/versioned of a firmware here"),
@@ -776,8 +851,27 @@ def test_a_tree_that_cannot_be_written_is_told_before_anything_is(
     monkeypatch.setattr(os, "access", lambda path, _: not path.endswith("versioned"))
     before = files_of(firmware)
     assert bump("VehicleStatus") == FAILED
-    assert "versioned: Permission denied" in capsys.readouterr().err
+    told = "msg/versioned: S114 the folder is read-only, and is to be changed: make it writable\n"
+    assert capsys.readouterr().err == f"{told}1 error, nothing written\n"
     assert files_of(firmware) == before
+
+
+def test_a_file_without_a_write_bit_is_not_replaced(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    STATUS.chmod(0o444)
+    ALL.chmod(0o444)
+    before = files_of(firmware)
+    assert bump("VehicleStatus") == FAILED
+    told = "S114 the file is read-only, and is to be changed: make it writable"
+    assert capsys.readouterr().err == f"{ALL}: {told}\n{STATUS}: {told}\n2 errors, nothing written\n"
+    assert files_of(firmware) == before
+
+
+def test_a_folder_without_a_write_bit_gets_no_files(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.rmtree(ARCHIVE)
+    ARCHIVE.parent.chmod(0o555)
+    assert bump("VehicleStatus", "--px4", str(firmware)) == FAILED
+    ARCHIVE.parent.chmod(0o755)
+    assert capsys.readouterr().err.startswith(f"{firmware / ARCHIVE.parent}: S114 the folder is read-only")
 
 
 def test_faults_of_definitions_are_told_as_ever(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:

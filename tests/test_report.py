@@ -15,10 +15,10 @@ from urllib.parse import unquote_to_bytes
 from xml.etree import ElementTree as ET
 
 import pytest
-from conftest import shared
+from conftest import shared, write_definitions
 
 from msggen.cli import main
-from msggen.compare.finding import Change, Excerpt, Finding, Report
+from msggen.compare.finding import Category, Change, Excerpt, Finding, Report
 from msggen.compare.rules import RULES
 from msggen.location import Location
 from msggen.report import FORMATS, render
@@ -269,7 +269,7 @@ ANNOTATIONS = """\
 ::warning file=px4_msgs/dds_topics.yaml,line=30,col=1,title=RATE_LIMIT_CHANGED /fmu/out/vehicle_status::warning: '/fmu/out/vehicle_status' is sent with 2 Hz, in PX4-Autopilot with 5 Hz
 ::error file=px4_msgs/msg/ActuatorArmed.msg,line=12,col=1,title=FIELD_RENAMED ActuatorArmed::'kill' is called 'manual_lockdown' in PX4-Autopilot
 ::error file=px4_msgs/msg/ActuatorArmed.msg,line=13,col=1,title=FIELD_RENAMED ActuatorArmed::'termination' is called 'force_failsafe' in PX4-Autopilot
-::error file=px4_msgs,title=MESSAGE_REMOVED Gripper::message 'Gripper' of PX4-Autopilot is missing
+::error title=MESSAGE_REMOVED Gripper::px4_msgs: message 'Gripper' of PX4-Autopilot is missing
 ::error file=px4_msgs/msg/VehicleCommand.msg,line=160,col=1,title=CONSTANT_VALUE_CHANGED VehicleCommand::'ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE' is 4, in PX4-Autopilot 3
 ::notice file=px4_msgs/msg/VehicleStatus.msg,line=140,col=1,title=FIELD_ADDED VehicleStatus::silent, handled: 'uint8 more' at byte 92 is not in PX4-Autopilot
 px4_msgs differs from PX4-Autopilot: 5 findings, 1 silent"""  # noqa: E501 - a line for each finding
@@ -287,6 +287,138 @@ def test_github_reads_back_what_would_end_a_property() -> None:
     assert unescape(properties["file"]) == "C:/50%,25%0A/a::b.msg"
     assert unescape(properties["title"]) == "FIELD_ADDED Odd, 100%::x"
     assert message == "50% :: of it, %0A"
+
+
+def test_github_names_a_file_as_a_whole_and_puts_a_folder_into_the_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_definitions(tmp_path, {"px4_msgs/dds_topics.yaml": ""})
+    in_file = replace(GONE, change=replace(GONE.change, location=Location("px4_msgs/dds_topics.yaml", 0)))
+    assert [row[1:] for row in commands(replace(REPORT, findings=(in_file, GONE)))] == [
+        ({"file": "px4_msgs/dds_topics.yaml", "title": "MESSAGE_REMOVED Gripper"}, GONE.change.message),
+        ({"title": "MESSAGE_REMOVED Gripper"}, f"px4_msgs: {GONE.change.message}"),
+    ]
+
+
+FAULTS_AS_ANNOTATIONS = [
+    (
+        ["check", "--px4", "a", "b"],
+        [
+            "::error file=b/Rpm.msg,line=1,col=1,title=M301::unknown type 'unit64', did you mean 'uint64'?",
+            "::error file=b/Rpm.msg,line=2,col=7,title=M203::",
+        ],
+    ),
+    (["check", "nowhere", "b"], ["::error title=S101::nowhere: no such folder"]),
+    (
+        ["breaking", "--px4", "a", "--against", "50%25,::x"],
+        ["::error title=S108::--against: '50%2525,::x' is neither "],
+    ),
+    (["breaking", "--px4", "a", "--against", "broken.zip"], ["::error file=broken.zip,title=S109::"]),
+    (["breaking", "--against", "a"], ["::error file=pyproject.toml,line=2,col=1,title=S101::'PX4-Autopilt': no such "]),
+]
+
+
+@pytest.mark.parametrize(("arguments", "expected"), FAULTS_AS_ANNOTATIONS)
+def test_github_shows_why_a_run_cannot_tell(
+    arguments: list[str],
+    expected: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    settings = '[tool.msggen]\npx4 = "PX4-Autopilt"\n'
+    rpm = "unit64 timestamp\nuint8 timestamp\n"
+    write_definitions(
+        tmp_path, {"a/Rpm.msg": "uint64 timestamp\n", "b/Rpm.msg": rpm, "broken.zip": "", "pyproject.toml": settings}
+    )
+    assert main([*arguments, "--output-format", "github"]) == 2
+    told = capsys.readouterr()
+    assert [row[: len(start)] for row, start in zip(told.out.splitlines(), expected, strict=True)] == expected
+    assert told.err.endswith(f"{len(expected)} error{'s' * (len(expected) > 1)}, cannot tell\n")
+    assert main([*arguments, "--output-format", "json"]) == 2
+    assert capsys.readouterr().out == ""
+
+
+# --- explain
+
+
+def test_explain_lists_the_rules_of_a_category(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "hash"]) == 0
+    sentence, rows = capsys.readouterr().out.split("\n\n")
+    assert sentence.replace("\n", " ") == f"HASH: {Category.HASH.value}."
+    assert [row.split()[0] for row in rows.splitlines()] == [
+        rule.id for rule in RULES if rule.category is Category.HASH
+    ]
+
+
+def test_explain_says_what_the_code_of_an_error_means(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "m301"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "M301: an unknown type.",
+        "",
+        "docs/errors.md shows an example, and how to mend it.",
+    ]
+
+
+@pytest.mark.parametrize(("wrong", "meant"), [("WIRES", "WIRE"), ("M3011", "M301")])
+def test_explain_suggests_categories_and_codes(wrong: str, meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", wrong]) == 2
+    assert capsys.readouterr().err.startswith(f"explain: C104 unknown rule '{wrong}', did you mean '{meant}'?")
+
+
+# --- the command line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "wrong", "meant"),
+    [
+        (["synch"], "synch", "sync"),
+        (["brekaing"], "brekaing", "breaking"),
+        (["check", "a", "--output-format", "jsn"], "jsn", "json"),
+    ],
+)
+def test_the_nearest_command_is_suggested(
+    arguments: list[str], wrong: str, meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+    assert stopped.value.code == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert f": invalid choice: '{wrong}' (choose from " in last
+    assert last.endswith(f"), did you mean '{meant}'?")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        ("build --msg-dir a -v", 0),
+        ("build --msg-dir a --check", 1),
+        ("sync --create --px4 a package", 0),
+        ("sync --create --px4 a package --dry-run", 1),
+        ("check a a", 1),
+        ("rules", 1),
+        ("check a nowhere --output-format github", 2),
+    ],
+)
+def test_a_reader_that_leaves_does_not_undo_what_is_written(arguments: str, code: int, tmp_path: Path) -> None:
+    write_definitions(tmp_path, {"a/Rpm.msg": "uint64 timestamp\n"})
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(
+        [sys.executable, "-m", "msggen", *arguments.split()],
+        cwd=tmp_path,
+        stdout=writing,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    os.close(writing)
+    told = "nowhere: S101 no such folder\n1 error, cannot tell\n" if code == 2 else ""
+    assert (done.returncode, done.stderr) == (code, told)
+    assert (tmp_path / "generated").exists() == (arguments == "build --msg-dir a -v")
+    assert (tmp_path / "package").exists() == (arguments == "sync --create --px4 a package")
 
 
 # --- sarif
@@ -433,6 +565,9 @@ def test_junit_keeps_what_does_not_fail_as_output() -> None:
 
 HOSTILE = "a\x00b\x1b[31mc\nd\re\u202ef\u2028g\ufffeh\udc80i ]]> <&>\"'"
 
+READABLE = HOSTILE.replace("\udc80", "\\udc80")
+"""JSON has no way to say a byte that is no text; a lone surrogate, which Python reads back, others refuse."""
+
 
 def hostile() -> Report:
     odd = Excerpt(Location(f"{HOSTILE}/Foo.msg", 2), HOSTILE)
@@ -446,7 +581,7 @@ def test_control_characters_break_no_format(format_: str) -> None:
     text.encode()
     assert [each for each in text if not each.isprintable() and each != "\n"] == []
     if format_ == "json":
-        assert json.loads(text)["findings"][0]["location"]["path"] == f"{HOSTILE}/Foo.msg"
+        assert json.loads(text)["findings"][0]["location"]["path"] == f"{READABLE}/Foo.msg"
     elif format_ == "sarif":
         place = json.loads(text)["runs"][0]["results"][0]["locations"][0]["physicalLocation"]
         assert os.fsdecode(unquote_to_bytes(place["artifactLocation"]["uri"])) == f"{HOSTILE}/Foo.msg"
@@ -454,6 +589,46 @@ def test_control_characters_break_no_format(format_: str) -> None:
         assert len(list(ET.fromstring(text).iter("failure"))) == 1  # noqa: S314 - what msggen itself wrote
     elif format_ in ("concise", "github"):
         assert len(text.splitlines()) == 2
+
+
+def strings(value: Any) -> list[str]:
+    """Return all texts in a JSON document."""
+    if isinstance(value, (dict, list)):
+        return [text for each in (value.values() if isinstance(value, dict) else value) for text in strings(each)]
+    return [value] if isinstance(value, str) else []
+
+
+@pytest.mark.parametrize("format_", ["json", "sarif"])
+def test_json_has_only_texts_that_are_utf_8(format_: str) -> None:
+    found = strings(json.loads(rendered(format_, hostile())))
+    assert any("\\udc80" in text for text in found)
+    assert [text for text in found if re.search("[\ud800-\udfff]", text)] == []
+
+
+@pytest.mark.parametrize("format_", ["json", "sarif", "junit"])
+def test_documents_are_the_same_in_every_encoding_and_keep_their_letters(format_: str) -> None:
+    odd = replace(RENAMED, change=replace(RENAMED.change, message="\u00b5m \U0001f681"))
+    text = rendered(format_, replace(REPORT, findings=(odd,)))
+    assert text.isascii()
+    read = "".join(ET.fromstring(text).itertext()) if format_ == "junit" else "".join(strings(json.loads(text)))  # noqa: S314
+    assert "\u00b5m \U0001f681" in read
+
+
+@pytest.mark.parametrize("format_", FORMATS)
+def test_a_folder_whose_name_is_no_text_breaks_no_format(format_: str, tmp_path: Path) -> None:
+    """In a process, whose output is bytes."""
+    folder = os.fsencode(tmp_path) + b"/a\xff"
+    try:
+        os.makedirs(folder)
+    except OSError:
+        pytest.skip("this file system wants names to be text")
+    with open(folder + b"/Rpm.msg", "w") as stream:
+        stream.write("uint64 timestamp\nuint8 more\n")
+    write_definitions(tmp_path / "b", {"Rpm.msg": "uint64 timestamp\n"})
+    command = [sys.executable, "-m", "msggen", "check", "b", os.fsdecode(folder), "--output-format", format_]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (1, b"")
+    assert "FIELD_ADDED" in done.stdout.decode()
 
 
 def test_naming_the_formats_imports_none_of_their_libraries() -> None:

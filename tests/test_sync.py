@@ -38,9 +38,9 @@ from msggen.cli import main
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.source import find_sources
 from msggen.package import write
+from msggen.package.change import describe_change
 
 RELEASES = ("v1.14", "v1.16", "v1.17", "main-2026-03")
-PATCH = shutil.which("patch") or ""
 
 
 @pytest.fixture(autouse=True)
@@ -130,6 +130,24 @@ def test_where_folders_cannot_be_swapped_files_are_replaced_one_by_one(monkeypat
         assert sync("-q", "--px4", shared(f"firmware/{release}"), PACKAGE) == 0
         assert sync("-q", "--px4", shared(f"firmware/{release}"), "--create", release) == 0
         assert content(PACKAGE) == content(Path(release))
+
+
+@pytest.mark.parametrize("kind", ["msg", "srv"])
+def test_what_lies_in_versioned_of_a_package_is_none_of_its_definitions(kind: str) -> None:
+    """As `cp -r` of the firmware's folders leaves it: ROS builds what lies flat."""
+    firmware()
+    package()
+    leftover = {"msg": "VehicleStatus.msg", "srv": "VehicleCommand.srv"}[kind]
+    write_definitions(PACKAGE, {f"{kind}/versioned/{leftover}": (PACKAGE / kind / leftover).read_text()})
+    assert main(["check", "--px4", "firmware", str(PACKAGE)]) == 0
+    assert sync("-q", "--px4", "firmware", PACKAGE) == 0
+    assert definitions(package("copy", str(PACKAGE))) == definitions(package("fresh"))
+
+
+def test_in_a_bare_folder_versioned_counts() -> None:
+    shutil.copytree(firmware() / "msg", "bare/msg")
+    package(source="bare")
+    assert "VehicleStatus.msg" in os.listdir(PACKAGE / "msg")
 
 
 # --- Nothing to do, nothing written
@@ -286,7 +304,7 @@ def test_edits_outside_of_git_are_drift_and_repaired(capsys: pytest.CaptureFixtu
     (PACKAGE / "msg" / "Rpm.msg").write_text("uint8 mine\n")
     (PACKAGE / "msg" / "EscReport.msg").unlink()
     assert sync("--px4", "firmware", PACKAGE) == 0
-    assert "1 added, 1 changed, 0 removed, 5 unchanged" in capsys.readouterr().out
+    assert ": 1 added, 1 changed, 5 unchanged\n" in capsys.readouterr().out
     assert content(PACKAGE) == content(package("fresh"))
 
 
@@ -394,6 +412,15 @@ def test_a_package_may_have_a_name_of_its_own() -> None:
     assert sync("-q", "--px4", "firmware", "--package", "my_msgs", "my_msgs") == 0
 
 
+def test_the_readme_has_the_option_that_the_next_sync_needs_too() -> None:
+    firmware()
+    assert sync("-q", "--px4", "firmware", "--create", "--topics-only", PACKAGE) == 0
+    assert "msggen sync --px4 PX4-Autopilot --topics-only px4_msgs" in (PACKAGE / "README.md").read_text()
+    assert sync("-q", "--px4", "firmware", "--topics-only", "--dry-run", PACKAGE) == 0
+    assert sync("-q", "--px4", "firmware", PACKAGE) == 0
+    assert content(PACKAGE) == content(package("fresh"))
+
+
 @pytest.mark.parametrize("place", ["new", "a/b/new", "empty"])
 def test_a_package_is_made_in_a_new_or_empty_folder(place: str) -> None:
     firmware()
@@ -467,7 +494,8 @@ def test_looking_writes_nothing_and_exits_with_1_when_something_would_change(
     assert sync("--px4", "firmware", option, PACKAGE) == 1
     assert identity(Path()) == before
     last = capsys.readouterr().out.splitlines()[-1]
-    assert last.endswith("1 would be added, 3 would be changed, 1 would be removed, 3 unchanged, 1 left alone")
+    counts = "1 to add, 3 to change, 1 to remove, 3 unchanged, 1 left alone"
+    assert last == f"px4_msgs is out of step with firmware: {counts}"
     sync("-q", "--px4", "firmware", PACKAGE)
     assert sync("--px4", "firmware", option, PACKAGE) == 0
 
@@ -480,15 +508,81 @@ def test_looking_at_a_package_to_come_creates_nothing(capsys: pytest.CaptureFixt
     assert capsys.readouterr().out == "a/px4_msgs would be made from firmware: 7 definitions\n"
 
 
-@pytest.mark.skipif(not PATCH, reason="needs patch on the PATH")
-def test_the_diff_is_a_patch_that_brings_the_package_in_step(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_new_package_in_a_folder_of_another_name_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    firmware()
+    assert sync("--px4", "firmware", "--create", "ws/acme") == 0
+    assert capsys.readouterr().out == "ws/acme made from firmware: package px4_msgs, 7 definitions\n"
+
+
+def test_the_current_folder_is_called_by_its_package(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    firmware()
+    monkeypatch.chdir(package())
+    assert sync("--px4", "../firmware", ".") == 0
+    assert capsys.readouterr().out == "px4_msgs is in step with ../firmware: 7 definitions\n"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("uint64 timestamp # When\n", "uint64 timestamp   # When \n\n", "only white space"),
+        ("uint64 timestamp # When\n", "uint64 timestamp # Then\n", "only comments"),
+        ("string A=x y\n", "string A=xy\n", "constants"),
+        ("uint64 timestamp # When\r\n", "uint64 timestamp # When\n", "only white space"),
+        ("uint64 timestamp\r\n", "uint64 timestamp # When\n", "only comments"),
+        ("uint64 timestamp\r\n", "uint64 timestamp\nuint8 a\n", "fields"),
+        ("float3 a\n", "float32 a\n", ""),
+    ],
+)
+def test_the_kind_of_a_change_is_told(before: str, after: str, said: str) -> None:
+    assert describe_change("msg/Rpm.msg", before.encode(), after.encode()) == said
+
+
+@pytest.mark.parametrize("number", [20, 21])
+def test_many_changes_of_comments_are_told_by_their_number(number: int, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(ROOT / "msg", "firmware/msg")
+    package()
+    for path in sorted(Path("firmware/msg").glob("*.msg"))[:number]:
+        path.write_text(f"# More.\n{path.read_text()}")
+    assert sync("--px4", "firmware", PACKAGE) == 0
+    *changes, last = capsys.readouterr().out.splitlines()
+    assert last == f"px4_msgs from firmware: {number} changed, {235 - number} unchanged"
+    assert len(changes) == (20 if number == 20 else 1)
+    assert changes[0] == "changed 21 definitions: only comments" or changes[0].startswith("changed msg/")
+
+
+def test_the_diff_does_not_tell_each_change_again(capsys: pytest.CaptureFixture[str]) -> None:
     out_of_step()
     assert sync("-q", "--px4", "firmware", "--diff", PACKAGE) == 1
     patch = capsys.readouterr().out
-    assert "+float32" in patch
-    patched = subprocess.run([PATCH, "-p0", "-E"], input=patch, text=True, capture_output=True, check=False)
-    assert patched.returncode == 0, patched.stdout
-    assert sync("-q", "--px4", "firmware", "--dry-run", PACKAGE) == 0
+    assert sync("--px4", "firmware", "--diff", PACKAGE) == 1
+    assert capsys.readouterr().out.removeprefix(patch).splitlines() == [
+        "px4_msgs is out of step with firmware: 1 to add, 3 to change, 1 to remove, 3 unchanged, 1 left alone"
+    ]
+
+
+APPLY = {"patch": ("patch", "-p0"), "git": ("git", "apply", "-p0", "-")}
+
+
+@pytest.mark.parametrize("tool", APPLY)
+@pytest.mark.parametrize("where", [".", "px4_msgs"])
+def test_the_diff_is_a_patch_that_brings_the_package_in_step(
+    tool: str, where: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if not shutil.which(tool):
+        pytest.skip(f"needs {tool} on the PATH")
+    out_of_step()
+    (PACKAGE / "msg" / "EscStatus.msg").write_bytes("uint8 a # a\fb\x85c\u2028d\r\nuint8 b".encode())
+    prefix, px4 = ("", "../firmware") if where == "." else ("px4_msgs/", "firmware")
+    monkeypatch.chdir(PACKAGE if where == "." else ".")
+    assert sync("-q", "--px4", px4, "--diff", where) == 1
+    patch = capsys.readouterr().out
+    assert f"--- /dev/null\n+++ {prefix}msg/Wheel.msg\n" in patch
+    assert f"--- {prefix}msg/Rpm.msg\n+++ /dev/null\n" in patch
+    patched = subprocess.run(APPLY[tool], input=patch.encode(), capture_output=True, check=False)
+    assert patched.returncode == 0, patched
+    assert sync("-q", "--px4", px4, "--dry-run", where) == 0
 
 
 def test_the_page_shows_what_is_really_said(capsys: pytest.CaptureFixture[str]) -> None:

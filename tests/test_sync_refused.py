@@ -27,6 +27,7 @@ from packages import (
     sync,
 )
 
+from msggen.cli import main
 from msggen.diagnostics import CODES
 
 RPM = PACKAGE / "msg" / "Rpm.msg"
@@ -168,6 +169,38 @@ def bad_firmware() -> None:
     write_definitions(Path("firmware"), {"msg/Wheel.msg": "uint64 timestamp\nfloat3 x\n"})
 
 
+def ignored_edit() -> None:
+    (PACKAGE / ".gitignore").write_text("msg/\n")
+    committed(PACKAGE)
+    edit(RPM)
+
+
+def ignored_in_the_way() -> None:
+    (PACKAGE / ".gitignore").write_text("Wheel.msg\n")
+    committed(PACKAGE)
+    hand_made()
+
+
+def own_that_nests(*, text: str = "EscReport[2] reports\n", name: str = "msg/Mine.msg") -> Callable[[], None]:
+    def prepare() -> None:
+        write_definitions(PACKAGE, {name: f"uint8 a\n{text}"})
+        Path("firmware/msg/EscReport.msg").unlink()
+        Path("firmware/msg/EscStatus.msg").write_text(definition("Rpm"))
+
+    return prepare
+
+
+def own_that_nests_what_does_not_cross() -> None:
+    write_definitions(PACKAGE, {"msg/Mine.msg": "Rpm rpm\n"})
+
+
+def all_read_only() -> None:
+    for name in ("Rpm", "EscReport", "EscStatus"):
+        edit(Path(f"firmware/msg/{name}.msg"), "newest")
+        (PACKAGE / "msg" / f"{name}.msg").chmod(0o444)
+    (PACKAGE / "msg").chmod(0o555)
+
+
 def nothing() -> None:
     pass
 
@@ -176,6 +209,14 @@ REFUSALS = [
     # a path that is no firmware
     Refusal("S101", "nowhere", "no such folder", nothing, ("--px4", "nowhere", "px4_msgs")),
     Refusal("S102", "folder", "no .msg file", make_folder, ("--px4", "folder", "px4_msgs")),
+    Refusal("S102", "firmware/msg", "did you mean 'firmware'?", nothing, ("--px4", "firmware/msg", "px4_msgs")),
+    Refusal(
+        "S102",
+        "firmware/msg@HEAD",
+        "did you mean 'firmware@HEAD'?",
+        lambda: committed(Path("firmware")),
+        ("--px4", "firmware/msg@HEAD", "px4_msgs"),
+    ),
     Refusal("M301", "firmware/msg/Wheel.msg:2:1", "did you mean 'float32'?", bad_firmware),
     # a bad git revision
     Refusal("S108", "firmware@v9", "not a git repository", nothing, ("--px4", "firmware@v9", "px4_msgs")),
@@ -196,6 +237,17 @@ REFUSALS = [
     Refusal("S111", "firmware", "a tree of the firmware", nothing, ("--px4", "firmware", "--create", "firmware")),
     Refusal("S111", "bare", "among its own sources", make_bare_source, ("--px4", "bare", "bare")),
     Refusal("S111", "bare", "among its own sources", make_bare_source, ("--msg-dir", "bare/msg", "bare")),
+    *(
+        Refusal("S111", place, "in firmware/msg: choose", nothing, ("--px4", "firmware", "--create", place))
+        for place in ("firmware/msg/new", "firmware/msg/versioned/new")
+    ),
+    Refusal(
+        "S111",
+        "firmware/srv/new",
+        "in firmware/srv",
+        nothing,
+        ("--px4", "firmware", "--create", "firmware/srv/new"),
+    ),
     Refusal("S107", "px4_msgs/package.xml:1:10", "not XML", spoil_manifest),
     # a package of another name
     Refusal("S112", "px4_msgs/package.xml", "'my_msgs', not 'px4_msgs'", rename_package),
@@ -214,6 +266,8 @@ REFUSALS = [
     Refusal("S113", str(RPM), "commit or stash", uncommitted_and_obsolete),
     Refusal("S113", str(RPM), "commit or stash", uncommitted_in_a_workspace),
     Refusal("S113", "px4_msgs/msg/Wheel.msg", "commit or stash", untracked_in_the_way),
+    Refusal("S113", str(RPM), "git ignores it", ignored_edit),
+    Refusal("S113", "px4_msgs/msg/Wheel.msg", "git ignores it", ignored_in_the_way),
     Refusal("S113", "px4_msgs", "git cannot say", broken_repository),
     Refusal("S104", "px4_msgs/msg/Wheel.msg", "did not write this file", hand_made),
     Refusal("S104", str(RPM), "a folder, where", replace_by_folder),
@@ -223,6 +277,8 @@ REFUSALS = [
     Refusal("S114", "px4_msgs/msg", "the folder is read-only", chmod(0o555, "msg")),
     Refusal("S114", "px4_msgs", "the folder is read-only", chmod(0o555, ".")),
     Refusal("S114", "px4_msgs/.msggen.json", "the file is read-only", chmod(0o444, RECORD)),
+    Refusal("S114", "px4_msgs", "4 files and folders are read-only", all_read_only),
+    Refusal("S114", "px4_msgs", "chmod -R u+w px4_msgs", all_read_only),
     Refusal("S114", "folder", "new package", read_only_folder, ("--px4", "firmware", "--create", "folder")),
     Refusal("S114", "folder", "new package", read_only_folder, ("--px4", "firmware", "--create", "folder/new")),
     Refusal("S114", "folder/a", "new package", read_only_folder, ("--px4", "firmware", "--create", "folder/a/new")),
@@ -235,6 +291,13 @@ REFUSALS = [
     Refusal("S116", "px4_msgs/msg/rpm.msg", "'msg/Rpm.msg'", rename("msg/Rpm.msg", "msg/rpm.msg")),
     Refusal("S116", "px4_msgs/msg/RPM.MSG", "'msg/Rpm.msg'", rename("msg/Rpm.msg", "msg/RPM.MSG")),
     Refusal("M204", "firmware/msg/versioned/RPM.msg:1:1", "differs only in case from 'Rpm'", other_case),
+    # definitions of one's own that nest what would be removed
+    Refusal("M301", "px4_msgs/msg/Mine.msg:2:1", "'EscReport' would be removed", own_that_nests()),
+    Refusal("M301", "px4_msgs/msg/Mine.msg:2:1", "'EscReport'", own_that_nests(text="px4_msgs/EscReport one\n")),
+    Refusal(
+        "M301", "px4_msgs/srv/Ask.srv:3:1", "'EscReport'", own_that_nests(text="---\nEscReport a\n", name="srv/Ask.srv")
+    ),
+    Refusal("M301", "px4_msgs/msg/Mine.msg:1:1", "'Rpm'", own_that_nests_what_does_not_cross, (*SYNC, "--topics-only")),
     # no bridge
     Refusal("S110", "firmware", "crosses the bridge", without_bridge, (*SYNC, "--topics-only")),
 ]
@@ -287,6 +350,45 @@ def test_everything_that_stands_against_it_is_told_in_one_run(capsys: pytest.Cap
     ]
 
 
+@pytest.mark.parametrize("arguments", [(), ("--create",), ("--dry-run",), ("--topics", f"firmware/{BRIDGE_PLACE}")])
+def test_an_existing_package_is_not_brought_in_step_with_the_embedded_set_for_want_of_a_source(
+    arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its comments are not PX4's: all definitions would be written anew."""
+    firmware()
+    package()
+    before = state(Path())
+    with pytest.raises(SystemExit) as exit_:
+        sync(PACKAGE, *arguments)
+    assert exit_.value.code == 2
+    assert "name the firmware with --px4 or the setting px4" in capsys.readouterr().err
+    assert state(Path()) == before
+
+
+@pytest.mark.parametrize("setting", ['px4 = "firmware"', 'msg-dir = ["firmware"]'])
+def test_a_source_in_the_settings_is_one(setting: str) -> None:
+    firmware()
+    package()
+    Path("pyproject.toml").write_text(f"[tool.msggen]\n{setting}\n")
+    assert sync("-q", PACKAGE) == 0
+
+
+@pytest.mark.parametrize("command", ["build", "check", "sync"])
+def test_the_msg_folder_of_a_firmware_is_not_taken_for_the_firmware(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    firmware()
+    package()
+    monkeypatch.chdir("firmware/msg")
+    assert main([command, "--px4", ".", *(["../../px4_msgs"] if command != "build" else [])]) == 2
+    assert ".: S102 only a part of a firmware tree, did you mean '..'?" in capsys.readouterr().err
+
+
+def test_as_further_definitions_the_msg_folder_of_a_firmware_is_welcome() -> None:
+    firmware()
+    assert sync("-q", "--msg-dir", "firmware/msg", "--create", PACKAGE) == 0
+
+
 def test_the_current_folder_is_not_replaced(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -299,6 +401,36 @@ def test_the_current_folder_is_not_replaced(
 
 
 # --- What is not refused
+
+
+@pytest.mark.parametrize(
+    "text", ["EscReport[2] a\nfloat3 b\n", "std_msgs/EscReport a\n", "Unknown a\n", "VehicleStatus a\n", "", "\x00"]
+)
+def test_definitions_of_ones_own_that_lose_nothing_are_no_hindrance(text: str) -> None:
+    firmware()
+    package()
+    own_that_nests(text=text)()
+    assert sync("-q", *SYNC) == 0
+    assert not (PACKAGE / "msg" / "EscReport.msg").exists()
+
+
+def test_ignored_files_as_msggen_wrote_them_are_no_work() -> None:
+    firmware()
+    package()
+    (PACKAGE / ".gitignore").write_text("msg/\n")
+    committed(PACKAGE)
+    edit_firmware()
+    assert sync("-q", *SYNC) == 0
+    assert definitions(PACKAGE) == definitions(package("fresh"))
+
+
+def test_three_read_only_files_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    firmware()
+    package()
+    all_read_only()
+    (PACKAGE / "msg").chmod(0o755)
+    assert sync(*SYNC) == 2
+    assert capsys.readouterr().err.count("S114 the file is read-only") == 3
 
 
 def test_what_is_committed_may_be_replaced_and_removed() -> None:
@@ -337,7 +469,7 @@ def test_uncommitted_work_that_sync_does_not_touch_is_no_hindrance() -> None:
     assert (PACKAGE / "msg" / "Wheel.msg").read_text() == "uint8 mine\n"
 
 
-def test_ignored_files_are_no_work() -> None:
+def test_without_a_record_ignored_files_are_no_work() -> None:
     firmware()
     write_definitions(plain_package(), {".gitignore": "Safety.msg\n"})
     committed(PACKAGE)

@@ -25,8 +25,7 @@ from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.diagnostics import InputError
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.history import read_history
-from msggen.firmware.source import find_sources
-from msggen.firmware.tree import open_tree
+from msggen.firmware.source import find_sources, open_tree
 
 RPM = definition("Rpm")
 FIRMWARE = Path("firmware")
@@ -246,6 +245,13 @@ def test_a_bad_revision_is_told(revision: str) -> None:
     assert said.startswith(f"firmware@{revision}: S108 ")
     assert f"'{revision}'" in said
     assert "\n" not in said
+
+
+@pytest.mark.parametrize(("wrong", "near"), [("v1.61", "v1.16"), ("feature/rmp", "feature/rpm"), ("V1.16", "v1.16")])
+def test_the_nearest_branch_or_tag_is_suggested(wrong: str, near: str) -> None:
+    repository()
+    said = f"firmware@{wrong}: S108 the repository has no revision '{wrong}', did you mean '{near}'?"
+    assert refused(f"firmware@{wrong}") == said
 
 
 def test_a_file_in_git_is_no_revision() -> None:
@@ -678,7 +684,7 @@ def test_the_command_line_tells_a_bad_revision_and_exits_with_2(
     told = capsys.readouterr()
     assert told.out == ""
     assert told.err.splitlines() == [
-        "firmware@v1.61: S108 the repository has no revision 'v1.61'",
+        "firmware@v1.61: S108 the repository has no revision 'v1.61', did you mean 'v1.16'?",
         "1 error, cannot tell" if command == "check" else "1 error, nothing written",
     ]
 

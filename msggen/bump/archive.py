@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from msggen.diagnostics import InputError
 from msggen.firmware.tree import Tree
-from msggen.model import DEFAULT_PACKAGE, Message
+from msggen.model import DEFAULT_PACKAGE, VERSION, Message
 from msggen.parse import decode_text, parse_message
 
 _FOLDERS = ("msg/versioned/", "msg/", "versioned/", "")
@@ -74,8 +74,8 @@ def archive(outer: Definition, nested: dict[str, Definition]) -> dict[str, str]:
     renamed = {name: archived_name(definition.message) for name, definition in nested.items()}
     texts = {archived_name(definition.message): _renamed(definition, renamed) for definition in nested.values()}
     text = _renamed(outer, renamed)
-    if not any(constant.name == "MESSAGE_VERSION" for constant in outer.message.constants):
-        text = f"uint32 MESSAGE_VERSION = 0\n{text}"
+    if not outer.message.is_versioned:
+        text = f"uint32 {VERSION} = 0\n{text}"
     return {**texts, archived_name(outer.message): text}
 
 

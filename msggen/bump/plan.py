@@ -22,16 +22,18 @@ from msggen.bump.header import (
     with_include,
 )
 from msggen.diagnostics import fault, suggestion
-from msggen.firmware.catalog import read_catalog
+from msggen.firmware.catalog import COMPARABLE, read_catalog
 from msggen.firmware.history import ALL_TRANSLATIONS, ARCHIVE, TRANSLATIONS, VERSIONED, History, read_history
-from msggen.firmware.source import find_sources
-from msggen.firmware.tree import Folder, Tree, open_tree, revised
-from msggen.model import DEFAULT_PACKAGE, Catalog, Message
+from msggen.firmware.neighbour import neighbour
+from msggen.firmware.revision import revised
+from msggen.firmware.source import find_sources, open_tree
+from msggen.firmware.tree import Folder, Tree
+from msggen.git import is_in_repository
+from msggen.model import DEFAULT_PACKAGE, VERSION, Catalog, Message, Service
 
-_VERSION = "MESSAGE_VERSION"
-_NEEDED = f"it needs 'uint32 {_VERSION} = 0' and a place in {VERSIONED}"
+_NEEDED = f"it needs 'uint32 {VERSION} = 0' and a place in {VERSIONED}"
 _AS_IT_STANDS = "the file as it stands, for there is no git repository"
-_CONSTANT = re.compile(rf"^([ \t]*\w+[ \t]+{_VERSION}[ \t]*=[ \t]*)([^\s#]+)", re.MULTILINE)
+_CONSTANT = re.compile(rf"^([ \t]*\w+[ \t]+{VERSION}[ \t]*=[ \t]*)([^\s#]+)", re.MULTILINE)
 _NODE = "msg/translation_node/CMakeLists.txt"
 
 
@@ -64,7 +66,7 @@ def plan_bump(firmware: str, name: str, against: str | None) -> Plan:
     repository the tree as it stands. Raises InputError.
     """
     tree = _open_firmware(firmware)
-    catalog = read_catalog(find_sources(firmware))
+    catalog = read_catalog(find_sources(firmware), tolerated=COMPARABLE)
     new = _find_message(tree, catalog, name)
     previous = _previous(firmware, against)
     old = read_definition(previous.tree, new.name)
@@ -79,7 +81,8 @@ def _open_firmware(path: str) -> Folder:
     tree = Folder(path)
     if not os.path.isdir(path):
         what = "not a folder" if "@" in path or os.path.exists(path) else "no such folder"
-        raise fault(path, "B101", f"{what}: expected that of a PX4-Autopilot tree, for bump writes into it", 0)
+        hint = "" if "@" in path or os.path.exists(path) else neighbour(path)
+        raise fault(path, "B101", f"{what}: expected that of a PX4-Autopilot tree, for bump writes into it{hint}", 0)
     if not tree.is_folder(VERSIONED) or (tree.is_file("package.xml") and not tree.is_folder("src/modules")):
         text = f"no {VERSIONED} of a firmware here: expected a PX4-Autopilot tree of v1.16 or later; --px4 names it"
         raise fault(path, "B101", text, 0)
@@ -92,15 +95,15 @@ def _find_message(tree: Folder, catalog: Catalog, text: str) -> Message:
     name = os.path.splitext(os.path.basename(text))[0] if is_path else text
     message = catalog.messages.get(f"{DEFAULT_PACKAGE}/{name}")
     if text.endswith(".srv") or (message is None and name in {service.name for service in catalog.services}):
-        raise fault("MSG", "B104", f"not yet: the service '{name}' has no versions, nor has any in PX4 so far", 0)
+        raise fault(text, "B104", f"not yet: the service '{name}' has no versions, nor has any in PX4 so far", 0)
     if message is None:
         versioned = [file.removesuffix(".msg") for file in tree.names(VERSIONED)]
-        raise fault("MSG", "B102", f"no message '{name}' in {tree.path}{suggestion(name, versioned)}", 0)
+        raise fault(text, "B102", f"no message '{name}' in {tree.path}{suggestion(name, versioned)}", 0)
     path = message.location.path
     if is_path and os.path.exists(text) and not os.path.samefile(text, path):
         raise fault(text, "B102", f"lies elsewhere: the firmware's own is {path}; --px4 names another firmware", 0)
     in_place = tree.is_file(f"{VERSIONED}/{name}.msg")
-    if not in_place or not any(constant.name == _VERSION for constant in message.constants):
+    if not in_place or not message.is_versioned:
         raise fault(path, "B102", f"'{name}' has no versions: {_NEEDED}", 0)
     return message
 
@@ -116,26 +119,16 @@ class _Previous(NamedTuple):
 def _previous(firmware: str, against: str | None) -> _Previous:
     if against is not None:
         return _Previous(open_tree(revised(firmware, against)), against, f" --against {shlex.quote(against)}")
-    if _is_in_repository(firmware):
+    if is_in_repository(firmware):
         return _Previous(open_tree(f"{firmware}@HEAD"), "HEAD")
     return _Previous(Folder(firmware), _AS_IT_STANDS)
-
-
-def _is_in_repository(folder: str) -> bool:
-    """Whether git should know the folder. What git itself says is not asked: it may refuse for other reasons."""
-    here = os.path.realpath(folder)
-    while not os.path.exists(os.path.join(here, ".git")):
-        here, below = os.path.dirname(here), here
-        if here == below:
-            return False
-    return True
 
 
 def _check_versions(old: Message, new: Message, label: str) -> None:
     before, after = old.message_version, new.message_version
     if after not in (before, before + 1):
-        place = next(constant.location for constant in new.constants if constant.name == _VERSION)
-        text = f"{_VERSION} is {before} in {label}: expected {before} or {before + 1} here, found {after}"
+        place = next(constant.location for constant in new.constants if constant.name == VERSION)
+        text = f"{VERSION} is {before} in {label}: expected {before} or {before + 1} here, found {after}"
         raise fault(place.path, "B103", text, place.line, place.column)
 
 
@@ -209,15 +202,13 @@ class _Steps:
 
     def _left(self, text: str, headers: dict[str, str]) -> Iterator[str]:
         """Say what only people can do; `text` is that of the header, "" where another header translates already."""
-        name, version = self.new.name, self.version + 1
+        version = self.version + 1
+        if self._is_unchanged():
+            yield from self._left_where_nothing_changed()
         if text:
             yield from self._left_of_header(text)
-        if self._is_unchanged():
-            yield (
-                f"{VERSIONED}/{name}.msg says what it did before: change it, delete {self.header} and bump again, and "
-                "the header is written for the new fields"
-            )
         yield from self._left_of_nested(headers)
+        yield from self._left_of_others()
         if not self.tree.is_file(_NODE):
             yield f"{_NODE} is missing: this tree has no translation node to build the header into"
         if self.topics:
@@ -225,6 +216,17 @@ class _Steps:
         if self.previous.label != _AS_IT_STANDS:
             option = self.previous.option or " --against HEAD"
             yield f"`msggen breaking{option}{self.options}` tells whether the change is complete"
+
+    def _left_where_nothing_changed(self) -> Iterator[str]:
+        """Say how to go on. Without a repository another run would take the changed file for the old one."""
+        path = f"{VERSIONED}/{self.new.name}.msg"
+        if self.previous.label == _AS_IT_STANDS:
+            yield f"nothing in {self.new.name} has changed yet: change {path}, and what {self.header} does, by hand"
+        else:
+            yield (
+                f"nothing in {self.new.name} has changed since {self.previous.label}: change {path}, delete "
+                f"{self.header} and bump again, and the header is written for the new fields"
+            )
 
     def _left_of_header(self, text: str) -> Iterator[str]:
         path = f"{TRANSLATIONS}/{self.header}"
@@ -265,6 +267,28 @@ class _Steps:
             elif message and any(inner.name == self.new.name for inner in self.catalog.nested_all(message)):
                 yield from self._left_of_outer(message)
 
+    def _left_of_others(self) -> Iterator[str]:
+        """Name what depends on this message, or the other way round, and has no versions."""
+        for name, old in self.nested.items():
+            message = self.catalog.messages.get(f"{DEFAULT_PACKAGE}/{name}")
+            if (
+                message
+                and not self.tree.is_file(f"{VERSIONED}/{name}.msg")
+                and _fields(message) != _fields(old.message)
+            ):
+                yield (
+                    f"{self._name_of(message)} changed too and has no versions: it is translated as part of "
+                    f"{self.new.name}, and nowhere else"
+                )
+        for service in self.catalog.services:
+            halves = (service.request, service.response)
+            if any(inner.name == self.new.name for half in halves for inner in self.catalog.nested_all(half)):
+                nests = "nests it, and services have no versions: its clients must be built anew"
+                yield f"{self._name_of(service)} {nests}"
+
+    def _name_of(self, definition: Message | Service) -> str:
+        return os.path.relpath(definition.location.path, self.tree.path).replace(os.sep, "/")
+
     def _left_of_outer(self, outer: Message) -> Iterator[str]:
         old = read_definition(self.previous.tree, outer.name)
         header = f"{TRANSLATIONS}/{header_name(outer.name, outer.message_version)}"
@@ -293,7 +317,7 @@ def _difference(expected: Message, found: Message) -> str:
     """Say where an archived definition is not the one expected, "" if it is."""
     versions = expected.message_version, found.message_version
     if versions[0] != versions[1]:
-        return f"expected {_VERSION} = {versions[0]}, found {versions[1]}"
+        return f"expected {VERSION} = {versions[0]}, found {versions[1]}"
     missing = [f"'{type_} {name}'" for type_, name in _fields(expected) if (type_, name) not in _fields(found)]
     surplus = [f"'{type_} {name}'" for type_, name in _fields(found) if (type_, name) not in _fields(expected)]
     if missing or surplus:

@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
-import errno
 import os
+from collections.abc import Collection, Iterator
 from contextlib import nullcontext, suppress
 
 from msggen.bump.plan import Change, Plan, plan_bump
-from msggen.diagnostics import fault
+from msggen.diagnostics import Diagnostic, InputError, fault
 from msggen.firmware.tree import Folder
+from msggen.location import Location
 from msggen.record import locked
 
 _ASIDE = ".msggen-new"
 """Ends the name of a file that is being written: nothing that the firmware builds is called so."""
 
 
+_WRITABLE = 0o222
+
+
 def bump(firmware: str, name: str, against: str | None) -> Plan:
     """Plan a new version of the message `name` and write it; return the plan.
 
-    Runs on the same tree wait for each other. Raises InputError, or OSError where the tree cannot be written: nothing
-    is changed then.
+    Runs on the same tree wait for each other. Raises InputError, or OSError where a file cannot be written: nothing is
+    changed then.
     """
     with locked(firmware) if os.path.isdir(firmware) else nullcontext():
         plan = plan_bump(firmware, name, against)
-        _write({_target(plan.firmware, change): change for change in plan.changes})
+        changes = {_target(plan.firmware, change): change for change in plan.changes}
+        faults = [*_read_only(plan.firmware, changes)]
+        if faults:
+            raise InputError(faults)
+        _write(changes)
         return plan
 
 
@@ -36,12 +44,25 @@ def _target(firmware: str, change: Change) -> str:
     return target
 
 
+def _read_only(firmware: str, targets: Collection[str]) -> Iterator[Diagnostic]:
+    """What has no write bit is not to be written, even by a user who could all the same."""
+    root = os.path.realpath(firmware)
+    for path in {*filter(os.path.lexists, targets), *map(_existing_folder, targets)}:
+        what, needed = ("folder", os.W_OK | os.X_OK) if os.path.isdir(path) else ("file", os.W_OK)
+        if not (os.stat(path).st_mode & _WRITABLE and os.access(path, needed)):
+            name = os.path.normpath(Folder(firmware).place(os.path.relpath(path, root)))
+            text = f"the {what} is read-only, and is to be changed: make it writable"
+            yield Diagnostic(Location(name, 0), "S114", text)
+
+
+def _existing_folder(path: str) -> str:
+    folder = os.path.dirname(path)
+    return folder if os.path.lexists(folder) else _existing_folder(folder)
+
+
 def _write(changes: dict[str, Change]) -> None:
     """Write all files aside, then move them into place one after the other."""
-    folders = sorted({os.path.dirname(target) for target in changes})
-    for folder in folders:
-        _check_writable(folder)
-    for folder in folders:
+    for folder in sorted({os.path.dirname(target) for target in changes}):
         os.makedirs(folder, exist_ok=True)
     try:
         for target, change in changes.items():
@@ -55,11 +76,3 @@ def _write(changes: dict[str, Change]) -> None:
         for target in changes:
             with suppress(FileNotFoundError):
                 os.unlink(target + _ASIDE)
-
-
-def _check_writable(folder: str) -> None:
-    """Raise PermissionError for a folder that no file can be put into, or that cannot be made."""
-    while not os.path.lexists(folder):
-        folder = os.path.dirname(folder)
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), folder)

@@ -10,10 +10,12 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
 
 from msggen import __version__
 from msggen.cli import breaking, build, bump, check, rules, sync
-from msggen.cli.common import DONE, FAILED, FINDINGS, print_faults
+from msggen.cli.common import DONE, FAILED, FINDINGS, print_annotations, print_faults
 from msggen.diagnostics import InputError, suggestion
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main"]
@@ -31,13 +33,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options, unknown = _parser().parse_known_args(arguments)
         if unknown:
             options.parser.error(f"unknown argument '{unknown[0]}'{suggestion(unknown[0], options.known)}")
-        return int(options.run(options))
+        return _run(options)
     except InputError as error:
-        print_faults(error.diagnostics, "nothing written" if options.writes else "cannot tell")
+        with suppress(BrokenPipeError):
+            print_faults(error.diagnostics, "nothing written" if options.writes else "cannot tell")
+            print_annotations(error.diagnostics, options)
+            return FAILED
+        _say_no_more()
         return FAILED
     except BrokenPipeError:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - who read us has left: say no more
-        return FINDINGS
+        _say_no_more()
+        return DONE if _has_written(options) else FINDINGS
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         print(f"msggen: {place}{error.strerror or error}", file=sys.stderr)
@@ -47,8 +53,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return FAILED
 
 
+def _run(options: argparse.Namespace) -> int:
+    code = int(options.run(options))
+    print(end="", flush=True)  # now, not when Python ends, who has no good word for a reader that has left
+    return code
+
+
+def _say_no_more() -> None:
+    """Whoever read us has left: what was not printed yet goes nowhere."""
+    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - it is open until the process ends
+
+
+def _has_written(options: argparse.Namespace) -> bool:
+    """Whether the command was to write, as it then has before it prints."""
+    return options.writes and not any(getattr(options, name, False) for name in ("check", "diff", "dry_run"))
+
+
+class _Parser(argparse.ArgumentParser):
+    """Suggests the nearest choice, of commands too."""
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            choices = list(map(str, action.choices))
+            hint = suggestion(str(value), choices)
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="msggen",
         description="PX4's message definitions in; Python types, CDR codecs and a topic registry out.",
         allow_abbrev=False,

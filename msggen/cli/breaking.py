@@ -19,8 +19,7 @@ from msggen.cli.common import (
     sources_of,
 )
 from msggen.diagnostics import fault, suggestion
-from msggen.firmware.source import File, Sources, find_sources
-from msggen.firmware.tree import kept_or_revised, open_tree, revised
+from msggen.firmware.source import File, Sources, find_sources, open_tree
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
@@ -79,14 +78,16 @@ def _breaking(options: argparse.Namespace) -> int:
 
 def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
     """Return the sources as they were at --against; what is not in that repository, as it is."""
+    from msggen.firmware.revision import kept_or_revised, revised, split_revision
+
     previous = revised(options.px4, options.against)
+    repository, revision = split_revision(previous)
     folders = tuple(options.msg_dir or settings.msg_dir)
     topics: str | File | None = options.topics or settings.topics
-    if previous != options.against:
-        folders = tuple(kept_or_revised(folder, options.px4, options.against) for folder in folders)
+    if revision:
+        folders = tuple(kept_or_revised(folder, repository, revision) for folder in folders)
         if isinstance(topics, str):
-            folder = kept_or_revised(os.path.dirname(topics) or os.curdir, options.px4, options.against)
-            topics = _bridge_in(folder, topics)
+            topics = _bridge_in(kept_or_revised(os.path.dirname(topics) or os.curdir, repository, revision), topics)
     found = find_sources(previous, folders, topics, options.release or settings.release)
     return found._replace(label=options.against)
 

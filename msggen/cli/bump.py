@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, given, print_diff
+from msggen.cli.common import DONE, FINDINGS, Commands, add_command, check_setting, given, print_diff
 from msggen.settings import read_settings
 
 if TYPE_CHECKING:
@@ -44,7 +44,9 @@ def _bump(options: argparse.Namespace) -> int:
     from msggen.bump.plan import plan_bump
     from msggen.bump.write import bump
 
-    firmware = options.px4 or read_settings(".").px4 or "."
+    settings = read_settings(".")
+    check_setting(options, settings)
+    firmware = options.px4 or settings.px4 or "."
     writes = not (options.dry_run or options.diff)
     plan = (bump if writes else plan_bump)(firmware, options.message, options.against)
     if options.diff:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from msggen.diagnostics import Diagnostic
+from msggen.diagnostics import Diagnostic, InputError
+from msggen.firmware.neighbour import neighbour
 from msggen.firmware.source import Sources, find_sources
 from msggen.location import Location
 from msggen.report import FORMATS
@@ -58,7 +59,13 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
 
 
 def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
-    """Return the sources that the options name, or else the settings, or else the embedded set."""
+    """Return the sources that the options name, or else the settings, or else the embedded set.
+
+    Raises InputError, with the place of the setting for what leads nowhere.
+    """
+    faults = [*_missing(options, settings)]
+    if faults:
+        raise InputError(faults)
     return find_sources(
         options.px4 or settings.px4,
         tuple(options.msg_dir or settings.msg_dir),
@@ -66,6 +73,41 @@ def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
         options.release or settings.release,
         settings.place("release") if options.release is None else Location("--release", 0),
     )
+
+
+def check_setting(options: argparse.Namespace, settings: Settings) -> None:
+    """Raise InputError where the setting px4, which the options do not replace, leads nowhere."""
+    faults = [*_missing_folder(settings.px4, settings, "px4")] if settings.px4 and not options.px4 else ()
+    if faults:
+        raise InputError(faults)
+
+
+def _missing(options: argparse.Namespace, settings: Settings) -> Iterator[Diagnostic]:
+    """Find the paths that lead nowhere. `breaking` has made the setting px4 an option, so the values are compared."""
+    for path in filter(None, [options.px4 or settings.px4]):
+        yield from _missing_folder(path, settings, "px4" if path == settings.px4 else None)
+    for path in options.msg_dir or settings.msg_dir:
+        yield from _missing_folder(path, settings, None if options.msg_dir else "msg-dir")
+    path = settings.topics
+    if path and not options.topics and not os.path.exists(path):
+        text = f"'{path}': no such file{neighbour(path, is_meant=os.path.exists)}"
+        yield Diagnostic(settings.place("topics"), "S101", text)
+
+
+def _missing_folder(path: str, settings: Settings, key: str | None) -> Iterator[Diagnostic]:
+    """Yield a fault where `path`, of the setting `key` if any, is neither there nor a revision of a folder that is."""
+    if os.path.exists(path):
+        return
+    from msggen.firmware.revision import split_revision
+
+    if split_revision(path)[1]:
+        return
+    folder = path.partition("@")[0] or path
+    hint = neighbour(folder)
+    if key:
+        yield Diagnostic(settings.place(key), "S101", f"'{folder}': no such folder{hint}")
+    else:
+        yield Diagnostic(Location(folder, 0), "S101", f"no such folder{hint}")
 
 
 def given(text: str) -> str:
@@ -89,6 +131,14 @@ def print_report(report: Report, options: argparse.Namespace) -> None:
     print(render(report, options.output_format, width=width(), colour=colour()))
 
 
+def print_annotations(faults: Sequence[Diagnostic], options: argparse.Namespace) -> None:
+    """Print `faults` to stdout as annotations, where these are asked for."""
+    if getattr(options, "output_format", None) == "github":
+        from msggen.report.github import write_faults
+
+        print(write_faults(faults), flush=True)
+
+
 def width() -> int:
     """Return how many columns there are to print in."""
     import shutil
@@ -101,12 +151,14 @@ def colour() -> bool:
     return sys.stdout.isatty() and not os.environ.get("NO_COLOR")
 
 
-def print_diff(path: str, before: bytes, after: bytes) -> None:
-    """Print what changes in a file as a patch."""
+def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:
+    """Print what changes in a file as a patch; None stands for no file."""
     from difflib import unified_diff
+    from io import StringIO
 
-    old, new = (data.decode(errors="replace").splitlines(keepends=True) for data in (before, after))
-    for line in unified_diff(old, new, path, path):
+    old, new = (StringIO((data or b"").decode(errors="replace"), newline="\n").readlines() for data in (before, after))
+    source, target = ("/dev/null" if data is None else path for data in (before, after))
+    for line in unified_diff(old, new, source, target):
         whole = line if line.endswith("\n") else f"{line}\n\\ no line end here\n"
         sys.stdout.write(whole)
 

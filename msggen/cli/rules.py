@@ -1,11 +1,11 @@
-"""`msggen rules` and `msggen explain`: what `check` and `breaking` look for."""
+"""`msggen rules` and `msggen explain`: what `check` and `breaking` look for, and what the codes of errors mean."""
 
 from __future__ import annotations
 
 import argparse
 
 from msggen.cli.common import DONE, Commands, add_command, colour, given, width
-from msggen.diagnostics import fault, suggestion
+from msggen.diagnostics import CODES, fault, suggestion
 
 
 def add_to(commands: Commands) -> None:
@@ -21,10 +21,11 @@ def add_to(commands: Commands) -> None:
         commands,
         "explain",
         _explain,
-        help="explain a rule with an example",
-        description="Explain a rule: what it is for, and what it finds in an example.",
+        help="explain a rule with an example, a category or the code of an error",
+        description="Explain a rule: what it is for, and what it finds in an example. Or say what a category of rules, "
+        "or the code of an error, means.",
     )
-    explain.add_argument("rule", metavar="RULE", type=given, help="as `msggen rules` lists it")
+    explain.add_argument("rule", metavar="RULE", type=given, help="as `msggen rules` lists it; WIRE, or M301, say")
 
 
 def _rules(_: argparse.Namespace) -> int:
@@ -37,12 +38,20 @@ def _rules(_: argparse.Namespace) -> int:
 
 def _explain(options: argparse.Namespace) -> int:
     from msggen.check import example_of
-    from msggen.compare.rules import RULES
-    from msggen.report.rules import explain_rule
+    from msggen.compare.finding import Category
+    from msggen.compare.rules import RULES, named
+    from msggen.report.rules import explain_category, explain_code, explain_rule
 
-    rule = next((rule for rule in RULES if rule.id == options.rule.upper()), None)
-    if rule is None:
-        hint = suggestion(options.rule, [rule.id for rule in RULES]) or ": `msggen rules` lists them"
+    name = options.rule.upper()
+    rules = named(name)
+    if name in CODES:
+        print(explain_code(name))
+    elif name in Category.__members__:
+        print(explain_category(Category[name], rules, width=width()))
+    elif rules:
+        print(explain_rule(rules[0], example_of(rules[0]), width=width(), colour=colour()))
+    else:
+        known = [*(rule.id for rule in RULES), *Category.__members__, *CODES]
+        hint = suggestion(options.rule, known) or ": `msggen rules` lists them"
         raise fault("explain", "C104", f"unknown rule '{options.rule}'{hint}", 0)
-    print(explain_rule(rule, example_of(rule), width=width(), colour=colour()))
     return DONE

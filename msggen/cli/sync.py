@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+import os
 from typing import TYPE_CHECKING
 
 from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_diff, sources_of
@@ -12,6 +12,12 @@ from msggen.settings import read_settings
 if TYPE_CHECKING:
     from msggen.package.definitions import Definitions
     from msggen.package.plan import Plan
+
+_VERBS = {True: ("added", "changed", "removed"), False: ("to add", "to change", "to remove")}
+"""What is done to definitions, by whether it was, or only would be."""
+
+_MANY = 20
+"""More changes of nothing but comments are told by their number."""
 
 
 def add_to(commands: Commands) -> None:
@@ -23,7 +29,8 @@ def add_to(commands: Commands) -> None:
         writes=True,
         help="bring a ROS 2 package such as px4_msgs in step with the firmware",
         description="Make msg/ and srv/ of a ROS 2 package what the firmware has. Definitions that are not the "
-        "firmware's, and everything else in the package, stay as they are. Without a source, from the embedded set.",
+        "firmware's, and everything else in the package, stay as they are. A new package may be made without a source, "
+        "from the embedded set.",
         epilog="Exit codes: 0 done, 1 out of step (--dry-run, --diff), 2 usage, input or I/O error. "
         "Sources may stand in [tool.msggen] of pyproject.toml.",
     )
@@ -45,7 +52,12 @@ def add_to(commands: Commands) -> None:
 
 
 def _sync(options: argparse.Namespace) -> int:
-    sources = sources_of(options, read_settings("."))
+    settings = read_settings(".")
+    is_named = options.px4 or options.msg_dir or settings.px4 or settings.msg_dir
+    if not is_named and os.path.lexists(os.path.join(options.target, "package.xml")):
+        text = "name the firmware with --px4 or the setting px4"
+        options.parser.error(f"{text}: '{options.target}' exists, the embedded set is for a new package only")
+    sources = sources_of(options, settings)
     from msggen.package.definitions import read_definitions
     from msggen.package.sync import sync
     from msggen.package.target import Request
@@ -56,39 +68,46 @@ def _sync(options: argparse.Namespace) -> int:
     if options.diff:
         _print_diffs(plan)
     if not options.quiet:
-        print("\n".join(_report(plan, definitions, sources.label, writes=writes)))
+        if not (options.diff or plan.target.is_new):
+            _print_list(plan, definitions, writes=writes)
+        print(_summary(plan, sources.label, writes=writes))
     return FINDINGS if plan.is_stale and not writes else DONE
 
 
-def _report(plan: Plan, definitions: Definitions, label: str, *, writes: bool) -> Iterator[str]:
-    """Say what was done, or what there would be to do: the changes one by one, then how many."""
-    path = plan.target.path
-    if not plan.target.is_new:
-        yield from _changes(plan, definitions, writes=writes)
-    if plan.left_alone:
-        yield f"left alone, not the firmware's: {', '.join(plan.left_alone)}"
+def _summary(plan: Plan, label: str, *, writes: bool) -> str:
+    """Return in a line what was done, or what there would be to do."""
+    target = plan.target
+    path = target.name if os.path.normpath(target.path) == os.curdir else target.path
     if not plan.is_stale:
-        yield f"{path} is in step with {label}: {len(plan.unchanged)} definitions"
-    elif plan.target.is_new:
-        yield f"{path} {'made' if writes else 'would be made'} from {label}: {len(plan.files)} definitions"
-    else:
-        counts = [(len(plan.added), "added"), (len(plan.changed), "changed"), (len(plan.removed), "removed")]
-        would = "" if writes else "would be "
-        changes = ", ".join(f"{number} {would}{verb}" for number, verb in counts)
-        yield f"{path} from {label}: {changes}, {len(plan.unchanged)} unchanged, {len(plan.left_alone)} left alone"
+        return f"{path} is in step with {label}: {len(plan.unchanged)} definitions"
+    if target.is_new:
+        name = "" if os.path.basename(target.folder) == target.name else f"package {target.name}, "
+        return f"{path} {'made' if writes else 'would be made'} from {label}: {name}{len(plan.files)} definitions"
+    names = (plan.added, (*plan.changed, *plan.scaffold), plan.removed, plan.unchanged, plan.left_alone)
+    verbs = (*_VERBS[writes], "unchanged", "left alone")
+    counts = ", ".join(f"{len(each)} {verb}" for each, verb in zip(names, verbs, strict=True) if each)
+    return f"{path} {'from' if writes else 'is out of step with'} {label}: {counts}"
 
 
-def _changes(plan: Plan, definitions: Definitions, *, writes: bool) -> Iterator[str]:
-    from msggen.package.change import describe_change
+def _print_list(plan: Plan, definitions: Definitions, *, writes: bool) -> None:
+    """Print the changes one by one, with the topics that they touch."""
+    from msggen.package.change import COMMENTS, WHITE_SPACE, describe_change
 
-    would = "" if writes else "would be "
-    for verb, names in (("added", plan.added), ("changed", plan.changed), ("removed", plan.removed)):
-        for name in names:
-            how = describe_change(name, plan.before[name], plan.files[name]) if verb == "changed" else ""
-            topics = " ".join(definitions.topics.get(name, ()))
-            yield f"{would}{verb:7} {name}{': ' if how or topics else ''}{'; '.join(filter(None, (how, topics)))}"
-    for name in plan.scaffold:
-        yield f"{would}{'changed':7} {name}"
+    added, changed, removed = (verb.ljust(len(_VERBS[writes][1])) for verb in _VERBS[writes])
+    how = {name: describe_change(name, plan.before[name], plan.files[name]) for name in plan.changed}
+    numbers = {what: list(how.values()).count(what) for what in (COMMENTS, WHITE_SPACE)}
+    folded = {what: number for what, number in numbers.items() if number > _MANY}
+    listed = [(added, name) for name in plan.added]
+    listed += [(changed, name) for name in plan.changed if how[name] not in folded]
+    listed += [(changed, name) for name in plan.scaffold]
+    for what, number in folded.items():
+        listed.append((changed, f"{number} definitions: {what}"))
+    listed += [(removed, name) for name in plan.removed]
+    for verb, name in listed:
+        about = "; ".join(filter(None, (how.get(name), " ".join(definitions.topics.get(name, ())))))
+        print(f"{verb} {name}{': ' if about else ''}{about}")
+    if plan.left_alone:
+        print(f"left alone, not the firmware's: {', '.join(plan.left_alone)}")
 
 
 def _print_diffs(plan: Plan) -> None:
@@ -96,5 +115,5 @@ def _print_diffs(plan: Plan) -> None:
 
     after = {**plan.files, **plan.scaffold}
     for name in (*plan.added, *plan.changed, *plan.removed, *plan.scaffold):
-        path = plan.target.place(name)
-        print_diff(path, read_if_file(path) or b"", after.get(name, b""))
+        path = os.path.normpath(plan.target.place(name))
+        print_diff(path, read_if_file(path), after.get(name))

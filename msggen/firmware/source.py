@@ -6,7 +6,7 @@ import os
 from typing import NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
-from msggen.firmware.tree import Folder, Snapshot, Tree, open_tree
+from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
 from msggen.resources import embedded_root
 
@@ -64,6 +64,26 @@ class Sources(NamedTuple):
         return (*self.messages, *self.services, *single, *self.other_manifests)
 
 
+def open_tree(text: str) -> Tree:
+    """Return what `text` names: a folder, `folder@revision`, or an archive. Raises InputError."""
+    if "\0" in text:
+        raise fault(text, "S101", "no such folder", 0)
+    if os.path.isdir(text):
+        return Folder(text)
+    if os.path.isfile(text):
+        from msggen.firmware.archive import SUFFIXES, read_archive
+
+        if not text.lower().endswith(SUFFIXES):
+            raise fault(text, "S101", f"not a folder, nor an archive ({', '.join(SUFFIXES)})", 0)
+        return read_archive(text)
+    from msggen.firmware.revision import read_revision, split_revision
+
+    folder, revision = split_revision(text)
+    if folder == text:
+        raise fault(text.partition("@")[0] or text, "S101", "no such folder", 0)
+    return read_revision(folder, revision)
+
+
 def find_sources(
     px4: str | Tree | None,
     folders: tuple[str, ...] = (),
@@ -82,6 +102,8 @@ def find_sources(
         raise fault(release_place.path, "S105", f"unknown release '{release}'{hint}", *release_place[1:])
     named = [root for root in (px4, *folders) if root is not None]
     roots = [open_tree(root) if isinstance(root, str) else root for root in named or [embedded_root()]]
+    if px4 is not None:
+        _refuse_part_of_tree(roots[0])
     label = ", ".join(root.path for root in roots) if named else "the embedded PX4 v1.17"
     messages: list[File] = []
     services: list[File] = []
@@ -119,12 +141,14 @@ def read_file(file: File) -> bytes:
 def _definitions(root: Tree, folder: str, suffix: str) -> list[File]:
     """Return the definitions in `root`: under `msg/` or `srv/` if it has them there, else in `root` itself.
 
-    `versioned/` counts, `px4_msgs_old/` with its archived versions does not.
+    `versioned/` counts, but not in a ROS package, which is built from what lies flat; `px4_msgs_old/` with its
+    archived versions never does.
     """
     prefix = f"{folder}/" if root.is_folder(folder) else ""
+    folders = ("",) if _manifest(root) else ("", "versioned/")
     return [
         File(root.place(prefix + sub + name), prefix + sub + name, root)
-        for sub in ("", "versioned/")
+        for sub in folders
         for name in root.names(prefix + sub)
         if name.endswith(suffix) and not name.startswith(".")
     ]
@@ -143,6 +167,19 @@ def _manifest(root: Tree) -> File | None:
 
 def _is_tree(root: Tree) -> bool:
     return root.is_folder("src/modules")
+
+
+def _refuse_part_of_tree(root: Tree) -> None:
+    """Refuse the `msg` of a firmware where the firmware is asked for: without its bridge and services."""
+    folder, revision = root.path, ""
+    if isinstance(root, Snapshot):
+        from msggen.firmware.revision import split_revision
+
+        folder, revision = split_revision(root.path)
+    parent = os.path.normpath(os.path.join(folder, os.pardir))
+    if os.path.basename(os.path.abspath(folder)) in ("msg", "srv") and _is_tree(Folder(parent)):
+        whole = f"{parent}@{revision}" if revision else parent
+        raise fault(root.path, "S102", f"only a part of a firmware tree, did you mean '{whole}'?", 0)
 
 
 def _fail_without_definitions(root: Tree) -> NoReturn:

@@ -6,15 +6,19 @@ import os
 from collections.abc import Callable
 from typing import Any
 
+from msggen.firmware.catalog import COMPARABLE
 from msggen.model import DEFAULT_PACKAGE, Message
 from msggen.parse import decode_text, parse_message, parse_service
 
+COMMENTS, WHITE_SPACE = "only comments", "only white space"
+"""What is said where the code of a definition stays the same."""
+
 
 def describe_change(name: str, before: bytes | None, after: bytes) -> str:
-    """Return what changed in the definition `name`: "fields", say, or "only comments"; "" where that cannot be told."""
+    """Return what changed in the definition `name`: "fields", say, or COMMENTS; "" where that cannot be told."""
     if before is None:
         return ""
-    old, new = (_halves(name, data) for data in (before, after))
+    old, new = (read_halves(name, data, DEFAULT_PACKAGE) for data in (before, after))
     if not old or not new:
         return ""
     aspects: dict[str, Callable[[Message], Any]] = {
@@ -23,15 +27,18 @@ def describe_change(name: str, before: bytes | None, after: bytes) -> str:
         "topics": lambda half: half.topic_names,
     }
     found = [aspect for aspect, of in aspects.items() if [of(half) for half in old] != [of(half) for half in new]]
-    return ", ".join(found) or "only comments"
+    is_same_text = b"".join(before.split()) == b"".join(after.split())
+    return ", ".join(found) or (WHITE_SPACE if is_same_text else COMMENTS)
 
 
-def _halves(name: str, data: bytes) -> list[Message]:
-    """Return the message, or request and response of a service; nothing where the text has faults."""
-    text, unclean = decode_text(data, name)
-    stem, suffix = os.path.splitext(os.path.basename(name))
+def read_halves(path: str, data: bytes, package: str) -> list[Message]:
+    """Return the message of a file, or request and response of a service; nothing where it is not clear."""
+    text, unclean = decode_text(data, path)
+    stem, suffix = os.path.splitext(os.path.basename(path))
     if suffix == ".msg":
-        message, faults = parse_message(text, name, stem, DEFAULT_PACKAGE)
-        return [] if faults or unclean else [message]
-    service, faults = parse_service(text, name, stem, DEFAULT_PACKAGE)
-    return [] if faults or unclean else [service.request, service.response]
+        message, faults = parse_message(text, path, stem, package)
+        halves = [message]
+    else:
+        service, faults = parse_service(text, path, stem, package)
+        halves = [service.request, service.response]
+    return halves if {found.code for found in (*unclean, *faults)} <= COMPARABLE else []

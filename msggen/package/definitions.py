@@ -16,11 +16,13 @@ from msggen.model import Catalog, Message
 class Definitions(NamedTuple):
     """`files` by their name in the package, such as `msg/VehicleStatus.msg`.
 
-    `topics` has the ROS names of the endpoints that carry each of them, by itself or nested at any depth.
+    `topics` has the ROS names of the endpoints that carry each of them, by itself or nested at any depth;
+    `topics_only` says whether there are no others.
     """
 
     files: Mapping[str, bytes]
     topics: Mapping[str, tuple[str, ...]]
+    topics_only: bool = False
 
 
 def read_definitions(sources: Sources, package: str, *, topics_only: bool) -> Definitions:
@@ -38,7 +40,7 @@ def read_definitions(sources: Sources, package: str, *, topics_only: bool) -> De
     known = {message.name for message in catalog.messages.values()}
     files = {_flat("msg", file): contents[file.path] for file in sources.messages if file.stem in known}
     files |= {_flat("srv", file): contents[file.path] for file in sources.services}
-    return Definitions(dict(sorted(files.items())), _topics(catalog))
+    return Definitions(dict(sorted(files.items())), _topics(catalog), topics_only)
 
 
 def _flat(folder: str, file: File) -> str:

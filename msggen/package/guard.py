@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from shlex import quote
 
 from msggen.diagnostics import Diagnostic, fault
 from msggen.location import Location
+from msggen.package.change import read_halves
 from msggen.package.plan import Plan, entries
 from msggen.package.target import KINDS, Target
 from msggen.record import MANIFEST, digest
 
 _WRITABLE = 0o222
+_FEW = 3
+_IGNORED = "!!"
 
 
 def find_faults(plan: Plan) -> list[Diagnostic]:
@@ -19,7 +23,7 @@ def find_faults(plan: Plan) -> list[Diagnostic]:
     if plan.target.is_new:
         return [*_no_place(plan)]
     faults = [*_bad_links(plan), *_no_folders(plan), *_no_files(plan), *_other_cases(plan)]
-    return [*faults, *_read_only(plan), *_losses(plan)] if plan.is_stale else faults
+    return [*faults, *_read_only(plan), *_losses(plan), *_orphans(plan)] if plan.is_stale else faults
 
 
 def _no_place(plan: Plan) -> Iterator[Diagnostic]:
@@ -75,8 +79,18 @@ def _other_cases(plan: Plan) -> Iterator[Diagnostic]:
                 )
 
 
-def _read_only(plan: Plan) -> Iterator[Diagnostic]:
+def _read_only(plan: Plan) -> list[Diagnostic]:
     """What has no write bit is not to be written, even by a user who could all the same."""
+    found = [*_each_read_only(plan)]
+    if len(found) <= _FEW:
+        return found
+    text = (
+        f"{len(found)} files and folders are read-only, and are to be changed: chmod -R u+w {quote(plan.target.path)}"
+    )
+    return [_fault(plan, ".", "S114", text)]
+
+
+def _each_read_only(plan: Plan) -> Iterator[Diagnostic]:
     names = [".", *plan.folders, *plan.changed, *plan.removed, *plan.scaffold, MANIFEST]
     for name in names:
         path = os.path.join(plan.target.folder, name)
@@ -93,42 +107,56 @@ def _is_writable(path: str) -> bool:
 
 def _losses(plan: Plan) -> Iterator[Diagnostic]:
     """Work that nobody could bring back: neither committed, nor written by msggen."""
-    uncommitted = _uncommitted(plan.target)
+    states = _uncommitted(plan.target)
     for name in (*plan.changed, *plan.removed):
         data = plan.before[name]
         if data is None or digest(data) in plan.known.files.get(name, "").split():
             continue
         real = os.path.relpath(os.path.realpath(os.path.join(plan.target.folder, name)), plan.target.folder)
-        if uncommitted is not None and real in uncommitted:
+        state = states.get(real) if states is not None else None
+        if state == _IGNORED and plan.known.files:
+            text = "is not as msggen wrote it, and git ignores it, so nothing has it: move it, or delete it"
+            yield _fault(plan, name, "S113", text)
+        elif state not in (None, _IGNORED):
             yield _fault(plan, name, "S113", "has changes that are not committed: commit or stash them")
-        elif uncommitted is None and plan.known.files and name not in plan.known.files:
+        elif states is None and plan.known.files and name not in plan.known.files:
             yield _fault(
                 plan, name, "S104", "msggen did not write this file, and the firmware has one of this name: move it"
             )
 
 
-def _uncommitted(target: Target) -> set[str] | None:
-    """Return the files of the package that differ from the last commit; None where no repository has the package."""
-    from msggen.git import GitError, git
+def _orphans(plan: Plan) -> Iterator[Diagnostic]:
+    """Definitions that stay need what they nest: without it the package could not be built."""
+    for name in plan.left_alone:
+        path = os.path.normpath(plan.target.place(name))
+        for half in read_halves(path, plan.before[name] or b"", plan.target.name):
+            for field in half.fields:
+                package = field.type.package or plan.target.name
+                if package == plan.target.name and f"msg/{field.type.name}.msg" in plan.removed:
+                    text = (
+                        f"the firmware's '{field.type.name}' would be removed, so that the package could not be built"
+                    )
+                    yield Diagnostic(field.location, "M301", f"{text}: change or remove this definition first")
+
+
+def _uncommitted(target: Target) -> dict[str, str] | None:
+    """Return how git sees the files of the package that differ from the last commit, _IGNORED or another state.
+
+    None where no repository has the package.
+    """
+    from msggen.git import GitError, git, is_in_repository
 
     try:
         if not git(target.folder, "ls-files", "--", "."):
             return None
         prefix = git(target.folder, "rev-parse", "--show-prefix").rstrip(b"\n")
-        rows = git(target.folder, "status", "--porcelain", "-z", "--no-renames", "--untracked-files=all", "--", ".")
+        how = ("--porcelain", "-z", "--no-renames", "--untracked-files=all", "--ignored")
+        rows = git(target.folder, "status", *how, "--", ".")
     except GitError as error:
-        if not _is_in_repository(target.folder):
+        if not is_in_repository(target.folder):
             return None
         raise fault(target.path, "S113", f"git cannot say what is committed here: {error}", 0) from None
-    return {os.fsdecode(row[3:].removeprefix(prefix)) for row in rows.split(b"\0") if row}
-
-
-def _is_in_repository(folder: str) -> bool:
-    while not os.path.lexists(os.path.join(folder, ".git")):
-        folder, below = os.path.dirname(folder), folder
-        if folder == below:
-            return False
-    return True
+    return {os.fsdecode(row[3:].removeprefix(prefix)): row[:2].decode() for row in rows.split(b"\0") if row}
 
 
 def _fault(plan: Plan, name: str, code: str, message: str) -> Diagnostic:

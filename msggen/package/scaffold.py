@@ -10,8 +10,10 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from msggen import __version__
+from msggen.firmware.revision import split_revision
 from msggen.firmware.source import Sources
-from msggen.firmware.tree import Folder, split_revision
+from msggen.firmware.tree import Folder
+from msggen.model import DEFAULT_PACKAGE
 from msggen.package.target import KINDS, Target
 from msggen.record import Record, digest, digest_of
 from msggen.resources import embedded_root, resource
@@ -40,7 +42,7 @@ class Origin(NamedTuple):
     further: tuple[str, ...] = ()
 
 
-def plan_scaffold(target: Target, sources: Sources, known: Record) -> Scaffold:
+def plan_scaffold(target: Target, sources: Sources, known: Record, *, topics_only: bool) -> Scaffold:
     """Return what to do with the files that an earlier run wrote and nobody edited, or in a new package with all."""
     recorded = {name: value for name, value in known.files.items() if name in NAMES}
     found = {name: digest_of(target.folder, name) or "" for name in recorded}
@@ -48,10 +50,12 @@ def plan_scaffold(target: Target, sources: Sources, known: Record) -> Scaffold:
     if not own and not target.is_new:
         return Scaffold(known.fingerprint, recorded, {})
     origin = origin_of(sources)
-    fingerprint = _fingerprint(target.name, origin)
+    options = _options(target.name, topics_only=topics_only)
+    fingerprint = _fingerprint(target.name, origin, options)
     if fingerprint == known.fingerprint:
         return Scaffold(fingerprint, recorded, {})
-    rendered = _render(target.name, origin, NAMES if target.is_new else tuple(own))
+    names = NAMES if target.is_new else tuple(own)
+    rendered = _render(names, package=target.name, origin=origin, options=options)
     digests = {name: digest(data) for name, data in rendered.items()}
     changes = {name: data for name, data in rendered.items() if digests[name] != own.get(name)}
     return Scaffold(fingerprint, {**recorded, **digests}, changes)
@@ -96,19 +100,25 @@ def _base(path: str) -> str:
     return "".join(character if character.isprintable() and character not in "`|" else "_" for character in name)
 
 
-def _fingerprint(package: str, origin: Origin) -> str:
-    state = [__version__, package, repr(origin)]
+def _options(package: str, *, topics_only: bool) -> str:
+    """Return the options that the next sync needs too, each with a space behind it."""
+    name = "" if package == DEFAULT_PACKAGE else f"--package {package} "
+    return name + ("--topics-only " if topics_only else "")
+
+
+def _fingerprint(package: str, origin: Origin, options: str) -> str:
+    state = [__version__, package, repr(origin), options]
     for name in NAMES:
         with open(os.path.join(resource("templates"), *_template(name).split("/")), encoding="utf-8") as stream:
             state.append(stream.read())
     return digest("\0".join(state).encode())
 
 
-def _render(package: str, origin: Origin, names: tuple[str, ...]) -> dict[str, bytes]:
+def _render(names: tuple[str, ...], **values: object) -> dict[str, bytes]:
     from msggen.generate.environment import environment
 
     templates = {name: environment().get_template(_template(name)) for name in names}
-    return {name: template.render(package=package, origin=origin).encode() for name, template in templates.items()}
+    return {name: template.render(values).encode() for name, template in templates.items()}
 
 
 def _template(name: str) -> str:

@@ -42,7 +42,8 @@ def sync(sources: Sources, definitions: Definitions, request: Request, *, write:
 
 def _plan(target: Target, sources: Sources, definitions: Definitions) -> Plan:
     known = read_record(target.folder)
-    plan = make_plan(target, definitions.files, known, plan_scaffold(target, sources, known))
+    scaffold = plan_scaffold(target, sources, known, topics_only=definitions.topics_only)
+    plan = make_plan(target, definitions.files, known, scaffold)
     faults = find_faults(plan)
     if faults:
         raise InputError(faults)

@@ -47,6 +47,7 @@ def open_target(request: Request, sources: Sources) -> Target:
     _check_sources(path, folder, sources)
     if not os.path.lexists(os.path.join(folder, "package.xml")):
         _check_free(path, folder, create=create)
+        _check_outside(path, folder, sources)
         return Target(path, folder, name, is_new=True)
     manifest = os.path.join(path, "package.xml")
     with open(manifest, "rb") as stream:
@@ -65,6 +66,18 @@ def _check_sources(path: str, folder: str, sources: Sources) -> None:
     for file in (*sources.messages, *sources.services):
         if isinstance(file.tree, Folder) and os.path.realpath(file.path).startswith(own):
             raise fault(path, "S111", f"the package is among its own sources: {file.path}", 0)
+
+
+def _check_outside(path: str, folder: str, sources: Sources) -> None:
+    """A new package has no place among definitions, in the `msg` or `srv` of a source."""
+    for file in (*sources.messages, *sources.services):
+        if not isinstance(file.tree, Folder):
+            continue
+        home = os.path.dirname(file.path)
+        home = os.path.dirname(home) if os.path.basename(home) == "versioned" else home
+        real = os.path.realpath(home)
+        if os.path.basename(real) in KINDS and folder.startswith(os.path.join(real, "")):
+            raise fault(path, "S111", f"this is among the definitions of a source, in {home}: choose another place", 0)
 
 
 def _check_free(path: str, folder: str, *, create: bool) -> None:

@@ -5,7 +5,12 @@ GitHub keeps the first ten errors, warnings and notices of a step, so what is si
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+
 from msggen.compare.finding import Finding, Report
+from msggen.diagnostics import Diagnostic
+from msggen.location import Location
 from msggen.report.line import deceives, level, printable, statement
 
 _COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}
@@ -14,17 +19,28 @@ _COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}
 def write_github(report: Report) -> str:
     """Return a command for each finding, then the summary as a plain line."""
     findings = sorted(report.findings, key=lambda finding: not deceives(finding))
-    return "\n".join([*map(_command, findings), printable(report.summary)])
+    return "\n".join([*map(_of_finding, findings), printable(report.summary)])
 
 
-def _command(finding: Finding) -> str:
-    path, line, column = finding.change.location
-    properties = {"file": printable(path)}
+def write_faults(faults: Sequence[Diagnostic]) -> str:
+    """Return a command for each of `faults`, for which nothing could be compared."""
+    return "\n".join(_command("error", found.location, found.code, printable(found.message)) for found in faults)
+
+
+def _of_finding(finding: Finding) -> str:
+    title = f"{finding.rule.id} {finding.change.subject}"
+    return _command(_COMMANDS[level(finding)], finding.change.location, title, statement(finding))
+
+
+def _command(command: str, location: Location, title: str, message: str) -> str:
+    """Return a command for a place in a file. GitHub shows neither folders nor options, so the message names them."""
+    path, line, column = location
+    properties = {"file": printable(path)} if line or os.path.isfile(path) else {}
     if line:
         properties |= {"line": str(line), "col": str(column)}
-    properties["title"] = printable(f"{finding.rule.id} {finding.change.subject}")
-    pairs = ",".join(f"{name}={_property(value)}" for name, value in properties.items())
-    return f"::{_COMMANDS[level(finding)]} {pairs}::{_data(statement(finding))}"
+    text = message if properties else f"{printable(path)}: {message}"
+    pairs = ",".join(f"{name}={_property(value)}" for name, value in (properties | {"title": printable(title)}).items())
+    return f"::{command} {pairs}::{_data(text)}"
 
 
 def _data(text: str) -> str:

@@ -10,7 +10,7 @@ from msggen.location import Location
 
 
 def write_json(report: Report) -> str:
-    """Return the whole report, nothing left out and nothing escaped but what JSON escapes."""
+    """Return the whole report, nothing left out."""
     document = {
         "previous": report.previous,
         "current": report.current,
@@ -18,7 +18,21 @@ def write_json(report: Report) -> str:
         "compared": report.compared,
         "findings": [_finding(finding) for finding in report.findings],
     }
-    return json.dumps(document, indent=2)
+    return dump(document)
+
+
+def dump(document: Any) -> str:
+    """Return JSON that every program reads."""
+    return json.dumps(_encodable(document), indent=2)
+
+
+def _encodable(value: Any) -> Any:
+    """Escape lone surrogates, Python's signs for bytes that are no text: many readers of JSON refuse them."""
+    if isinstance(value, str):
+        return value.encode(errors="backslashreplace").decode()
+    if isinstance(value, dict):
+        return {key: _encodable(item) for key, item in value.items()}
+    return [_encodable(item) for item in value] if isinstance(value, list) else value
 
 
 def _finding(finding: Finding) -> dict[str, Any]:

@@ -11,7 +11,10 @@ from msggen.report.line import line, printable
 
 
 def write_junit(report: Report) -> str:
-    """Return JUnit XML. A rule fails with its failing findings; what does not fail is its output."""
+    """Return JUnit XML, in ASCII: it is right in any encoding.
+
+    A rule fails with its failing findings; what does not fail is its output.
+    """
     document = JUnitXml("msggen")
     for category in Category:
         rules = [rule for rule in report.rules if rule.category is category]
@@ -19,7 +22,7 @@ def write_junit(report: Report) -> str:
             document.add_testsuite(_suite(report, category, rules))
     document.update_statistics()
     text: bytes = document.tostring()
-    return text.decode()
+    return text.decode().encode("ascii", "xmlcharrefreplace").decode()
 
 
 def _suite(report: Report, category: Category, rules: Sequence[Rule]) -> TestSuite:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from textwrap import fill
 
-from msggen.compare.finding import Report, Rule, Severity
+from msggen.compare.finding import Category, Report, Rule, Severity
 from msggen.compare.rules import BREAKING, CHECKED
+from msggen.diagnostics import CODES
 from msggen.report import render
 
 
@@ -15,6 +16,16 @@ def list_rules(rules: Sequence[Rule]) -> str:
     names = max(len(rule.id) for rule in rules)
     categories = max(len(rule.category.name) for rule in rules)
     return "\n".join(f"{rule.id:{names}}  {rule.category.name:{categories}}  {rule.purpose}" for rule in rules)
+
+
+def explain_category(category: Category, rules: Sequence[Rule], *, width: int) -> str:
+    """Return what findings of a category mean, and the `rules` that it has."""
+    return f"{_sentence(f'{category.name}: {category.value}.', width)}\n\n{list_rules(rules)}"
+
+
+def explain_code(code: str) -> str:
+    """Return what the code of an error stands for."""
+    return f"{code}: {CODES[code]}.\n\ndocs/errors.md shows an example, and how to mend it."
 
 
 def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> str:
@@ -26,10 +37,14 @@ def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> st
         [
             f"{rule.id} ({rule.category.name}): {rule.purpose}.",
             "",
-            fill(f"{rule.category.name}: {rule.category.value}. Asked by {asked}, which {says}.", min(width, 100)),
+            _sentence(f"{rule.category.name}: {rule.category.value}. Asked by {asked}, which {says}.", width),
             "",
             "For example:",
             "",
             found,
         ]
     )
+
+
+def _sentence(text: str, width: int) -> str:
+    return fill(text, min(width, 100))

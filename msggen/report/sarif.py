@@ -6,7 +6,6 @@ Plain dictionaries, held to the standard's JSON schema by the tests: docs/librar
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 from collections import Counter
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from urllib.parse import quote
 from msggen import __version__
 from msggen.compare.finding import Excerpt, Finding, Report, Rule
 from msggen.location import Location
+from msggen.report.json import dump
 from msggen.report.line import level, printable, statement
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
@@ -34,7 +34,7 @@ def write_sarif(report: Report) -> str:
             "summary": report.summary,
         },
     }
-    return json.dumps({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2)
+    return dump({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]})
 
 
 def _rule(rule: Rule) -> dict[str, Any]:

@@ -1,0 +1,97 @@
+"""Archives: tar, however compressed, and zip, read without unpacking."""
+
+from __future__ import annotations
+
+import lzma
+import os
+import posixpath
+import stat
+import struct
+import tarfile
+import zipfile
+import zlib
+
+from msggen.diagnostics import fault
+from msggen.firmware.tree import Snapshot, is_wanted
+
+SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz", ".zip")
+"""What an archive's name ends in."""
+
+_DAMAGED = (tarfile.TarError, zipfile.BadZipFile, lzma.LZMAError, zlib.error, struct.error)
+_TAR_BLOCK = 512
+_CHUNK = 2**20
+_MAX_SIZE = 2**24
+"""Bytes; no definition is nearly as large."""
+
+
+def read_archive(path: str) -> Snapshot:
+    """Return the files of an archive; a single folder around them all is left out. Raises InputError."""
+    try:
+        files, links = (_read_zip if path.lower().endswith(".zip") else _read_tar)(path)
+    except (*_DAMAGED, EOFError, OSError, RuntimeError, ValueError) as error:
+        reason = str(error).partition("\n")[0].rstrip(":") or type(error).__name__
+        raise fault(path, "S109", f"cannot be read as an archive: {reason}", 0) from None
+    tops = {name.split("/")[0] for name in (*files, *links)}
+    top = tops.pop() if len(tops) == 1 else ""
+    is_wrapped = top and top not in ("msg", "srv", "src") and not any("/" not in name for name in (*files, *links))
+    return Snapshot(path, files, links, f"{top}/" if is_wrapped else "")
+
+
+def _inside(name: str) -> str:
+    """Return the name of a member in plain form, "" for one that lies nowhere inside, or that only a Mac reads."""
+    name = posixpath.normpath(name)
+    return "" if name.startswith(("/", "..")) or name.split("/")[0] in (".", "__MACOSX") else name
+
+
+def _read_tar(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
+    files: dict[str, bytes] = {}
+    links: dict[str, str] = {}
+    with tarfile.open(path) as archive:
+        for member in archive:
+            name = _inside(member.name)
+            if not name:
+                continue
+            if member.issym():
+                links[name] = member.linkname
+            elif member.islnk():
+                links[name] = posixpath.relpath(posixpath.normpath(member.linkname), posixpath.dirname(name) or ".")
+            elif member.isfile():
+                stream = archive.extractfile(member) if is_wanted(name) else None
+                files[name] = stream.read(_MAX_SIZE) if stream else b""
+        _check_end(archive)
+    return files, links
+
+
+def _check_end(archive: tarfile.TarFile) -> None:
+    """Raise EOFError unless a block of zeros ends the archive: tarfile takes one that was cut off for whole.
+
+    Reads on to the very end, where a compressed archive has its checksum.
+    """
+    stream = archive.fileobj
+    if stream is None:
+        return
+    stream.seek(archive.offset)
+    if stream.read(_TAR_BLOCK) != bytes(_TAR_BLOCK):
+        raise EOFError("it was cut off, or is damaged")
+    while stream.read(_CHUNK):
+        pass
+
+
+def _read_zip(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
+    files: dict[str, bytes] = {}
+    links: dict[str, str] = {}
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.infolist():
+            name = _inside(member.filename)
+            is_link = stat.S_ISLNK(member.external_attr >> 16)
+            if member.is_dir() or not name:
+                continue
+            data = b""
+            if is_link or is_wanted(name):
+                with archive.open(member) as stream:
+                    data = stream.read(_MAX_SIZE)
+            if is_link:
+                links[name] = os.fsdecode(data)
+            else:
+                files[name] = data
+    return files, links

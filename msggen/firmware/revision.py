@@ -1,0 +1,108 @@
+"""Revisions that git keeps: `folder@revision`, read without touching a work tree."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from typing import NoReturn
+
+from msggen.diagnostics import fault, suggestion
+from msggen.firmware.tree import Snapshot, is_wanted
+from msggen.git import GitError, commit_of, git, is_revision, revisions
+
+
+def split_revision(text: str) -> tuple[str, str]:
+    """Return folder and revision of `folder@revision`, the longest folder there is; no revision where it is none."""
+    ends = [index for index, character in enumerate(text) if character == "@" and os.path.isdir(text[:index])]
+    if os.path.exists(text) or not ends:
+        return text, ""
+    return text[: ends[-1]], text[ends[-1] + 1 :]
+
+
+def revised(tree: str, against: str) -> str:
+    """Return what names `tree` as it was at `against`: a revision of its repository, or else another tree.
+
+    Raises InputError where `against` could be both, or is neither.
+    """
+    folder = split_revision(tree)[0]
+    known = os.path.isdir(folder) and is_revision(folder, against)
+    if known and os.path.isdir(against):
+        text = f"'{against}' is a revision and a folder: write '{os.path.join('.', against)}' for the folder"
+        _fail("--against", "S108", f"{text}, or '{folder}@{against}' for the revision")
+    if known:
+        return f"{folder}@{against}"
+    if not os.path.exists(against) and split_revision(against)[0] == against:
+        reason = (_obstacle(folder) or _hint(folder, against)) if os.path.isdir(folder) else ""
+        _fail("--against", "S108", f"'{against}' is neither a folder nor a revision of {folder}{reason}")
+    return against
+
+
+def kept_or_revised(path: str, repository: str, revision: str) -> str:
+    """Return what names the folder of `path` at `revision`, or `path` where it was not in the repository then."""
+    folder = split_revision(path)[0]
+    try:
+        tops = [git(each, "rev-parse", "--show-toplevel") for each in (folder, repository)]
+        was_there = git(folder, "ls-tree", "--name-only", revision)
+    except GitError:
+        return path
+    return f"{folder}@{revision}" if tops[0] == tops[1] and was_there else path
+
+
+def read_revision(folder: str, revision: str) -> Snapshot:
+    """Return the files of a commit, none of them checked out. Raises InputError."""
+    label = f"{folder}@{revision}"
+    try:
+        commit = commit_of(folder, revision)
+    except GitError as error:
+        _fail(label, "S108", f"{error}{_hint(folder, revision)}")
+    try:
+        base = os.fsdecode(git(folder, "rev-parse", "--show-prefix").rstrip(b"\n"))
+        rows = os.fsdecode(git(folder, "ls-tree", "--full-tree", "-r", "-z", commit)).split("\0")
+        entries = {name: about.split(" ") for about, _, name in (row.partition("\t") for row in rows if row)}
+        links = [name for name, about in entries.items() if about[0] == "120000"]
+        wanted = [name for name, about in entries.items() if about[1] == "blob" and (is_wanted(name) or name in links)]
+        answer = git(folder, "cat-file", "--batch", stdin="".join(f"{entries[name][2]}\n" for name in wanted).encode())
+        contents = dict(zip(wanted, _split_batch(answer), strict=True))
+    except GitError as error:
+        _fail(label, "S108", str(error))
+    files = {name: contents.get(name, b"") for name in entries if name not in links}
+    return Snapshot(label, files, {name: os.fsdecode(contents[name]) for name in links}, base)
+
+
+def _obstacle(folder: str) -> str:
+    """Return what keeps git from looking for any revision, "" if nothing does."""
+    try:
+        git(folder, "rev-parse", "--git-dir")
+    except GitError as error:
+        return f": {error}"
+    return ""
+
+
+def _hint(folder: str, revision: str) -> str:
+    """Return why a repository may lack `revision`, or the nearest name that it has; "" where nothing is known."""
+    with suppress(GitError):
+        if git(folder, "rev-parse", "--is-shallow-repository").strip() == b"true":
+            return ": the repository is shallow, `git fetch --unshallow` brings the rest of it"
+    return suggestion(revision, revisions(folder))
+
+
+def _split_batch(answer: bytes) -> list[bytes]:
+    """Return the contents in what `git cat-file --batch` prints: a line that ends in a size, the bytes, a line end.
+
+    Raises GitError where an object is missing.
+    """
+    contents = []
+    position = 0
+    while position < len(answer):
+        start = answer.index(b"\n", position) + 1
+        about = answer[position:start].decode(errors="replace").split()
+        if about[-1] == "missing":
+            raise GitError(f"the repository is damaged: object {about[0]} is missing")
+        size = int(about[-1])
+        contents.append(answer[start : start + size])
+        position = start + size + 1
+    return contents
+
+
+def _fail(path: str, code: str, message: str) -> NoReturn:
+    raise fault(path, code, message, 0)
