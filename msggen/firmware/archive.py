@@ -28,7 +28,7 @@ def read_archive(path: str) -> Snapshot:
     """Return the files of an archive; a single folder around them all is left out. Raises InputError."""
     try:
         files, links = (_read_zip if path.lower().endswith(".zip") else _read_tar)(path)
-    except (*_DAMAGED, EOFError, OSError, RuntimeError, ValueError) as error:
+    except (*_DAMAGED, EOFError, LookupError, OSError, RuntimeError, ValueError) as error:
         reason = str(error).partition("\n")[0].rstrip(":") or type(error).__name__
         raise fault(path, "S109", f"cannot be read as an archive: {reason}", 0) from None
     tops = {name.split("/")[0] for name in (*files, *links)}
