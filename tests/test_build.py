@@ -431,9 +431,12 @@ def test_diff_shows_every_change_as_a_patch(capsys: pytest.CaptureFixture[str]) 
     capsys.readouterr()
     assert build("-q", "--diff", "--px4", "firmware") == 1
     shown = capsys.readouterr().out
-    changed = set(re.findall(r"^\+\+\+ (\S+)", shown, re.MULTILINE))
-    names = ("msg/__init__.py", "msg/_debug_vect.py", "msg/_rpm.py", "topics.py")
-    assert {str(PACKAGE / name) for name in names} <= changed
+    changed = set(re.findall(r"^--- (\S+)\n\+\+\+ (\S+)", shown, re.MULTILINE))
+    paths = {
+        name: str(PACKAGE / name) for name in ("msg/__init__.py", "msg/_debug_vect.py", "msg/_rpm.py", "topics.py")
+    }
+    both = {(paths[name], paths[name]) for name in ("msg/__init__.py", "topics.py")}
+    assert both | {("/dev/null", paths["msg/_debug_vect.py"]), (paths["msg/_rpm.py"], "/dev/null")} <= changed
     assert "+class DebugVect(" in shown
     assert "-class Rpm(" in shown
 

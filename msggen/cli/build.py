@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 
 from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_diff, sources_of
 from msggen.diagnostics import fault
@@ -112,9 +113,7 @@ def _files(number: int) -> str:
 def _print_diffs(plan: Plan) -> None:
     for name in (*plan.written, *plan.removed):
         path = os.path.join(plan.folder, name)
-        try:
-            with open(path, "rb") as stream:
-                before = stream.read()
-        except OSError:
-            before = b""
-        print_diff(path, before, plan.files.get(name, "").encode())
+        before = None
+        with suppress(OSError), open(path, "rb") as stream:
+            before = stream.read()
+        print_diff(path, before, plan.files[name].encode() if name in plan.files else None)

@@ -51,7 +51,7 @@ def _bump(options: argparse.Namespace) -> int:
     plan = (bump if writes else plan_bump)(firmware, options.message, options.against)
     if options.diff:
         for change in plan.changes:
-            print_diff(change.name, change.before or b"", change.after)
+            print_diff(change.name, change.before, change.after)
     print("\n".join(_report(plan, writes=writes)))
     return FINDINGS if plan.changes and not writes else DONE
 
