@@ -11,16 +11,25 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from importlib import import_module
 from typing import Any
 
 from msggen import __version__
-from msggen.cli import breaking, build, bump, check, rules, sync
 from msggen.cli.common import DONE, FAILED, FINDINGS, print_annotations, print_faults
 from msggen.diagnostics import InputError, suggestion
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main"]
 
-_COMMANDS = (build, sync, check, breaking, bump, rules)
+_MODULES = {
+    "build": "build",
+    "sync": "sync",
+    "check": "check",
+    "breaking": "breaking",
+    "bump": "bump",
+    "rules": "rules",
+    "explain": "rules",
+}
+"""Which module has a command."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,7 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")  # a name that the terminal cannot show must not end the run
     options = argparse.Namespace(writes=True)
     try:
-        options, unknown = _parser().parse_known_args(arguments)
+        words = sys.argv[1:] if arguments is None else list(arguments)
+        options, unknown = _parser(words).parse_known_args(words)
         if unknown:
             options.parser.error(f"unknown argument '{unknown[0]}'{suggestion(unknown[0], options.known)}")
         return _run(options)
@@ -79,7 +89,8 @@ class _Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    """Return the parser of the command that `words` begin with, or of all: each of them takes time to make."""
     parser = _Parser(
         prog="msggen",
         description="PX4's message definitions in; Python types, CDR codecs and a topic registry out.",
@@ -87,6 +98,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"msggen {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    for command in _COMMANDS:
-        command.add_to(commands)
+    known = _MODULES.get(words[0]) if words else None
+    for module in dict.fromkeys([known] if known else _MODULES.values()):
+        import_module(f"msggen.cli.{module}").add_to(commands)
     return parser

@@ -132,12 +132,17 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+_ROOMS = ("firmware", "generate", "parse")
+"""The folders of msggen that a package is made by; the others stand on this one."""
+
+
 def _tool_digest() -> bytes:
     state = sha256()
     package = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    for root, suffixes in ((package, (".py",)), (resource("templates"), (".py", ".j2"))):
+    templates = os.path.join(resource("templates"), "python")
+    for root, suffixes in ((package, (".py",)), (templates, (".py", ".j2"))):
         for folder, folders, names in os.walk(root):
-            folders[:] = sorted(name for name in folders if name not in ("__pycache__", "embedded", "templates"))
+            folders[:] = sorted(name for name in folders if name in _ROOMS)
             for name in sorted(names):
                 if name.endswith(suffixes):
                     with open(os.path.join(folder, name), "rb") as stream:
