@@ -163,3 +163,13 @@ def test_a_service_is_ignored_by_its_name(pattern: str, tmp_path: Path) -> None:
     case = Case({"srv/SetRpm.srv": "float32 a\n---\nbool b\n"}, {"srv/SetRpm.srv": "float64 a\n---\nbool b\n"}, set())
     assert run(tmp_path, case) == [("FIELD_RETYPED", "SetRpm_Request", False)]
     assert run(tmp_path, case, {pattern: named("WIRE")}) == []
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_finding_is_at_a_place_that_exists(name: str, tmp_path: Path) -> None:
+    run(tmp_path, CASES[name])
+    before, after = (find_sources(str(tmp_path / side)) for side in ("previous", "current"))
+    named_otherwise = after._replace(label="the working tree")
+    assert [
+        each for each in breaking(before, named_otherwise).findings if not Path(each.change.location.path).exists()
+    ] == []

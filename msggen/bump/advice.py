@@ -6,10 +6,10 @@ import os
 import re
 from collections.abc import Iterator
 
-from msggen.bump.archive import archived_name, read_definition
+from msggen.bump.archive import read_definition
 from msggen.bump.header import TODO, find_callers, header_name
 from msggen.bump.step import AS_IT_STANDS, CONSTANT, Step, fields_of
-from msggen.firmware.history import TRANSLATIONS, VERSIONED, History
+from msggen.firmware.history import TRANSLATIONS, VERSIONED, History, archived_name
 from msggen.model import DEFAULT_PACKAGE, Message, Service
 
 _NODE = "msg/translation_node/CMakeLists.txt"

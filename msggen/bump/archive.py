@@ -10,6 +10,7 @@ import re
 from typing import NamedTuple
 
 from msggen.diagnostics import InputError
+from msggen.firmware.history import archived_name
 from msggen.firmware.tree import Tree
 from msggen.model import DEFAULT_PACKAGE, VERSION, Message
 from msggen.parse import decode_text, parse_message
@@ -58,11 +59,6 @@ def read_nested(tree: Tree, outer: Message) -> dict[str, Definition]:
                 found[inner] = definition
                 waiting.append(definition.message)
     return found
-
-
-def archived_name(message: Message) -> str:
-    """Return what the archive calls a message: its name and version."""
-    return f"{message.name}V{message.message_version}"
 
 
 def archive(outer: Definition, nested: dict[str, Definition]) -> dict[str, str]:

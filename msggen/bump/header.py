@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from msggen.bump.archive import archived_name
+from msggen.firmware.history import archived_name
 from msggen.model import FLOATS, INTEGER_RANGES, ArrayKind, BridgeEntry, Field, FieldType, Message
 
 TODO = "// TODO:"

@@ -18,10 +18,9 @@ _Key = tuple[str, "int | None", Direction]
 
 def find_removed(comparison: Comparison) -> Iterator[Change]:
     """Endpoints that are gone, and whose uORB topic crosses nowhere else."""
-    gone, come, _ = _sorted(comparison)
-    moved = {endpoint.entry.uorb_topic for endpoint in come}
-    for endpoint in gone:
-        if endpoint.entry.uorb_topic not in moved:
+    moved = {before.entry for before, _ in _moved(comparison)}
+    for endpoint in _sorted(comparison)[0]:
+        if endpoint.entry not in moved:
             text = f"'{endpoint.entry.topic}' of {comparison.previous.label} is no longer bridged"
             place = Location(_yaml(comparison), 0)
             yield Change(endpoint.entry.topic, text, place, _excerpt(endpoint))
@@ -29,13 +28,8 @@ def find_removed(comparison: Comparison) -> Iterator[Change]:
 
 def find_moved(comparison: Comparison) -> Iterator[Change]:
     """Endpoints whose uORB topic crosses in another direction or under another name."""
-    gone, come, _ = _sorted(comparison)
-    targets = {endpoint.entry.uorb_topic: endpoint for endpoint in come}
-    for endpoint in gone:
-        target = targets.get(endpoint.entry.uorb_topic)
-        if target:
-            text = f"{_whole_name(target)} is {_whole_name(endpoint)} in {comparison.previous.label}"
-            yield _change(endpoint, target, text)
+    for before, after in _moved(comparison):
+        yield _change(before, after, f"{_whole_name(after)} is {_whole_name(before)} in {comparison.previous.label}")
 
 
 def find_retyped(comparison: Comparison) -> Iterator[Change]:
@@ -72,12 +66,17 @@ def _sorted(comparison: Comparison) -> tuple[list[Endpoint], list[Endpoint], lis
     return gone, come, [(previous[key], endpoint) for key, endpoint in current.items() if key in previous]
 
 
+def _moved(comparison: Comparison) -> list[tuple[Endpoint, Endpoint]]:
+    """Return the endpoints whose uORB topic now crosses at another one."""
+    gone, come, _ = _sorted(comparison)
+    targets = {endpoint.entry.uorb_topic: endpoint for endpoint in come}
+    topics = [endpoint.entry.uorb_topic for endpoint in gone]
+    return [(before, targets[topic]) for before, topic in zip(gone, topics, strict=True) if topic in targets]
+
+
 def _both(comparison: Comparison) -> list[tuple[Endpoint, Endpoint]]:
     """Return the endpoints of both sides, moved ones among them."""
-    gone, come, both = _sorted(comparison)
-    targets = {endpoint.entry.uorb_topic: endpoint for endpoint in come}
-    moved = ((endpoint, targets.get(endpoint.entry.uorb_topic)) for endpoint in gone)
-    return [*both, *((before, after) for before, after in moved if after)]
+    return [*_sorted(comparison)[2], *_moved(comparison)]
 
 
 def _by_entry(catalog: Catalog) -> dict[_Key, Endpoint]:
@@ -105,7 +104,7 @@ def _said(endpoint: Endpoint) -> str:
 
 def _yaml(comparison: Comparison) -> str:
     entries = comparison.current.catalog.bridge
-    return entries[0].location.path if entries else comparison.current.label
+    return entries[0].location.path if entries else comparison.current.place
 
 
 def _change(before: Endpoint, after: Endpoint, text: str) -> Change:

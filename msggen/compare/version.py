@@ -13,7 +13,7 @@ from msggen.compare.comparison import Comparison, MessagePair, constants_of
 from msggen.compare.finding import Change, Excerpt
 from msggen.compare.semantic import has_same_tags
 from msggen.compare.source import excerpt, wire_value
-from msggen.firmware.history import ARCHIVE, TRANSLATIONS, History, without_comments
+from msggen.firmware.history import ARCHIVE, TRANSLATIONS, History, archived_name, without_comments
 from msggen.location import Location
 from msggen.model import VERSION, Catalog, Message
 
@@ -56,7 +56,7 @@ def find_not_archived(comparison: Comparison) -> Iterator[Change]:
     """Messages with a higher version whose previous definition is not in the archive, or another is there."""
     for pair in _raised(comparison):
         if not _is_archived(comparison, pair):
-            name = _archived_name(pair)
+            name = archived_name(pair.previous)
             known = comparison.current.history and name in comparison.current.history.archived
             what = f"is not what {comparison.previous.label} has" if known else "is missing"
             yield _change(
@@ -111,7 +111,7 @@ def _raised(comparison: Comparison) -> Iterator[MessagePair]:
 
 def _is_archived(comparison: Comparison, pair: MessagePair) -> bool:
     history = comparison.current.history
-    archived = history.archived.get(_archived_name(pair)) if history else None
+    archived = history.archived.get(archived_name(pair.previous)) if history else None
     return (
         history is not None
         and archived is not None
@@ -129,14 +129,6 @@ def _translating(comparison: Comparison, pair: MessagePair) -> dict[str, str]:
     return history.translating(pair.name, pair.previous.message_version) if history else {}
 
 
-def _archived_name(pair: MessagePair) -> str:
-    return _name_in_archive(pair.previous)
-
-
-def _name_in_archive(message: Message) -> str:
-    return f"{message.name}V{message.message_version}"
-
-
 def _is_copy(history: History, archived: Message, catalog: Catalog, message: Message) -> bool:
     """Whether `archived` has the fields of `message`; what it nests is archived, too, and called so."""
     if len(archived.fields) != len(message.fields):
@@ -150,7 +142,7 @@ def _is_copy(history: History, archived: Message, catalog: Catalog, message: Mes
             continue
         inner = catalog.nested(message, field.type)
         found = history.archived.get(kept.type.name)
-        if not found or found.name != _name_in_archive(inner) or not _is_copy(history, found, catalog, inner):
+        if not found or found.name != archived_name(inner) or not _is_copy(history, found, catalog, inner):
             return False
     return True
 

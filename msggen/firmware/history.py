@@ -57,6 +57,11 @@ class History:
         }
 
 
+def archived_name(message: Message) -> str:
+    """Return what the archive calls a message: its name and version."""
+    return f"{message.name}V{message.message_version}"
+
+
 def without_comments(text: str) -> str:
     """Return C++ without its comments."""
     return _COMMENT.sub(" ", text)
