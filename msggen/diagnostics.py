@@ -1,7 +1,5 @@
 """What is wrong with an input, said to people: `path:line:col: CODE message`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import NamedTuple
 

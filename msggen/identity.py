@@ -1,12 +1,8 @@
 """What the firmware and ROS 2 call a message: hashes, ids and names (FACTS 2 and 4)."""
 
-from __future__ import annotations
-
-import json
 from collections.abc import Iterator
-from dataclasses import dataclass
 from hashlib import sha256
-from typing import Any
+from typing import NamedTuple
 
 from msggen.model import (
     ArrayKind,
@@ -41,6 +37,8 @@ _TYPE_IDS = {
 
 _ARRAY_OFFSETS = {ArrayKind.SCALAR: 0, ArrayKind.FIXED: 48, ArrayKind.BOUNDED: 96, ArrayKind.UNBOUNDED: 144}
 _BOUNDED_STRING_OFFSET = 4
+_PLACEHOLDER = ("structure_needs_at_least_one_member", FieldType("uint8"))
+"""What a message without fields has instead."""
 
 
 def message_hash(catalog: Catalog, message: Message) -> int:
@@ -59,35 +57,28 @@ def _field_lines(catalog: Catalog, message: Message) -> Iterator[str]:
 
 
 def type_hash(catalog: Catalog, message: Message) -> str:
-    """Return ROS 2's type hash, RIHS01 (REP 2016)."""
-    described = {
-        "type_description": _description(catalog, message),
-        "referenced_type_descriptions": [_description(catalog, inner) for inner in catalog.nested_all(message)],
-    }
-    return "RIHS01_" + sha256(json.dumps(described).encode()).hexdigest()
+    """Return ROS 2's type hash, RIHS01 (REP 2016): of JSON in which no name needs an escape."""
+    nested = ", ".join(_description(catalog, inner) for inner in catalog.nested_all(message))
+    text = f'{{"type_description": {_description(catalog, message)}, "referenced_type_descriptions": [{nested}]}}'
+    return "RIHS01_" + sha256(text.encode()).hexdigest()
 
 
-def _description(catalog: Catalog, message: Message) -> dict[str, Any]:
-    fields = [{"name": field.name, "type": _type(catalog, message, field.type)} for field in message.fields]
-    if not fields:
-        fields = [{"name": "structure_needs_at_least_one_member", "type": _type(catalog, message, FieldType("uint8"))}]
-    return {"type_name": message.ros_type, "fields": fields}
+def _description(catalog: Catalog, message: Message) -> str:
+    named = [(field.name, field.type) for field in message.fields] or [_PLACEHOLDER]
+    fields = ", ".join(f'{{"name": "{name}", "type": {_type(catalog, message, type_)}}}' for name, type_ in named)
+    return f'{{"type_name": "{message.ros_type}", "fields": [{fields}]}}'
 
 
-def _type(catalog: Catalog, outer: Message, type_: FieldType) -> dict[str, Any]:
-    type_id = _TYPE_IDS[type_.name] if type_.is_primitive else 1
-    return {
-        "type_id": type_id
-        + (_BOUNDED_STRING_OFFSET if type_.string_bound is not None else 0)
-        + _ARRAY_OFFSETS[type_.array],
-        "capacity": type_.length,
-        "string_capacity": type_.string_bound or 0,
-        "nested_type_name": "" if type_.is_primitive else catalog.nested(outer, type_).ros_type,
-    }
+def _type(catalog: Catalog, outer: Message, type_: FieldType) -> str:
+    base, nested = (_TYPE_IDS[type_.name], "") if type_.is_primitive else (1, catalog.nested(outer, type_).ros_type)
+    bound = 0 if type_.string_bound is None else _BOUNDED_STRING_OFFSET
+    return (
+        f'{{"type_id": {base + bound + _ARRAY_OFFSETS[type_.array]}, "capacity": {type_.length}, '
+        f'"string_capacity": {type_.string_bound or 0}, "nested_type_name": "{nested}"}}'
+    )
 
 
-@dataclass(frozen=True, slots=True)
-class UorbTopic:
+class UorbTopic(NamedTuple):
     """A topic as uORB knows it."""
 
     name: str
@@ -101,8 +92,7 @@ def uorb_topics(catalog: Catalog) -> tuple[UorbTopic, ...]:
     return tuple(UorbTopic(name, index, owners[name]) for index, name in enumerate(sorted(owners)))
 
 
-@dataclass(frozen=True, slots=True)
-class Qos:
+class Qos(NamedTuple):
     """Quality of service of one end, in DDS's words; a depth of 0 leaves it to the middleware."""
 
     reliability: str
@@ -118,8 +108,7 @@ APPLICATION = Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10)
 """What matches PX4 at the other end. A reader must not ask for RELIABLE; a writer may offer either."""
 
 
-@dataclass(frozen=True, slots=True)
-class Endpoint:
+class Endpoint(NamedTuple):
     """A topic that crosses the bridge, as DDS and ROS 2 know it. `object_id` is the XRCE client's."""
 
     entry: BridgeEntry

@@ -4,16 +4,14 @@ Everything has a fixed size, so every offset is known here. Offsets count from t
 four bytes of the encapsulation header, as alignment does.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
 from enum import Enum
+from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError
 from msggen.model import SIZES, ArrayKind, Catalog, FieldType, Message
 
-Path = tuple[tuple[str, "int | None"], ...]
+Path = tuple[tuple[str, int | None], ...]
 """How to reach a value: (field name, index in an array of messages or None), from the outside in."""
 
 
@@ -29,20 +27,18 @@ class Encoding(Enum):
         return self.value
 
 
-@dataclass(frozen=True, slots=True)
-class Leaf:
+class Leaf(NamedTuple):
     """A primitive or an array of primitives: `count` values of `size` bytes from `offset`, after `padding` bytes."""
 
     path: Path
     type: FieldType
-    count: int
+    count: int  # type: ignore[assignment]  # a tuple's own is of no use here
     size: int
     offset: int
     padding: int
 
 
-@dataclass(frozen=True, slots=True)
-class DelimiterHeader:
+class DelimiterHeader(NamedTuple):
     """XCDR2's four bytes before an array of messages; they hold the `size` in bytes of what follows."""
 
     offset: int
@@ -50,8 +46,7 @@ class DelimiterHeader:
     padding: int
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+class Layout(NamedTuple):
     """The bytes of one message, all nested messages unfolded."""
 
     size: int
@@ -123,6 +118,7 @@ class _Writer:
     def __init__(self, catalog: Catalog, encoding: Encoding) -> None:
         self.catalog = catalog
         self.encoding = encoding
+        self.largest_alignment = encoding.largest_alignment
         self.offset = 0
         self.items: list[Leaf | DelimiterHeader] = []
 
@@ -156,7 +152,7 @@ class _Writer:
             self.items[header] = DelimiterHeader(start - 4, self.offset - start, self.items[header].padding)
 
     def _pad(self, alignment: int) -> int:
-        padding = padding_before(self.offset, min(alignment, self.encoding.largest_alignment))
+        padding = padding_before(self.offset, min(alignment, self.largest_alignment))
         self.offset += padding
         return padding
 
@@ -166,24 +162,11 @@ def struct_format(items: Iterable[tuple[int, int, str]]) -> str:
 
     Neighbours with the same code are joined: `3f` and `f` to `4f`.
     """
-    return "".join(_join(_runs(items)))
-
-
-def _runs(items: Iterable[tuple[int, int, str]]) -> Iterator[tuple[int, str]]:
+    runs: list[tuple[int, str]] = []
     for padding, count, code in items:
-        if padding:
-            yield padding, "x"
-        yield count, code
-
-
-def _join(runs: Iterable[tuple[int, str]]) -> Iterator[str]:
-    total, previous = 0, ""
-    for count, code in runs:
-        if code == previous and code != "s":
-            total += count
-            continue
-        if total:
-            yield f"{total}{previous}" if total > 1 or previous == "s" else previous
-        total, previous = count, code
-    if total:
-        yield f"{total}{previous}" if total > 1 or previous == "s" else previous
+        for number, kind in ((padding, "x"), (count, code)):
+            if runs and kind == runs[-1][1] != "s":
+                runs[-1] = runs[-1][0] + number, kind
+            elif number:
+                runs.append((number, kind))
+    return "".join(f"{number}{kind}" if number > 1 or kind == "s" else kind for number, kind in runs)

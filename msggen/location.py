@@ -1,7 +1,5 @@
 """A place in a file: what every node of the model and every fault carries."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

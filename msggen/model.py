@@ -4,13 +4,11 @@ Plain frozen values: no text is read here and no byte is laid out. Every node ca
 read from, so that whoever finds fault with it later can say where.
 """
 
-from __future__ import annotations
-
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from enum import Enum
-from typing import Union
+from functools import cache
+from typing import NamedTuple, Union
 
 from msggen.location import Location
 
@@ -52,10 +50,13 @@ VERSION = "MESSAGE_VERSION"
 DEFAULT_PACKAGE = "px4_msgs"
 """The ROS 2 package that the firmware's definitions belong to."""
 
+_LATER_CAPITAL = re.compile(r"(?<!^)(?=[A-Z])")
 
+
+@cache
 def snake_case(name: str) -> str:
     """Return `name` as uORB spells topics: an underscore before every later capital (FACTS 1)."""
-    return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+    return _LATER_CAPITAL.sub("_", name).lower()
 
 
 class ArrayKind(Enum):
@@ -67,8 +68,7 @@ class ArrayKind(Enum):
     UNBOUNDED = "any number of values"
 
 
-@dataclass(frozen=True, slots=True)
-class FieldType:
+class FieldType(NamedTuple):
     """The type of a field: `name` is a primitive, or a message of `package` (None: the field's own)."""
 
     name: str
@@ -83,7 +83,7 @@ class FieldType:
         return self.package is None and self.name in _PRIMITIVES
 
     @property
-    def count(self) -> int:
+    def count(self) -> int:  # type: ignore[override]  # a tuple's own is of no use here
         """How many values there are, of one or of an array of fixed length."""
         return self.length if self.array is ArrayKind.FIXED else 1
 
@@ -106,8 +106,7 @@ class FieldType:
         return f"{self.base}[<={self.length}]" if self.array is ArrayKind.BOUNDED else f"{self.base}[]"
 
 
-@dataclass(frozen=True, slots=True)
-class Comment:
+class Comment(NamedTuple):
     """What a definition says about a node: its sentences, and the tags that PX4 writes in brackets.
 
     `text` has the sentences, tags taken out; the tags hold their bracket's content, or "" when absent.
@@ -127,8 +126,7 @@ class Comment:
         return " ".join([*tags, self.text]).strip()
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+class Field(NamedTuple):
     """One field; `location` is where its type starts, `name_column` where its name does."""
 
     name: str
@@ -139,8 +137,7 @@ class Field:
     comment: Comment = Comment()
 
 
-@dataclass(frozen=True, slots=True)
-class Constant:
+class Constant(NamedTuple):
     """One constant; `location` is where its type starts, `name_column` where its name does."""
 
     name: str
@@ -151,16 +148,14 @@ class Constant:
     comment: Comment = Comment()
 
 
-@dataclass(frozen=True, slots=True)
-class Topic:
+class Topic(NamedTuple):
     """A uORB topic that a message declares."""
 
     name: str
     location: Location
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(NamedTuple):
     """A `.msg` file, or one half of a `.srv` file (`folder` is then "srv")."""
 
     name: str
@@ -216,8 +211,7 @@ class Message:
         return values[0] if values and isinstance(values[0], int) else default
 
 
-@dataclass(frozen=True, slots=True)
-class Service:
+class Service(NamedTuple):
     """A `.srv` file: two messages, `<Name>_Request` and `<Name>_Response`."""
 
     name: str
@@ -235,8 +229,7 @@ class Direction(Enum):
     IN = "in"
 
 
-@dataclass(frozen=True, slots=True)
-class BridgeEntry:
+class BridgeEntry(NamedTuple):
     """One entry of `dds_topics.yaml`.
 
     `rate_limit_hz` is None where the entry has none (the firmware then polls at 100 Hz) and 0.0 for no
@@ -268,8 +261,7 @@ class BridgeEntry:
         return self.type_name.split("::")[-1]
 
 
-@dataclass(frozen=True, slots=True)
-class Conventions:
+class Conventions(NamedTuple):
     """How a release of the firmware names and numbers what crosses the bridge (FACTS 4)."""
 
     release: str
@@ -278,15 +270,13 @@ class Conventions:
     version_suffix: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Catalog:
+class Catalog(NamedTuple):
     """A whole set of definitions that fit together: every nested type is found, every name unique."""
 
     messages: Mapping[str, Message]
     services: tuple[Service, ...]
     bridge: tuple[BridgeEntry, ...]
     conventions: Conventions
-    _nested: dict[str, tuple[Message, ...]] = field(default_factory=dict, repr=False, compare=False)
 
     def nested(self, outer: Message, type_: FieldType) -> Message:
         """Return the message that a nested field of `outer` holds."""
@@ -294,14 +284,14 @@ class Catalog:
 
     def nested_all(self, outer: Message) -> tuple[Message, ...]:
         """Return every message nested in `outer`, at any depth, once each and sorted by ROS type."""
-        if outer.ros_type not in self._nested:
-            found = {inner.ros_type: inner for inner in self._walk(outer)}
-            self._nested[outer.ros_type] = tuple(found[name] for name in sorted(found))
-        return self._nested[outer.ros_type]
-
-    def _walk(self, outer: Message) -> Iterator[Message]:
-        for inner_field in outer.fields:
-            if not inner_field.type.is_primitive:
-                inner = self.nested(outer, inner_field.type)
-                yield inner
-                yield from self.nested_all(inner)
+        found: dict[str, Message] = {}
+        waiting = [outer]
+        while waiting:
+            message = waiting.pop()
+            for field in message.fields:
+                if not field.type.is_primitive:
+                    inner = self.nested(message, field.type)
+                    if inner.ros_type not in found:
+                        found[inner.ros_type] = inner
+                        waiting.append(inner)
+        return tuple(found[name] for name in sorted(found))

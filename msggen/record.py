@@ -4,8 +4,6 @@ A file is recognised by its digest. The record is sealed: one that was merged or
 files are, but no longer that they are current.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -38,7 +36,7 @@ def digest(data: bytes) -> str:
 def digest_of(folder: str, name: str) -> str | None:
     """Return the digest of a file, or None where none can be read."""
     try:
-        with open(os.path.join(folder, name), "rb") as stream:
+        with open(os.path.join(folder, name), "rb", buffering=0) as stream:
             return digest(stream.read())
     except OSError:
         return None

@@ -1,7 +1,5 @@
 """`[tool.msggen]` of the nearest pyproject.toml: options for those who type them every day, and the choice of rules."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys
@@ -34,9 +32,9 @@ class Settings(NamedTuple):
         return Location(self.origin, *_place(_text(self.origin), key))
 
 
-_HEADER = re.compile(r"^[ \t]*\[[ \t]*tool[ \t]*\.[ \t]*[\"']?msggen[\"']?[ \t]*\]", re.MULTILINE)
-_MENTIONED = re.compile(r"\btool[\"']?\s*\.\s*[\"']?msggen\b|^\s*\[\s*tool\s*\][^\[]*^\s*[\"']?msggen\b", re.MULTILINE)
-"""All ways to spell the table in TOML; without one of them the file need not be parsed."""
+_HEADER = r"(?m)^[ \t]*\[[ \t]*tool[ \t]*\.[ \t]*[\"']?msggen[\"']?[ \t]*\]"
+_MENTIONED = r"(?m)\btool[\"']?\s*\.\s*[\"']?msggen\b|^\s*\[\s*tool\s*\][^\[]*^\s*[\"']?msggen\b"
+"""All ways to spell the table in TOML; without one of them the file need not be parsed. Compiled when first needed."""
 
 _PATHS = ("px4", "msg_dir", "topics", "output")
 
@@ -50,7 +48,8 @@ def read_settings(folder: str) -> Settings:
     while True:
         path = os.path.join(here, "pyproject.toml")
         text = _text(path)
-        found = _parse(text, os.path.relpath(path, folder)) if _MENTIONED.search(text) else None
+        mentioned = "msggen" in text and re.search(_MENTIONED, text)
+        found = _parse(text, os.path.relpath(path, folder)) if mentioned else None
         if found is not None:
             return found
         parent = os.path.dirname(here)
@@ -126,8 +125,8 @@ def _place(text: str, key: str) -> tuple[int, int]:
     table = re.search(rf"^[ \t]*\[[\w\t \"'.]*\bmsggen\b[\"'\t ]*\.[\"'\t ]*{re.escape(key)}\b", text, re.MULTILINE)
     if table:
         return text.count("\n", 0, table.start()) + 1, 1
-    header = _HEADER.search(text)
-    start = header.end() if header else _MENTIONED.search(text + "msggen =").start()  # type: ignore[union-attr]
+    header = re.search(_HEADER, text)
+    start = header.end() if header else re.search(_MENTIONED, text + "msggen =").start()  # type: ignore[union-attr]
     found = re.compile(rf"[\"']?\b{re.escape(key)}\b[\"']?\s*[.=]").search(text, start)
     position = found.start() if found else start
     return text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)

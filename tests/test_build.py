@@ -420,7 +420,7 @@ def test_check_says_how_much_is_stale(capsys: pytest.CaptureFixture[str]) -> Non
     build("-q", "--px4", "firmware")
     stale_by("input removed")
     build("--check", "--px4", "firmware")
-    assert "is stale: 3 files to write, 1 to remove" in capsys.readouterr().out
+    assert "is stale: 4 files to write, 1 to remove" in capsys.readouterr().out
 
 
 def test_diff_shows_every_change_as_a_patch(capsys: pytest.CaptureFixture[str]) -> None:

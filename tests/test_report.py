@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -18,6 +19,7 @@ import pytest
 from conftest import shared, write_definitions
 
 from msggen.cli import main
+from msggen.cli.common import terminal_width
 from msggen.compare.finding import Category, Change, Excerpt, Finding, Report
 from msggen.compare.rules import RULES
 from msggen.location import Location
@@ -660,3 +662,9 @@ def test_every_format_carries_every_finding_between_two_releases(
     text = capsys.readouterr().out.replace("&gt;", ">")
     assert len(findings) > 100
     assert [each["message"] for each in findings if each["message"] not in text] == []
+
+
+@pytest.mark.parametrize("columns", ["", "0", "-3", "77", "wide"])
+def test_the_width_of_the_terminal_is_what_shutil_finds(columns: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    assert terminal_width(81) == shutil.get_terminal_size((81, 24)).columns

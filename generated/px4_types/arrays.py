@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 import sys
 from array import array as array
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from collections.abc import Sequence as Sequence
 
 TYPE_CHECKING = False
@@ -22,12 +22,14 @@ def zeros(code: str, length: int) -> array[Any]:
     return array(code, bytes(length * array(code).itemsize))
 
 
-def from_raw(code: str, raw: bytes) -> array[Any]:
-    """Return the array that `raw` holds, little-endian."""
+def _swapped(code: str, raw: bytes) -> array[Any]:
     values = array(code, raw)
-    if sys.byteorder == "big":
-        values.byteswap()
+    values.byteswap()
     return values
+
+
+from_raw: Callable[[str, bytes], array[Any]] = array if sys.byteorder == "little" else _swapped
+"""Return the array that bytes hold, little-endian."""
 
 
 def to_raw(code: str, length: int, values: Iterable[Any]) -> bytes:

@@ -6,6 +6,8 @@ argparse on purpose: larger libraries take longer to import than a build with no
 from __future__ import annotations
 
 import argparse
+import atexit
+import gc
 import io
 import os
 import sys
@@ -15,7 +17,7 @@ from importlib import import_module
 from typing import Any
 
 from msggen import __version__
-from msggen.cli.common import DONE, FAILED, FINDINGS, print_annotations, print_faults
+from msggen.cli.common import DONE, FAILED, FINDINGS, print_annotations, print_faults, terminal_width
 from msggen.diagnostics import InputError, suggestion
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main"]
@@ -33,7 +35,10 @@ _MODULES = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code."""
+    """Run the command line, by default that of this process; return the exit code."""
+    if arguments is None:
+        gc.disable()  # hardly anything here refers to itself: looking for it would take longer than it is worth
+        atexit.register(gc.freeze)  # nor need it be looked for when Python ends
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a name that the terminal cannot show must not end the run
@@ -79,8 +84,18 @@ def _has_written(options: argparse.Namespace) -> bool:
     return options.writes and not any(getattr(options, name, False) for name in ("check", "diff", "dry_run"))
 
 
+class _Formatter(argparse.HelpFormatter):
+    """Fits the terminal. One is made for each option that is added, long before anyone asks for help."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=terminal_width(80) - 2)
+
+
 class _Parser(argparse.ArgumentParser):
     """Suggests the nearest choice, of commands too."""
+
+    def __init__(self, **about: Any) -> None:
+        super().__init__(formatter_class=_Formatter, allow_abbrev=False, **about)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -94,10 +109,9 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="msggen",
         description="PX4's message definitions in; Python types, CDR codecs and a topic registry out.",
-        allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"msggen {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True)
     known = _MODULES.get(words[0]) if words else None
     for module in dict.fromkeys([known] if known else _MODULES.values()):
         import_module(f"msggen.cli.{module}").add_to(commands)

@@ -6,13 +6,12 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from msggen.diagnostics import Diagnostic, InputError
-from msggen.firmware.neighbour import neighbour
 from msggen.firmware.source import Sources, find_sources
 from msggen.location import Location
-from msggen.report import FORMATS
 from msggen.settings import Settings
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ def add_command(
     commands: Commands, name: str, run: Callable[[argparse.Namespace], int], *, writes: bool = False, **about: Any
 ) -> argparse.ArgumentParser:
     """Return the parser of a new command `name`, which `run` does; whether it `writes` is said where it fails."""
-    parser = commands.add_parser(name, allow_abbrev=False, **about)
+    parser = commands.add_parser(name, **about)
     known = parser._option_string_actions  # noqa: SLF001 - no other way
     parser.set_defaults(run=run, parser=parser, known=known, writes=writes)
     return parser
@@ -90,6 +89,8 @@ def _missing(options: argparse.Namespace, settings: Settings) -> Iterator[Diagno
         yield from _missing_folder(path, settings, None if options.msg_dir else "msg-dir")
     path = settings.topics
     if path and not options.topics and not os.path.exists(path):
+        from msggen.firmware.neighbour import neighbour
+
         text = f"'{path}': no such file{neighbour(path, is_meant=os.path.exists)}"
         yield Diagnostic(settings.place("topics"), "S101", text)
 
@@ -98,6 +99,7 @@ def _missing_folder(path: str, settings: Settings, key: str | None) -> Iterator[
     """Yield a fault where `path`, of the setting `key` if any, is neither there nor a revision of a folder that is."""
     if os.path.exists(path):
         return
+    from msggen.firmware.neighbour import neighbour
     from msggen.firmware.revision import split_revision
 
     if split_revision(path)[1]:
@@ -119,6 +121,8 @@ def given(text: str) -> str:
 
 def add_output_format(parser: argparse.ArgumentParser) -> None:
     """Add the choice of how findings are shown."""
+    from msggen.report import FORMATS
+
     parser.add_argument(
         "--output-format", choices=FORMATS, default="full", metavar="FORMAT", help=f"{', '.join(FORMATS)}"
     )
@@ -141,9 +145,18 @@ def print_annotations(faults: Sequence[Diagnostic], options: argparse.Namespace)
 
 def width() -> int:
     """Return how many columns there are to print in."""
-    import shutil
+    return terminal_width(_WIDTH_OF_A_LOG) if sys.stdout.isatty() else _WIDTH_OF_A_LOG
 
-    return shutil.get_terminal_size((_WIDTH_OF_A_LOG, 0)).columns if sys.stdout.isatty() else _WIDTH_OF_A_LOG
+
+def terminal_width(otherwise: int) -> int:
+    """Return the columns of the terminal as shutil finds them; importing shutil takes longer than asking."""
+    with suppress(KeyError, ValueError):
+        columns = int(os.environ["COLUMNS"])
+        if columns > 0:
+            return columns
+    with suppress(AttributeError, OSError, ValueError):
+        return os.get_terminal_size(sys.__stdout__.fileno()).columns or otherwise  # type: ignore[union-attr]
+    return otherwise
 
 
 def colour() -> bool:

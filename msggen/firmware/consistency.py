@@ -56,10 +56,11 @@ def check_topics(messages: Iterable[Message]) -> Iterator[Diagnostic]:
             if other is not message:
                 text = f"topic '{name}' is already declared by {other.location.path}"
                 yield Diagnostic(location, "M403", text)
-        names = [topic.name for topic in message.topics]
-        for topic in message.topics[1:]:
-            if names.index(topic.name) != message.topics.index(topic):
+        names: set[str] = set()
+        for topic in message.topics:
+            if topic.name in names:
                 yield Diagnostic(topic.location, "M403", f"topic '{topic.name}' is already declared in this file")
+            names.add(topic.name)
 
 
 def check_timestamps(messages: Iterable[Message]) -> Iterator[Diagnostic]:
@@ -113,8 +114,8 @@ def _unknown_types(outer: Message, known: Mapping[str, Message]) -> Iterator[Dia
 
 def _nested(outer: Message, known: Mapping[str, Message]) -> Iterator[tuple[Field, Message]]:
     for field in outer.fields:
-        inner = known.get(outer.key_of(field.type))
-        if inner is not None and not field.type.is_primitive:
+        inner = None if field.type.is_primitive else known.get(outer.key_of(field.type))
+        if inner is not None:
             yield field, inner
 
 

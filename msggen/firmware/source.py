@@ -1,8 +1,7 @@
 """Which files a catalog is made of, and their bytes. What they mean is not known here."""
 
-from __future__ import annotations
-
 import os
+from itertools import chain
 from typing import NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
@@ -105,23 +104,28 @@ def find_sources(
     if px4 is not None:
         _refuse_part_of_tree(roots[0])
     label = ", ".join(root.path for root in roots) if named else "the embedded PX4 v1.17"
-    messages: list[File] = []
-    services: list[File] = []
-    for root in roots:
-        found = len(messages) + len(services)
-        messages += _definitions(root, "msg", ".msg")
-        services += _definitions(root, "srv", ".srv")
-        if len(messages) + len(services) == found:
+    messages = [_definitions(root, "msg", ".msg") for root in roots]
+    services = [_definitions(root, "srv", ".srv") for root in roots]
+    for root, *found in zip(roots, messages, services, strict=True):
+        if not any(found):
             _fail_without_definitions(root)
     bridge = File(topics, os.path.basename(topics)) if isinstance(topics, str) else topics
     if bridge is None and (px4 is not None or not named):
         bridge = _bridge(roots[0])
-    own = len(_definitions(roots[0], "msg", ".msg"))
     manifest, *others = map(_manifest, roots)
     other_manifests = tuple(file for file in others if file)
     first = roots[0]
     return Sources(
-        tuple(messages), tuple(services), bridge, manifest, other_manifests, release, own, _is_tree(first), label, first
+        tuple(chain(*messages)),
+        tuple(chain(*services)),
+        bridge,
+        manifest,
+        other_manifests,
+        release,
+        len(messages[0]),
+        _is_tree(first),
+        label,
+        first,
     )
 
 
@@ -145,11 +149,11 @@ def _definitions(root: Tree, folder: str, suffix: str) -> list[File]:
     archived versions never does.
     """
     prefix = f"{folder}/" if root.is_folder(folder) else ""
-    folders = ("",) if _manifest(root) else ("", "versioned/")
+    folders = (prefix,) if _manifest(root) else (prefix, f"{prefix}versioned/")
     return [
-        File(root.place(prefix + sub + name), prefix + sub + name, root)
-        for sub in folders
-        for name in root.names(prefix + sub)
+        File(place + name, folder + name, root)
+        for folder, place in [(folder, root.place(folder)) for folder in folders]
+        for name in root.names(folder)
         if name.endswith(suffix) and not name.startswith(".")
     ]
 

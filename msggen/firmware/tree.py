@@ -46,7 +46,7 @@ class Folder:
         """Return the bytes of `name`. Raises InputError."""
         path = self.place(name)
         try:
-            with open(path, "rb") as stream:
+            with open(path, "rb", buffering=0) as stream:
                 return stream.read()
         except OSError as error:
             raise fault(path, "S101", error.strerror or str(error), 0) from None

@@ -4,8 +4,6 @@ A build with nothing to do ends before anything slow is imported: it reads the i
 compares digests.
 """
 
-from __future__ import annotations
-
 import os
 from contextlib import suppress
 from hashlib import sha256
@@ -115,7 +113,7 @@ def _escaped(path: str) -> str:
     return path.replace("$", "$$").replace("#", "\\#").replace(" ", "\\ ")
 
 
-def _summary(catalog: Catalog) -> str:
+def _summary(catalog: "Catalog") -> str:
     topics = sum(len(message.topic_names) for message in catalog.messages.values())
     counts = (
         _count(len(catalog.messages), "message"),

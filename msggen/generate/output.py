@@ -3,8 +3,6 @@
 A run that finds the fingerprint of its inputs and the digests of its outputs as recorded has nothing to do.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Collection, Mapping
@@ -55,7 +53,7 @@ def plan_output(folder: str, files: Mapping[str, str], record: Record) -> Plan:
     written = []
     for name, text in files.items():
         found = digest_of(folder, name)
-        if found == digest(text.encode()):
+        if found is not None and found == digest(text.encode()):
             continue
         if name not in record.files and os.path.lexists(os.path.join(folder, name)):
             raise ForeignFileError(os.path.join(folder, name))

@@ -14,12 +14,14 @@ from msggen.model import DEFAULT_PACKAGE, Catalog, Message, Service
 from msggen.resources import resource
 
 _EXAMPLE = "SensorCombined"
+_COPIED = ("arrays.py", "batch.py", "cdr.py", "lazy.py", "places.py", "registry.py")
+"""The files that are the same in every package."""
 
 
 def list_package(catalog: Catalog) -> tuple[str, ...]:
     """Return the names of the files that `render_package` makes, sorted. Raises InputError as that does."""
     check_fixed_size(_definitions(catalog))
-    names = ["__init__.py", "arrays.py", "cdr.py", "registry.py", "py.typed", "topics.py", "msg/__init__.py"]
+    names = ["__init__.py", *_COPIED, "orb_id.py", "py.typed", "topics.py", "msg/__init__.py"]
     names += [f"msg/{module_name(message.name)}.py" for message in catalog.messages.values()]
     if catalog.services:
         names.append("srv/__init__.py")
@@ -45,15 +47,13 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
     names = [message.name for message in messages]
     example = _EXAMPLE if _EXAMPLE in names else "".join(names[:1])
     about = {"name": name, "package": package, "messages": messages, "services": catalog.services}
+    topics = [_topic(topic) for topic in uorb_topics(catalog)]
     files = {
         "__init__.py": render("package", **about, example=example),
-        "arrays.py": _copied("arrays.py"),
-        "cdr.py": _copied("cdr.py"),
-        "registry.py": _copied("registry.py"),
+        **{file: _copied(file) for file in _COPIED},
         "py.typed": "",
-        "topics.py": render(
-            "topics", topics=[_topic(topic) for topic in uorb_topics(catalog)], endpoints=endpoints(catalog)
-        ),
+        "orb_id.py": render("orb_id", topics=topics),
+        "topics.py": render("topics", topics=topics, endpoints=endpoints(catalog)),
         "msg/__init__.py": render("folder", title="Messages", package=package, classes=_classes(messages)),
     }
     template = made.get_template("python/message.py.j2")
@@ -81,14 +81,13 @@ def _definitions(catalog: Catalog) -> list[Message]:
 
 
 def _copied(name: str) -> str:
-    """Return a file that is the same in every package."""
     with open(os.path.join(resource("templates"), "python", name), encoding="utf-8") as stream:
         return stream.read()
 
 
 def _topic(topic: UorbTopic) -> dict[str, object]:
     queue_length = topic.message.queue_length
-    arguments = (literal(topic.name), f"ORB_ID.{topic.name}", literal(topic.message.name), str(queue_length))
+    arguments = (literal(topic.name), str(topic.orb_id), literal(topic.message.name), str(queue_length))
     return {"name": topic.name, "orb_id": topic.orb_id, "arguments": arguments}
 
 

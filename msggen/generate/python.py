@@ -13,7 +13,7 @@ How a value is held in Python, and why (docs/design.md has the measurements):
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from msggen.generate.source import documentation, literal, wrapped
 from msggen.identity import message_hash, type_hash
@@ -62,8 +62,7 @@ def module_name(name: str) -> str:
     return f"_{snake_case(name)}"
 
 
-@dataclass(frozen=True, slots=True)
-class ConstantView:
+class ConstantView(NamedTuple):
     """One constant; `spaced` puts a blank line before it."""
 
     name: str
@@ -72,8 +71,7 @@ class ConstantView:
     spaced: bool
 
 
-@dataclass(frozen=True, slots=True)
-class FieldView:
+class FieldView(NamedTuple):
     """One attribute of a class."""
 
     name: str
@@ -108,8 +106,7 @@ class FieldView:
         return f"_cdr.Field({wrapped(items, 16)})"
 
 
-@dataclass(frozen=True, slots=True)
-class MessageView:
+class MessageView(NamedTuple):
     """One class."""
 
     message: Message
@@ -137,6 +134,17 @@ class MessageView:
     def names(self) -> tuple[str, ...]:
         """The names of the fields, as literals."""
         return tuple(literal(field.name) for field in self.fields)
+
+    @property
+    def unpack(self) -> str:
+        """How `decode` unpacks: samples arrive rounded up to 4 bytes (FACTS 3), so others have one length."""
+        return "unpack_from" if self.cdr_size % 4 else "unpack"
+
+    @property
+    def unless_longer(self) -> str:
+        """What `decode` asks of the length: nothing where `unpack` has."""
+        lengths = ", ".join(str(self.cdr_size + 4 + surplus) for surplus in range(4))
+        return f" or len(data) not in ({lengths})" if self.cdr_size % 4 else ""
 
     @property
     def _topic_names(self) -> tuple[str, ...]:
@@ -328,31 +336,30 @@ def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:
             yield item.padding + 4, 0, "x"
 
 
-@dataclass
 class Codec:
     """The statements of `encode` and `decode`, as expressions in the order of the wire."""
 
-    targets: list[str] = field(default_factory=list)
-    """What `decode` unpacks to."""
-    values: list[str] = field(default_factory=list)
-    """What `encode` packs."""
-    created: list[tuple[str, str]] = field(default_factory=list)
-    """Local and class of the nested messages that `decode` makes."""
-    assigned: list[tuple[str, str]] = field(default_factory=list)
-    """Attribute and value of what `decode` puts together afterwards."""
-    unpacked: list[tuple[str, str]] = field(default_factory=list)
-    """Locals and attribute of what `encode` takes apart before."""
-    lengths: list[tuple[str, int]] = field(default_factory=list)
-    """Attributes of bytes, and how many there must be: `struct` would pad or cut them."""
-    bools: list[str] = field(default_factory=list)
-    """What must be a bool: `struct` would take any object for one."""
+    def __init__(self) -> None:
+        self.targets: list[str] = []
+        """What `decode` unpacks to."""
+        self.values: list[str] = []
+        """What `encode` packs."""
+        self.created: list[tuple[str, str]] = []
+        """Local and class of the nested messages that `decode` makes."""
+        self.assigned: list[tuple[str, str]] = []
+        """Attribute and value of what `decode` puts together afterwards."""
+        self.unpacked: list[tuple[str, str]] = []
+        """Locals and attribute of what `encode` takes apart before."""
+        self.lengths: list[tuple[str, int]] = []
+        """Attributes of bytes, and how many there must be: `struct` would pad or cut them."""
+        self.bools: list[str] = []
+        """What must be a bool: `struct` would take any object for one."""
+        self._locals: set[str] = set(_CODEC_LOCALS)
 
     def groups_of_bools(self) -> list[list[str]]:
         """Return the bools in groups that are joined by an operator, `False` first: alone it would not be applied."""
         groups = (self.bools[index : index + _LARGEST_GROUP] for index in range(0, len(self.bools), _LARGEST_GROUP))
         return [["False", *group] for group in groups]
-
-    _locals: set[str] = field(default_factory=lambda: set(_CODEC_LOCALS))
 
     @classmethod
     def of(cls, catalog: Catalog, message: Message) -> Codec:
@@ -382,8 +389,8 @@ class Codec:
             code = _CODES[type_.name]
             raw = self._name(f"{stem}_raw")
             self.targets.append(raw)
-            self.assigned.append((here, f"_arrays.from_raw({literal(code)}, {raw})"))
-            self.values.append(f"_arrays.to_raw({literal(code)}, {type_.length}, {there})")
+            self.assigned.append((here, f"_from_raw({literal(code)}, {raw})"))
+            self.values.append(f"_to_raw({literal(code)}, {type_.length}, {there})")
         else:
             names = self._names(stem, type_.length)
             self.targets += names

@@ -10,8 +10,6 @@ import json
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
-from typing import Any
 
 _DANGEROUS_QUOTES = re.compile(r'"{2,}|"$')
 
@@ -21,16 +19,16 @@ WIDTH = 110
 
 def literal(value: object) -> str:
     """Return `value` as a Python literal, printable strings in double quotes."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return f'float("{value}")'
-    if isinstance(value, tuple):
-        return f"({''.join(literal(item) + ', ' for item in value).strip()})"
     if isinstance(value, str):
         if not value.isprintable():
             return ascii(value)
         # What can be printed, JSON quotes as Python does; most of it needs no escape.
         plain = '"' not in value and "\\" not in value
         return f'"{value}"' if plain else json.dumps(value, ensure_ascii=False)
+    if isinstance(value, float) and not math.isfinite(value):
+        return f'float("{value}")'
+    if isinstance(value, tuple):
+        return f"({''.join(literal(item) + ', ' for item in value).strip()})"
     return repr(value)
 
 
@@ -39,7 +37,9 @@ def documentation(text: str, indent: int, *, closed: bool = False) -> str:
 
     `closed` puts the closing quotes on a line of their own where there are several lines.
     """
-    safe = _DANGEROUS_QUOTES.sub(lambda quotes: '\\"' * len(quotes[0]), text.replace("\\", "\\\\"))
+    safe = text.replace("\\", "\\\\")
+    if '"' in safe:
+        safe = _DANGEROUS_QUOTES.sub(lambda quotes: '\\"' * len(quotes[0]), safe)
     if len(safe) <= WIDTH - indent - 6 and "\n" not in safe:
         return safe
     lines: list[str] = []
@@ -64,9 +64,9 @@ def _paragraphs(lines: list[str]) -> list[str]:
     return paragraphs
 
 
-def arguments(value: Any) -> str:
-    """Return the fields of a dataclass as positional arguments."""
-    return ", ".join(literal(getattr(value, field.name)) for field in fields(value))
+def arguments(values: Iterable[object]) -> str:
+    """Return the values of a tuple as positional arguments."""
+    return ", ".join(map(literal, values))
 
 
 def wrapped(items: Iterable[str], indent: int, kind: str = "") -> str:
@@ -94,10 +94,14 @@ def joined_by(items: Sequence[str], operator: str, indent: int) -> str:
 
 
 def _filled(items: Iterable[str], separator: str, width: int) -> list[str]:
-    lines: list[str] = []
+    lines: list[list[str]] = []
+    room = -1
     for item in items:
-        if lines and len(lines[-1]) + len(separator) + len(item) <= width:
-            lines[-1] += separator + item
+        room -= len(separator) + len(item)
+        if room >= 0:
+            lines[-1].append(item)
         else:
-            lines.append(item)
-    return [*(line + "," for line in lines[:-1]), *lines[-1:]] if separator == ", " else lines
+            lines.append([item])
+            room = width - len(item)
+    end = "," if separator == ", " else ""
+    return [separator.join(line) + end for line in lines[:-1]] + [separator.join(line) for line in lines[-1:]]

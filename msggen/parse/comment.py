@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from msggen.model import Comment
 
@@ -13,15 +14,19 @@ _TAG = re.compile(r" ?\[@(range|enum|invalid|frame)\b\s*([^\]]*)\]")
 _UNIT = re.compile(r"\s*\[(?![-+\d., ]*\d[-+\d., ]*\])([^@\]\[]{1,24})\]")
 
 
-def parse_comment(lines: tuple[str, ...]) -> Comment:
+_NOTHING = Comment()
+
+
+def parse_comment(lines: Sequence[str]) -> Comment:
     """Return what the comment `lines` of one node say, the `#` already taken off.
 
     A unit counts where it leads a line, as PX4 writes it; `@` tags count anywhere. What is not a tag stays text.
     """
     if not lines:
-        return Comment()
-    if not any("[" in line for line in lines):
-        return Comment("\n".join(lines).strip())
+        return _NOTHING
+    whole = "\n".join(lines)
+    if "[" not in whole:
+        return Comment(whole.strip())
     tags = {"unit": ""}
     text = [_take_tags(line, tags) for line in lines]
     return Comment("\n".join(text).strip(), **tags)
@@ -32,7 +37,7 @@ def _take_tags(line: str, tags: dict[str, str]) -> str:
     if unit and not tags["unit"]:
         tags["unit"] = unit[1].strip()
         line = line[unit.end() :]
-    return _TAG.sub(lambda tag: _take_tag(tag, tags), line).strip()
+    return (_TAG.sub(lambda tag: _take_tag(tag, tags), line) if "[@" in line else line).strip()
 
 
 def _take_tag(tag: re.Match[str], tags: dict[str, str]) -> str:

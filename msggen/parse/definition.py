@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import keyword
 import re
-from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, suggestion
 from msggen.location import Location
@@ -35,7 +35,19 @@ MAX_BOUND = 2**31 - 1
 """Highest bound of a sequence or string: CDR counts elements in 32 bits."""
 
 RESERVED_NAMES = frozenset(
-    {"self", "cls", "encode", "decode", "encode_batch", "decode_batch", "dtype", "from_row", "upgrade", "downgrade"}
+    {
+        "self",
+        "cls",
+        "encode",
+        "decode",
+        "encode_batch",
+        "decode_batch",
+        "dtype",
+        "from_row",
+        "lazy",
+        "upgrade",
+        "downgrade",
+    }
 )
 """Names that the generated classes have for themselves, or will have: a field must not change its name later."""
 
@@ -46,9 +58,9 @@ _TYPE = re.compile(
     r"(?P<array>\[(?P<atmost><=)?(?P<length>[^\[\]<=]*)\])?"
 )
 _MESSAGE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
-_PACKAGE_NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
-_FIELD_NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
-_CONSTANT_NAME = re.compile(r"(?!.*__)(?!.*_$)[A-Z][A-Z0-9_]*")
+_FIELD_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
+_CONSTANT_NAME = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*")
+_PACKAGE_NAME = _FIELD_NAME
 _TOPIC_NAME = re.compile(r"(?!.*__)[a-z][a-z0-9_]*")
 _RESERVED_TOPICS = frozenset({*keyword.kwlist, "mro", "name", "value"})
 _QUOTED_VALUE = re.compile(r"\s*\S+\s+[^\s=]+(?:\s*=)?\s*[\"'\[]")
@@ -109,8 +121,7 @@ def _check_name(body: _Body, name: str) -> None:
         body.fault("M202", 1, 1, f"message name '{name}' is reserved in the generated package")
 
 
-@dataclass
-class _Element:
+class _Element(NamedTuple):
     """A line with code on it, and every comment that belongs to it."""
 
     line: int
@@ -118,18 +129,18 @@ class _Element:
     comment: list[str]
 
 
-@dataclass
 class _Body:
     """A list of fields and constants as it is being read."""
 
-    path: str
-    name: str
-    fields: list[Field] = field(default_factory=list)
-    constants: list[Constant] = field(default_factory=list)
-    topics: list[Topic] = field(default_factory=list)
-    faults: list[Diagnostic] = field(default_factory=list)
-    comment: str = ""
-    _seen: dict[str, tuple[str, int]] = field(default_factory=dict)
+    def __init__(self, path: str, name: str) -> None:
+        self.path = path
+        self.name = name
+        self.fields: list[Field] = []
+        self.constants: list[Constant] = []
+        self.topics: list[Topic] = []
+        self.faults: list[Diagnostic] = []
+        self.comment = ""
+        self._seen: dict[str, tuple[str, int]] = {}
 
     def message(self, package: str, folder: str) -> Message:
         where = Location(self.path)
@@ -152,7 +163,7 @@ class _Body:
         above: list[str] = []
         for number, line in enumerate(lines, first_line):
             code, remark = _split_comment(line)
-            if remark is not None and _LOOKS_LIKE_TOPICS.match(line):
+            if remark is not None and "TOPIC" in line and _LOOKS_LIKE_TOPICS.match(line):
                 self._read_topics(line.rstrip(), number)
             elif code.strip():
                 trailing = [] if remark is None else [remark]
@@ -194,42 +205,43 @@ class _Body:
 
     def _read_element(self, element: _Element) -> None:
         match = _ELEMENT.fullmatch(element.code.rstrip())
-        if (
-            match is None
-            or not match["name"]
-            or match["name"].startswith(("[", "//"))
-            or match["value"].startswith("//")
-        ):
-            column = len(element.code) - len(element.code.lstrip()) + 1
-            text = element.code.strip()
-            if "//" in text:
-                self.fault("M101", element.line, element.code.index("//") + 1, "comments start with '#', found '//'")
-                return
-            self.fault("M101", element.line, column, f"expected 'TYPE NAME' or 'TYPE NAME = VALUE', found {text!r}")
+        if match is None or not match["name"]:
+            self._misread(element)
+            return
+        spelling, name, equals, text = match.groups()
+        if name.startswith(("[", "//")) or text.startswith("//"):
+            self._misread(element)
             return
         type_column, name_column = match.start("type") + 1, match.start("name") + 1
         location = Location(self.path, element.line, type_column)
-        is_constant = bool(match["equals"])
-        self._check_field_name(match["name"], element.line, name_column, is_constant=is_constant)
+        is_constant = bool(equals)
+        self._check_field_name(name, element.line, name_column, is_constant=is_constant)
         try:
-            type_ = parse_type(match["type"])
+            type_ = parse_type(spelling)
         except TypeSpellingError as wrong:
             self.fault(wrong.code, element.line, type_column, wrong.message)
             return
         value = None
-        if is_constant or match["value"]:
+        if is_constant or text:
             try:
-                value = parse_value(type_, match["value"], is_constant=is_constant)
+                value = parse_value(type_, text, is_constant=is_constant)
             except ValueError as wrong:
-                value_column = match.start("value") + 1
-                self.fault("M305", element.line, value_column, f"'{match['name']}': {wrong}")
+                self.fault("M305", element.line, match.start("value") + 1, f"'{name}': {wrong}")
                 return
-        comment = parse_comment(tuple(element.comment))
+        comment = parse_comment(element.comment)
         if is_constant and value is not None:
-            self._check_special(match["name"], type_, value, location)
-            self.constants.append(Constant(match["name"], type_, value, location, name_column, comment))
+            self._check_special(name, type_, value, location)
+            self.constants.append(Constant(name, type_, value, location, name_column, comment))
         else:
-            self.fields.append(Field(match["name"], type_, location, name_column, value, comment))
+            self.fields.append(Field(name, type_, location, name_column, value, comment))
+
+    def _misread(self, element: _Element) -> None:
+        column = len(element.code) - len(element.code.lstrip()) + 1
+        text = element.code.strip()
+        if "//" in text:
+            self.fault("M101", element.line, element.code.index("//") + 1, "comments start with '#', found '//'")
+            return
+        self.fault("M101", element.line, column, f"expected 'TYPE NAME' or 'TYPE NAME = VALUE', found {text!r}")
 
     def _check_field_name(self, name: str, line: int, column: int, *, is_constant: bool) -> None:
         kind = "constant" if is_constant else "field"
@@ -263,7 +275,7 @@ def _split_comment(line: str) -> tuple[str, str | None]:
     code, mark, remark = line.partition("#")
     if not mark:
         return line, None
-    if _QUOTED_VALUE.match(code):
+    if ('"' in code or "'" in code) and _QUOTED_VALUE.match(code):
         quote = ""
         for index, character in enumerate(line):
             if quote:

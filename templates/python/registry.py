@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from importlib import import_module
-
 from .cdr import Frozen, Message
 
 TYPE_CHECKING = False
@@ -14,10 +11,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Endpoint", "Qos", "QosPair", "UorbTopic", "find_endpoint", "in_namespace"]
 
-_NAMESPACE = re.compile(r"/?([A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*)/?")
+_NAMESPACE = r"/?([A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*)/?"
 
 
 def _message_class(name: str) -> type[Message]:
+    from importlib import import_module
+
     found: type[Message] = getattr(import_module(f"{__package__}.msg"), name)
     return found
 
@@ -163,7 +162,9 @@ def find_endpoint(endpoints: Sequence[Endpoint], name: str) -> Endpoint:
 
 def in_namespace(endpoints: Sequence[Endpoint], namespace: str) -> tuple[Endpoint, ...]:
     """Return `endpoints` with their names below `namespace`."""
-    parts = _NAMESPACE.fullmatch(namespace)
+    from re import fullmatch
+
+    parts = fullmatch(_NAMESPACE, namespace)
     if parts is None:
         raise ValueError(f"'{namespace}' is no namespace: expected a name such as 'uav_1'")
     return tuple(

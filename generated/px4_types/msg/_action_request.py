@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -89,19 +89,19 @@ class ActionRequest(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ActionRequest:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActionRequest:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.action, message.source, message.mode) = _unpack_from(data)
+            (header, message.timestamp, message.action, message.source, message.mode) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 15 <= len(data) <= 18:
+        if header != _USUAL or len(data) not in (15, 16, 17, 18):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ActionRequest",
         ros_type="px4_msgs/msg/ActionRequest",
         dds_type="px4_msgs::msg::dds_::ActionRequest_",
@@ -117,4 +117,4 @@ class ActionRequest(_cdr.Message):
             _cdr.Field("source", "uint8", 9, 1, enum="SOURCE"),
             _cdr.Field("mode", "uint8", 10, 1),
         ),
-    )
+    ))

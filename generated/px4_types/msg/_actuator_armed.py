@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -94,22 +94,22 @@ class ActuatorArmed(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ActuatorArmed:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorArmed:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.armed, message.prearmed, message.ready_to_arm,
                 message.lockdown, message.kill, message.termination, message.in_esc_calibration_mode,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 19 <= len(data) <= 22:
+        if header != _USUAL or len(data) not in (19, 20, 21, 22):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ActuatorArmed",
         ros_type="px4_msgs/msg/ActuatorArmed",
         dds_type="px4_msgs::msg::dds_::ActuatorArmed_",
@@ -129,4 +129,4 @@ class ActuatorArmed(_cdr.Message):
             _cdr.Field("termination", "bool", 13, 1),
             _cdr.Field("in_esc_calibration_mode", "bool", 14, 1),
         ),
-    )
+    ))

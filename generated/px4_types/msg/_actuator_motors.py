@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QH2x12f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -75,7 +75,7 @@ class ActuatorMotors(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ActuatorMotors:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorMotors:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -83,10 +83,10 @@ class ActuatorMotors(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.reversible_flags, control_0,
                 control_1, control_2, control_3, control_4, control_5, control_6, control_7, control_8,
                 control_9, control_10, control_11,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 72 <= len(data) <= 75:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.control = (
             control_0, control_1, control_2, control_3, control_4, control_5, control_6, control_7, control_8,
@@ -95,7 +95,7 @@ class ActuatorMotors(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ActuatorMotors",
         ros_type="px4_msgs/msg/ActuatorMotors",
         dds_type="px4_msgs::msg::dds_::ActuatorMotors_",
@@ -113,4 +113,4 @@ class ActuatorMotors(_cdr.Message):
                 "control", "float32[12]", 20, 48, range="-1, 1", invalid="NaN Stops the motor",
             ),
         ),
-    )
+    ))

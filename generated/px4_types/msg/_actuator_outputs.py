@@ -14,8 +14,9 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI64s", words="Q17I")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
+_from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
 
 class ActuatorOutputs(_cdr.Message):
@@ -55,27 +56,25 @@ class ActuatorOutputs(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
         try:
-            return _pack(
-                _USUAL, self.timestamp, self.noutputs, _arrays.to_raw("f", 16, self.output),
-            )
+            return _pack(_USUAL, self.timestamp, self.noutputs, _to_raw("f", 16, self.output))
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ActuatorOutputs:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorOutputs:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.noutputs, output_raw) = _unpack_from(data)
+            (header, message.timestamp, message.noutputs, output_raw) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 80 <= len(data) <= 83:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.output = _arrays.from_raw("f", output_raw)
+        message.output = _from_raw("f", output_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ActuatorOutputs",
         ros_type="px4_msgs/msg/ActuatorOutputs",
         dds_type="px4_msgs::msg::dds_::ActuatorOutputs_",
@@ -90,4 +89,4 @@ class ActuatorOutputs(_cdr.Message):
             _cdr.Field("noutputs", "uint32", 8, 4),
             _cdr.Field("output", "float32[16]", 12, 64),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q8f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -56,22 +56,22 @@ class ActuatorServosTrim(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ActuatorServosTrim:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorServosTrim:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 44 <= len(data) <= 47:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.trim = (trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ActuatorServosTrim",
         ros_type="px4_msgs/msg/ActuatorServosTrim",
         dds_type="px4_msgs::msg::dds_::ActuatorServosTrim_",
@@ -85,4 +85,4 @@ class ActuatorServosTrim(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("trim", "float32[8]", 8, 32, range="-1, 1"),
         ),
-    )
+    ))

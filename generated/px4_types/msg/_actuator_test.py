@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QBxHfI")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -78,22 +78,22 @@ class ActuatorTest(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ActuatorTest:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorTest:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.action, message.function, message.value,
                 message.timeout_ms,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 24 <= len(data) <= 27:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ActuatorTest",
         ros_type="px4_msgs/msg/ActuatorTest",
         dds_type="px4_msgs::msg::dds_::ActuatorTest_",
@@ -110,4 +110,4 @@ class ActuatorTest(_cdr.Message):
             _cdr.Field("value", "float32", 12, 4, range="-1, 1"),
             _cdr.Field("timeout_ms", "uint32", 16, 4, unit="ms"),
         ),
-    )
+    ))

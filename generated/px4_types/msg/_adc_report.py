@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI12h12iIf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -83,7 +83,7 @@ class AdcReport(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> AdcReport:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> AdcReport:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -93,10 +93,10 @@ class AdcReport(_cdr.Message):
                 channel_id_9, channel_id_10, channel_id_11, raw_data_0, raw_data_1, raw_data_2, raw_data_3,
                 raw_data_4, raw_data_5, raw_data_6, raw_data_7, raw_data_8, raw_data_9, raw_data_10,
                 raw_data_11, message.resolution, message.v_ref,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 96 <= len(data) <= 99:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.channel_id = (
             channel_id_0, channel_id_1, channel_id_2, channel_id_3, channel_id_4, channel_id_5, channel_id_6,
@@ -109,7 +109,7 @@ class AdcReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="AdcReport",
         ros_type="px4_msgs/msg/AdcReport",
         dds_type="px4_msgs::msg::dds_::AdcReport_",
@@ -127,4 +127,4 @@ class AdcReport(_cdr.Message):
             _cdr.Field("resolution", "uint32", 84, 4, unit="-"),
             _cdr.Field("v_ref", "float32", 88, 4, unit="V"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q3f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -72,22 +72,22 @@ class Airspeed(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> Airspeed:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Airspeed:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_sample, message.indicated_airspeed_m_s,
                 message.true_airspeed_m_s, message.confidence,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 32 <= len(data) <= 35:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="Airspeed",
         ros_type="px4_msgs/msg/Airspeed",
         dds_type="px4_msgs::msg::dds_::Airspeed_",
@@ -104,4 +104,4 @@ class Airspeed(_cdr.Message):
             _cdr.Field("true_airspeed_m_s", "float32", 20, 4, unit="m/s"),
             _cdr.Field("confidence", "float32", 24, 4, range="0,1"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3fb3x5f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -137,7 +137,7 @@ class AirspeedValidated(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> AirspeedValidated:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> AirspeedValidated:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -146,15 +146,15 @@ class AirspeedValidated(_cdr.Message):
                 message.true_airspeed_m_s, message.airspeed_source, message.calibrated_ground_minus_wind_m_s,
                 message.calibraded_airspeed_synth_m_s, message.airspeed_derivative_filtered,
                 message.throttle_filtered, message.pitch_filtered,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 48 <= len(data) <= 51:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="AirspeedValidated",
         ros_type="px4_msgs/msg/AirspeedValidated",
         dds_type="px4_msgs::msg::dds_::AirspeedValidated_",
@@ -180,4 +180,4 @@ class AirspeedValidated(_cdr.Message):
             _cdr.Field("throttle_filtered", "float32", 36, 4, unit="-"),
             _cdr.Field("pitch_filtered", "float32", 40, 4, unit="rad"),
         ),
-    )
+    ))

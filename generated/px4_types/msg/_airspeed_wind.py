@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q11fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -139,7 +139,7 @@ class AirspeedWind(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> AirspeedWind:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> AirspeedWind:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -148,15 +148,15 @@ class AirspeedWind(_cdr.Message):
                 message.windspeed_east, message.variance_north, message.variance_east, message.tas_innov,
                 message.tas_innov_var, message.tas_scale_raw, message.tas_scale_raw_var,
                 message.tas_scale_validated, message.beta_innov, message.beta_innov_var, message.source,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 65 <= len(data) <= 68:
+        if header != _USUAL or len(data) not in (65, 66, 67, 68):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="AirspeedWind",
         ros_type="px4_msgs/msg/AirspeedWind",
         dds_type="px4_msgs::msg::dds_::AirspeedWind_",
@@ -186,4 +186,4 @@ class AirspeedWind(_cdr.Message):
             _cdr.Field("beta_innov_var", "float32", 56, 4, unit="rad^2"),
             _cdr.Field("source", "uint8", 60, 1, enum="SOURCE"),
         ),
-    )
+    ))

@@ -17,7 +17,7 @@ _LAYOUT = _cdr.Layout(
     "Q3B4?BQIH25sBQIH25sBQIH25sBQIH25sBQIH25sB11?", xcdr2="Q8B4xQIH25sBQIH25sBQIH25sBQIH25sBQIH25s12B",
     delimiters=((16, 200),),
 )
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -214,7 +214,7 @@ class ArmingCheckReply(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ArmingCheckReply:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ArmingCheckReply:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         events_0 = _new(Event)
@@ -239,16 +239,16 @@ class ArmingCheckReply(_cdr.Message):
                 message.mode_req_global_position_relaxed, message.mode_req_mission,
                 message.mode_req_home_position, message.mode_req_prevent_arming,
                 message.mode_req_manual_control,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 231 <= len(data) <= 234:
+        if header != _USUAL or len(data) not in (231, 232, 233, 234):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.events = (events_0, events_1, events_2, events_3, events_4)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ArmingCheckReply",
         ros_type="px4_msgs/msg/ArmingCheckReply",
         dds_type="px4_msgs::msg::dds_::ArmingCheckReply_",
@@ -281,4 +281,4 @@ class ArmingCheckReply(_cdr.Message):
             _cdr.Field("mode_req_prevent_arming", "bool", 225, 1),
             _cdr.Field("mode_req_manual_control", "bool", 226, 1),
         ),
-    )
+    ))

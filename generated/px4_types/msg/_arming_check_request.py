@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB3xI")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -59,21 +59,21 @@ class ArmingCheckRequest(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ArmingCheckRequest:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ArmingCheckRequest:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.request_id, message.valid_registrations_mask,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 20 <= len(data) <= 23:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ArmingCheckRequest",
         ros_type="px4_msgs/msg/ArmingCheckRequest",
         dds_type="px4_msgs::msg::dds_::ArmingCheckRequest_",
@@ -88,4 +88,4 @@ class ArmingCheckRequest(_cdr.Message):
             _cdr.Field("request_id", "uint8", 8, 1, unit="-"),
             _cdr.Field("valid_registrations_mask", "uint32", 12, 4, unit="-"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q23fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -167,7 +167,7 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> AutotuneAttitudeControlStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> AutotuneAttitudeControlStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -176,10 +176,10 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
                 coeff_var_1, coeff_var_2, coeff_var_3, coeff_var_4, message.fitness, message.innov,
                 message.dt_model, message.kc, message.ki, message.kd, message.kff, message.att_p, rate_sp_0,
                 rate_sp_1, rate_sp_2, message.u_filt, message.y_filt, message.state,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 105 <= len(data) <= 108:
+        if header != _USUAL or len(data) not in (105, 106, 107, 108):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.coeff = (coeff_0, coeff_1, coeff_2, coeff_3, coeff_4)
         message.coeff_var = (coeff_var_0, coeff_var_1, coeff_var_2, coeff_var_3, coeff_var_4)
@@ -187,7 +187,7 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="AutotuneAttitudeControlStatus",
         ros_type="px4_msgs/msg/AutotuneAttitudeControlStatus",
         dds_type="px4_msgs::msg::dds_::AutotuneAttitudeControlStatus_",
@@ -214,4 +214,4 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
             _cdr.Field("y_filt", "float32", 96, 4, unit="rad/s"),
             _cdr.Field("state", "uint8", 100, 1, enum="STATE"),
         ),
-    )
+    ))

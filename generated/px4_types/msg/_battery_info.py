@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QB32s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -56,19 +56,19 @@ class BatteryInfo(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> BatteryInfo:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> BatteryInfo:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.id, message.serial_number) = _unpack_from(data)
+            (header, message.timestamp, message.id, message.serial_number) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 45 <= len(data) <= 48:
+        if header != _USUAL or len(data) not in (45, 46, 47, 48):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="BatteryInfo",
         ros_type="px4_msgs/msg/BatteryInfo",
         dds_type="px4_msgs::msg::dds_::BatteryInfo_",
@@ -83,4 +83,4 @@ class BatteryInfo(_cdr.Message):
             _cdr.Field("id", "uint8", 8, 1),
             _cdr.Field("serial_number", "char[32]", 9, 32, invalid="0 All bytes"),
         ),
-    )
+    ))

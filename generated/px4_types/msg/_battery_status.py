@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q?3x8f3Bx6HBxH15f2?BxH2x2fH2x8f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -351,7 +351,7 @@ class BatteryStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> BatteryStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> BatteryStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -370,10 +370,10 @@ class BatteryStatus(_cdr.Message):
                 message.internal_resistance_estimate, message.ocv_estimate, message.ocv_estimate_filtered,
                 message.volt_based_soc_estimate, message.voltage_prediction, message.prediction_error,
                 message.estimation_covariance_norm,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 180 <= len(data) <= 183:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.voltage_cell_v = (
             voltage_cell_v_0, voltage_cell_v_1, voltage_cell_v_2, voltage_cell_v_3, voltage_cell_v_4,
@@ -383,7 +383,7 @@ class BatteryStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="BatteryStatus",
         ros_type="px4_msgs/msg/BatteryStatus",
         dds_type="px4_msgs::msg::dds_::BatteryStatus_",
@@ -433,4 +433,4 @@ class BatteryStatus(_cdr.Message):
             _cdr.Field("prediction_error", "float32", 168, 4, unit="V"),
             _cdr.Field("estimation_covariance_norm", "float32", 172, 4, unit="-"),
         ),
-    )
+    ))

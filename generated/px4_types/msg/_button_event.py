@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -55,19 +55,19 @@ class ButtonEvent(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ButtonEvent:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ButtonEvent:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.triggered) = _unpack_from(data)
+            (header, message.timestamp, message.triggered) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 13 <= len(data) <= 16:
+        if header != _USUAL or len(data) not in (13, 14, 15, 16):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ButtonEvent",
         ros_type="px4_msgs/msg/ButtonEvent",
         dds_type="px4_msgs::msg::dds_::ButtonEvent_",
@@ -81,4 +81,4 @@ class ButtonEvent(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("triggered", "bool", 8, 1),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI4x2d6fb", xcdr2="2QI2Q6IB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -93,23 +93,23 @@ class CameraCapture(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> CameraCapture:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> CameraCapture:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_utc, message.seq, message.lat, message.lon,
                 message.alt, message.ground_distance, q_0, q_1, q_2, q_3, message.result,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 69 <= len(data) <= 72:
+        if header != _USUAL or len(data) not in (69, 70, 71, 72):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="CameraCapture",
         ros_type="px4_msgs/msg/CameraCapture",
         dds_type="px4_msgs::msg::dds_::CameraCapture_",
@@ -130,4 +130,4 @@ class CameraCapture(_cdr.Message):
             _cdr.Field("q", "float32[4]", 48, 16, frame="NED"),
             _cdr.Field("result", "int8", 64, 1),
         ),
-    )
+    ))

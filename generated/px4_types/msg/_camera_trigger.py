@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -65,21 +65,21 @@ class CameraTrigger(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> CameraTrigger:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> CameraTrigger:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_utc, message.seq, message.feedback,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 25 <= len(data) <= 28:
+        if header != _USUAL or len(data) not in (25, 26, 27, 28):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="CameraTrigger",
         ros_type="px4_msgs/msg/CameraTrigger",
         dds_type="px4_msgs::msg::dds_::CameraTrigger_",
@@ -95,4 +95,4 @@ class CameraTrigger(_cdr.Message):
             _cdr.Field("seq", "uint32", 16, 4),
             _cdr.Field("feedback", "bool", 20, 1),
         ),
-    )
+    ))

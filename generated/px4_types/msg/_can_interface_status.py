@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QB7x3Q", xcdr2="QB3x3Q")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -66,22 +66,22 @@ class CanInterfaceStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> CanInterfaceStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> CanInterfaceStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.interface, message.io_errors, message.frames_tx,
                 message.frames_rx,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 44 <= len(data) <= 47:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="CanInterfaceStatus",
         ros_type="px4_msgs/msg/CanInterfaceStatus",
         dds_type="px4_msgs::msg::dds_::CanInterfaceStatus_",
@@ -98,4 +98,4 @@ class CanInterfaceStatus(_cdr.Message):
             _cdr.Field("frames_tx", "uint64", 24, 8),
             _cdr.Field("frames_rx", "uint64", 32, 8),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH3Bx3H")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -124,22 +124,22 @@ class CellularStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> CellularStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> CellularStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.status, message.failure_reason, message.type,
                 message.quality, message.mcc, message.mnc, message.lac,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 24 <= len(data) <= 27:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="CellularStatus",
         ros_type="px4_msgs/msg/CellularStatus",
         dds_type="px4_msgs::msg::dds_::CellularStatus_",
@@ -159,4 +159,4 @@ class CellularStatus(_cdr.Message):
             _cdr.Field("mnc", "uint16", 16, 2, invalid="UINT16_MAX"),
             _cdr.Field("lac", "uint16", 18, 2, invalid="0"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q4f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -61,24 +61,24 @@ class CollisionConstraints(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> CollisionConstraints:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> CollisionConstraints:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, original_setpoint_0, original_setpoint_1, adapted_setpoint_0,
                 adapted_setpoint_1,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 28 <= len(data) <= 31:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.original_setpoint = (original_setpoint_0, original_setpoint_1)
         message.adapted_setpoint = (adapted_setpoint_0, adapted_setpoint_1)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="CollisionConstraints",
         ros_type="px4_msgs/msg/CollisionConstraints",
         dds_type="px4_msgs::msg::dds_::CollisionConstraints_",
@@ -97,4 +97,4 @@ class CollisionConstraints(_cdr.Message):
                 "adapted_setpoint", "float32[2]", 16, 8, invalid="NaN No limit", frame="NED",
             ),
         ),
-    )
+    ))

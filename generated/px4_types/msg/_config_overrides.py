@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2?hbB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -89,22 +89,22 @@ class ConfigOverrides(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ConfigOverrides:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ConfigOverrides:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.disable_auto_disarm, message.defer_failsafes,
                 message.defer_failsafes_timeout_s, message.source_type, message.source_id,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 18 <= len(data) <= 21:
+        if header != _USUAL or len(data) not in (18, 19, 20, 21):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ConfigOverrides",
         ros_type="px4_msgs/msg/ConfigOverrides",
         dds_type="px4_msgs::msg::dds_::ConfigOverrides_",
@@ -122,4 +122,4 @@ class ConfigOverrides(_cdr.Message):
             _cdr.Field("source_type", "int8", 12, 1, enum="SOURCE_TYPE"),
             _cdr.Field("source_id", "uint8", 13, 1),
         ),
-    )
+    ))

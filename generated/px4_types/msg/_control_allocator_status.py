@@ -14,8 +14,9 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q?3x3f?3x3f16s2H", words="QB3x3IB3x3I16B2H")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
+_from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
 
 class ControlAllocatorStatus(_cdr.Message):
@@ -113,14 +114,14 @@ class ControlAllocatorStatus(_cdr.Message):
                 _USUAL, self.timestamp, self.torque_setpoint_achieved, unallocated_torque_0,
                 unallocated_torque_1, unallocated_torque_2, self.thrust_setpoint_achieved,
                 unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2,
-                _arrays.to_raw("b", 16, self.actuator_saturation), self.handled_motor_failure_mask,
+                _to_raw("b", 16, self.actuator_saturation), self.handled_motor_failure_mask,
                 self.motor_stop_mask,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ControlAllocatorStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ControlAllocatorStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -129,18 +130,18 @@ class ControlAllocatorStatus(_cdr.Message):
                 unallocated_torque_1, unallocated_torque_2, message.thrust_setpoint_achieved,
                 unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2, actuator_saturation_raw,
                 message.handled_motor_failure_mask, message.motor_stop_mask,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 64 <= len(data) <= 67:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.unallocated_torque = (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2)
         message.unallocated_thrust = (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2)
-        message.actuator_saturation = _arrays.from_raw("b", actuator_saturation_raw)
+        message.actuator_saturation = _from_raw("b", actuator_saturation_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ControlAllocatorStatus",
         ros_type="px4_msgs/msg/ControlAllocatorStatus",
         dds_type="px4_msgs::msg::dds_::ControlAllocatorStatus_",
@@ -160,4 +161,4 @@ class ControlAllocatorStatus(_cdr.Message):
             _cdr.Field("handled_motor_failure_mask", "uint16", 56, 2),
             _cdr.Field("motor_stop_mask", "uint16", 58, 2),
         ),
-    )
+    ))

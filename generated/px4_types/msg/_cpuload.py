@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -53,19 +53,19 @@ class Cpuload(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> Cpuload:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Cpuload:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.load, message.ram_usage) = _unpack_from(data)
+            (header, message.timestamp, message.load, message.ram_usage) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 20 <= len(data) <= 23:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="Cpuload",
         ros_type="px4_msgs/msg/Cpuload",
         dds_type="px4_msgs::msg::dds_::Cpuload_",
@@ -80,4 +80,4 @@ class Cpuload(_cdr.Message):
             _cdr.Field("load", "float32", 8, 4, unit="-", range="0, 1"),
             _cdr.Field("ram_usage", "float32", 12, 4, unit="-", range="0, 1"),
         ),
-    )
+    ))

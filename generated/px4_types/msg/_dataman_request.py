@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3BxI56sI")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -79,22 +79,22 @@ class DatamanRequest(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> DatamanRequest:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DatamanRequest:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.client_id, message.request_type, message.item,
                 message.index, message.data, message.data_length,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 80 <= len(data) <= 83:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="DatamanRequest",
         ros_type="px4_msgs/msg/DatamanRequest",
         dds_type="px4_msgs::msg::dds_::DatamanRequest_",
@@ -113,4 +113,4 @@ class DatamanRequest(_cdr.Message):
             _cdr.Field("data", "uint8[56]", 16, 56),
             _cdr.Field("data_length", "uint32", 72, 4, unit="bytes"),
         ),
-    )
+    ))

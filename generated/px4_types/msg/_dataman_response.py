@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3BxI56sB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -88,22 +88,22 @@ class DatamanResponse(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> DatamanResponse:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DatamanResponse:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.client_id, message.request_type, message.item,
                 message.index, message.data, message.status,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 77 <= len(data) <= 80:
+        if header != _USUAL or len(data) not in (77, 78, 79, 80):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="DatamanResponse",
         ros_type="px4_msgs/msg/DatamanResponse",
         dds_type="px4_msgs::msg::dds_::DatamanResponse_",
@@ -122,4 +122,4 @@ class DatamanResponse(_cdr.Message):
             _cdr.Field("data", "uint8[56]", 16, 56),
             _cdr.Field("status", "uint8", 72, 1, enum="STATUS"),
         ),
-    )
+    ))

@@ -14,8 +14,9 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH10s232s", words="QH10s58I")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
+_from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
 
 class DebugArray(_cdr.Message):
@@ -61,27 +62,25 @@ class DebugArray(_cdr.Message):
         try:
             if len(self.name) != 10:
                 raise _cdr.Refused
-            return _pack(
-                _USUAL, self.timestamp, self.id, self.name, _arrays.to_raw("f", 58, self.data),
-            )
+            return _pack(_USUAL, self.timestamp, self.id, self.name, _to_raw("f", 58, self.data))
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> DebugArray:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DebugArray:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.id, message.name, data_raw) = _unpack_from(data)
+            (header, message.timestamp, message.id, message.name, data_raw) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 256 <= len(data) <= 259:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.data = _arrays.from_raw("f", data_raw)
+        message.data = _from_raw("f", data_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="DebugArray",
         ros_type="px4_msgs/msg/DebugArray",
         dds_type="px4_msgs::msg::dds_::DebugArray_",
@@ -97,4 +96,4 @@ class DebugArray(_cdr.Message):
             _cdr.Field("name", "char[10]", 10, 10),
             _cdr.Field("data", "float32[58]", 20, 232),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q10s2xf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -56,19 +56,19 @@ class DebugKeyValue(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> DebugKeyValue:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DebugKeyValue:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.key, message.value) = _unpack_from(data)
+            (header, message.timestamp, message.key, message.value) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 28 <= len(data) <= 31:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="DebugKeyValue",
         ros_type="px4_msgs/msg/DebugKeyValue",
         dds_type="px4_msgs::msg::dds_::DebugKeyValue_",
@@ -83,4 +83,4 @@ class DebugKeyValue(_cdr.Message):
             _cdr.Field("key", "char[10]", 8, 10),
             _cdr.Field("value", "float32", 20, 4),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Qb3xf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -54,19 +54,19 @@ class DebugValue(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> DebugValue:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DebugValue:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.ind, message.value) = _unpack_from(data)
+            (header, message.timestamp, message.ind, message.value) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 20 <= len(data) <= 23:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="DebugValue",
         ros_type="px4_msgs/msg/DebugValue",
         dds_type="px4_msgs::msg::dds_::DebugValue_",
@@ -81,4 +81,4 @@ class DebugValue(_cdr.Message):
             _cdr.Field("ind", "int8", 8, 1),
             _cdr.Field("value", "float32", 12, 4),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q10s2x3f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -66,19 +66,19 @@ class DebugVect(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> DebugVect:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DebugVect:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.name, message.x, message.y, message.z) = _unpack_from(data)
+            (header, message.timestamp, message.name, message.x, message.y, message.z) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 36 <= len(data) <= 39:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="DebugVect",
         ros_type="px4_msgs/msg/DebugVect",
         dds_type="px4_msgs::msg::dds_::DebugVect_",
@@ -95,4 +95,4 @@ class DebugVect(_cdr.Message):
             _cdr.Field("y", "float32", 24, 4),
             _cdr.Field("z", "float32", 28, 4),
         ),
-    )
+    ))

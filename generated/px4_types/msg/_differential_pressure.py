@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI2fI")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -79,22 +79,22 @@ class DifferentialPressure(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> DifferentialPressure:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DifferentialPressure:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_sample, message.device_id,
                 message.differential_pressure_pa, message.temperature, message.error_count,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 36 <= len(data) <= 39:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="DifferentialPressure",
         ros_type="px4_msgs/msg/DifferentialPressure",
         dds_type="px4_msgs::msg::dds_::DifferentialPressure_",
@@ -112,4 +112,4 @@ class DifferentialPressure(_cdr.Message):
             _cdr.Field("temperature", "float32", 24, 4, unit="degC", invalid="NaN"),
             _cdr.Field("error_count", "uint32", 28, 4),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI4fbB2x6f2B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -157,7 +157,7 @@ class DistanceSensor(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> DistanceSensor:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DistanceSensor:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -165,16 +165,16 @@ class DistanceSensor(_cdr.Message):
                 header, message.timestamp, message.device_id, message.min_distance, message.max_distance,
                 message.current_distance, message.variance, message.signal_quality, message.type,
                 message.h_fov, message.v_fov, q_0, q_1, q_2, q_3, message.orientation, message.mode,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 62 <= len(data) <= 65:
+        if header != _USUAL or len(data) not in (62, 63, 64, 65):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="DistanceSensor",
         ros_type="px4_msgs/msg/DistanceSensor",
         dds_type="px4_msgs::msg::dds_::DistanceSensor_",
@@ -199,4 +199,4 @@ class DistanceSensor(_cdr.Message):
             _cdr.Field("orientation", "uint8", 56, 1, enum="ROTATION"),
             _cdr.Field("mode", "uint8", 57, 1, enum="MODE"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH2xI3BxH")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -93,22 +93,22 @@ class DronecanNodeStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> DronecanNodeStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DronecanNodeStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.node_id, message.uptime_sec, message.health, message.mode,
                 message.sub_mode, message.vendor_specific_status_code,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 26 <= len(data) <= 29:
+        if header != _USUAL or len(data) not in (26, 27, 28, 29):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="DronecanNodeStatus",
         ros_type="px4_msgs/msg/DronecanNodeStatus",
         dds_type="px4_msgs::msg::dds_::DronecanNodeStatus_",
@@ -127,4 +127,4 @@ class DronecanNodeStatus(_cdr.Message):
             _cdr.Field("sub_mode", "uint8", 18, 1),
             _cdr.Field("vendor_specific_status_code", "uint16", 20, 2),
         ),
-    )
+    ))

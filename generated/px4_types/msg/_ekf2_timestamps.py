@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q7h")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -98,7 +98,7 @@ class Ekf2Timestamps(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> Ekf2Timestamps:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Ekf2Timestamps:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -107,15 +107,15 @@ class Ekf2Timestamps(_cdr.Message):
                 message.airspeed_validated_timestamp_rel, message.distance_sensor_timestamp_rel,
                 message.optical_flow_timestamp_rel, message.vehicle_air_data_timestamp_rel,
                 message.vehicle_magnetometer_timestamp_rel, message.visual_odometry_timestamp_rel,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 26 <= len(data) <= 29:
+        if header != _USUAL or len(data) not in (26, 27, 28, 29):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="Ekf2Timestamps",
         ros_type="px4_msgs/msg/Ekf2Timestamps",
         dds_type="px4_msgs::msg::dds_::Ekf2Timestamps_",
@@ -147,4 +147,4 @@ class Ekf2Timestamps(_cdr.Message):
                 "visual_odometry_timestamp_rel", "int16", 20, 2, invalid="32767 No new sample",
             ),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIi3f4BHb")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -127,7 +127,7 @@ class EscReport(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EscReport:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EscReport:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -135,15 +135,15 @@ class EscReport(_cdr.Message):
                 header, message.timestamp, message.esc_errorcount, message.esc_rpm, message.esc_voltage,
                 message.esc_current, message.esc_temperature, message.esc_address, message.esc_cmdcount,
                 message.esc_state, message.actuator_function, message.failures, message.esc_power,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 39 <= len(data) <= 42:
+        if header != _USUAL or len(data) not in (39, 40, 41, 42):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EscReport",
         ros_type="px4_msgs/msg/EscReport",
         dds_type="px4_msgs::msg::dds_::EscReport_",
@@ -167,4 +167,4 @@ class EscReport(_cdr.Message):
             _cdr.Field("failures", "uint16", 32, 2, enum="FAILURE"),
             _cdr.Field("esc_power", "int8", 34, 1, unit="%", range="0, 100"),
         ),
-    )
+    ))

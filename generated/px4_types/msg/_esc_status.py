@@ -17,7 +17,7 @@ _LAYOUT = _cdr.Layout(
     "QH4B2xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb",
     xcdr2="QH4B6xQ5I4BHBxQ5I4BHBxQ5I4BHBxQ5I4BHBxQ5I4BHBxQ5I4BHBxQ5I4BHBxQ5I4BHB", delimiters=((16, 287),),
 )
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -122,7 +122,7 @@ class EscStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EscStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EscStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         esc_0 = _new(EscReport)
@@ -160,16 +160,16 @@ class EscStatus(_cdr.Message):
                 esc_7.esc_errorcount, esc_7.esc_rpm, esc_7.esc_voltage, esc_7.esc_current,
                 esc_7.esc_temperature, esc_7.esc_address, esc_7.esc_cmdcount, esc_7.esc_state,
                 esc_7.actuator_function, esc_7.failures, esc_7.esc_power,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 335 <= len(data) <= 338:
+        if header != _USUAL or len(data) not in (335, 336, 337, 338):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.esc = (esc_0, esc_1, esc_2, esc_3, esc_4, esc_5, esc_6, esc_7)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EscStatus",
         ros_type="px4_msgs/msg/EscStatus",
         dds_type="px4_msgs::msg::dds_::EscStatus_",
@@ -188,4 +188,4 @@ class EscStatus(_cdr.Message):
             _cdr.Field("esc_armed_flags", "uint8", 13, 1),
             _cdr.Field("esc", "EscReport[8]", 16, 315),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QB3xIQ7f2?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -128,7 +128,7 @@ class EstimatorAidSource1d(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorAidSource1d:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorAidSource1d:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -137,15 +137,15 @@ class EstimatorAidSource1d(_cdr.Message):
                 message.device_id, message.time_last_fuse, message.observation, message.observation_variance,
                 message.innovation, message.innovation_filtered, message.innovation_variance,
                 message.test_ratio, message.test_ratio_filtered, message.innovation_rejected, message.fused,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 66 <= len(data) <= 69:
+        if header != _USUAL or len(data) not in (66, 67, 68, 69):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorAidSource1d",
         ros_type="px4_msgs/msg/EstimatorAidSource1d",
         dds_type="px4_msgs::msg::dds_::EstimatorAidSource1d_",
@@ -175,4 +175,4 @@ class EstimatorAidSource1d(_cdr.Message):
             _cdr.Field("innovation_rejected", "bool", 60, 1),
             _cdr.Field("fused", "bool", 61, 1),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QB3xIQ2d12f2?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -138,7 +138,7 @@ class EstimatorAidSource2d(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorAidSource2d:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorAidSource2d:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -149,10 +149,10 @@ class EstimatorAidSource2d(_cdr.Message):
                 innovation_filtered_0, innovation_filtered_1, innovation_variance_0, innovation_variance_1,
                 test_ratio_0, test_ratio_1, test_ratio_filtered_0, test_ratio_filtered_1,
                 message.innovation_rejected, message.fused,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 102 <= len(data) <= 105:
+        if header != _USUAL or len(data) not in (102, 103, 104, 105):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.observation = (observation_0, observation_1)
         message.observation_variance = (observation_variance_0, observation_variance_1)
@@ -164,7 +164,7 @@ class EstimatorAidSource2d(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorAidSource2d",
         ros_type="px4_msgs/msg/EstimatorAidSource2d",
         dds_type="px4_msgs::msg::dds_::EstimatorAidSource2d_",
@@ -194,4 +194,4 @@ class EstimatorAidSource2d(_cdr.Message):
             _cdr.Field("innovation_rejected", "bool", 96, 1),
             _cdr.Field("fused", "bool", 97, 1),
         ),
-    )
+    ))

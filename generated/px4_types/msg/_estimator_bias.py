@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI5f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -88,22 +88,22 @@ class EstimatorBias(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorBias:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorBias:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.bias,
                 message.bias_var, message.innov, message.innov_var, message.innov_test_ratio,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 44 <= len(data) <= 47:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorBias",
         ros_type="px4_msgs/msg/EstimatorBias",
         dds_type="px4_msgs::msg::dds_::EstimatorBias_",
@@ -123,4 +123,4 @@ class EstimatorBias(_cdr.Message):
             _cdr.Field("innov_var", "float32", 32, 4, unit="m^2"),
             _cdr.Field("innov_test_ratio", "float32", 36, 4, unit="-"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI15f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -95,7 +95,7 @@ class EstimatorBias3d(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorBias3d:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorBias3d:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -103,10 +103,10 @@ class EstimatorBias3d(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.device_id, bias_0, bias_1,
                 bias_2, bias_var_0, bias_var_1, bias_var_2, innov_0, innov_1, innov_2, innov_var_0,
                 innov_var_1, innov_var_2, innov_test_ratio_0, innov_test_ratio_1, innov_test_ratio_2,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 84 <= len(data) <= 87:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.bias = (bias_0, bias_1, bias_2)
         message.bias_var = (bias_var_0, bias_var_1, bias_var_2)
@@ -116,7 +116,7 @@ class EstimatorBias3d(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorBias3d",
         ros_type="px4_msgs/msg/EstimatorBias3d",
         dds_type="px4_msgs::msg::dds_::EstimatorBias3d_",
@@ -136,4 +136,4 @@ class EstimatorBias3d(_cdr.Message):
             _cdr.Field("innov_var", "float32[3]", 56, 12, unit="m^2"),
             _cdr.Field("innov_test_ratio", "float32[3]", 68, 12, unit="-"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI17?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -172,7 +172,7 @@ class EstimatorEventFlags(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorEventFlags:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorEventFlags:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -184,15 +184,15 @@ class EstimatorEventFlags(_cdr.Message):
                 message.starting_vision_pos_fusion, message.starting_vision_vel_fusion,
                 message.starting_vision_yaw_fusion, message.yaw_aligned_to_imu_gps, message.reset_hgt_to_baro,
                 message.reset_hgt_to_gps, message.reset_hgt_to_rng, message.reset_hgt_to_ev,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 41 <= len(data) <= 44:
+        if header != _USUAL or len(data) not in (41, 42, 43, 44):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorEventFlags",
         ros_type="px4_msgs/msg/EstimatorEventFlags",
         dds_type="px4_msgs::msg::dds_::EstimatorEventFlags_",
@@ -224,4 +224,4 @@ class EstimatorEventFlags(_cdr.Message):
             _cdr.Field("reset_hgt_to_rng", "bool", 35, 1),
             _cdr.Field("reset_hgt_to_ev", "bool", 36, 1),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q12?3f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -156,7 +156,7 @@ class EstimatorGpsStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorGpsStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorGpsStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -169,15 +169,15 @@ class EstimatorGpsStatus(_cdr.Message):
                 message.check_fail_max_vert_spd_err, message.check_fail_spoofed_gps,
                 message.position_drift_rate_horizontal_m_s, message.position_drift_rate_vertical_m_s,
                 message.filtered_horizontal_speed_m_s,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 44 <= len(data) <= 47:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorGpsStatus",
         ros_type="px4_msgs/msg/EstimatorGpsStatus",
         dds_type="px4_msgs::msg::dds_::EstimatorGpsStatus_",
@@ -206,4 +206,4 @@ class EstimatorGpsStatus(_cdr.Message):
             _cdr.Field("position_drift_rate_vertical_m_s", "float32", 32, 4, unit="m/s"),
             _cdr.Field("filtered_horizontal_speed_m_s", "float32", 36, 4, unit="m/s"),
         ),
-    )
+    ))

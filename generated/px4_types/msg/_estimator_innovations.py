@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q31f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -177,7 +177,7 @@ class EstimatorInnovations(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorInnovations:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorInnovations:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -187,10 +187,10 @@ class EstimatorInnovations(_cdr.Message):
                 ev_hpos_1, message.ev_vpos, message.rng_vpos, message.baro_vpos, aux_hvel_0, aux_hvel_1,
                 flow_0, flow_1, message.heading, mag_field_0, mag_field_1, mag_field_2, gravity_0, gravity_1,
                 gravity_2, drag_0, drag_1, message.airspeed, message.beta, message.hagl, message.hagl_rate,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 144 <= len(data) <= 147:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.gps_hvel = (gps_hvel_0, gps_hvel_1)
         message.gps_hpos = (gps_hpos_0, gps_hpos_1)
@@ -204,7 +204,7 @@ class EstimatorInnovations(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorInnovations",
         ros_type="px4_msgs/msg/EstimatorInnovations",
         dds_type="px4_msgs::msg::dds_::EstimatorInnovations_",
@@ -240,4 +240,4 @@ class EstimatorInnovations(_cdr.Message):
             _cdr.Field("hagl", "float32", 132, 4, unit="m"),
             _cdr.Field("hagl_rate", "float32", 136, 4, unit="m/s"),
         ),
-    )
+    ))

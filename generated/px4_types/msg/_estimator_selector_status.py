@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2B2xIQ4I18f9?3x8f2?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -172,7 +172,7 @@ class EstimatorSelectorStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorSelectorStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorSelectorStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -189,10 +189,10 @@ class EstimatorSelectorStatus(_cdr.Message):
                 accumulated_gyro_error_2, accumulated_gyro_error_3, accumulated_accel_error_0,
                 accumulated_accel_error_1, accumulated_accel_error_2, accumulated_accel_error_3,
                 message.gyro_fault_detected, message.accel_fault_detected,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 162 <= len(data) <= 165:
+        if header != _USUAL or len(data) not in (162, 163, 164, 165):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.combined_test_ratio = (
             combined_test_ratio_0, combined_test_ratio_1, combined_test_ratio_2, combined_test_ratio_3,
@@ -218,7 +218,7 @@ class EstimatorSelectorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorSelectorStatus",
         ros_type="px4_msgs/msg/EstimatorSelectorStatus",
         dds_type="px4_msgs::msg::dds_::EstimatorSelectorStatus_",
@@ -248,4 +248,4 @@ class EstimatorSelectorStatus(_cdr.Message):
             _cdr.Field("gyro_fault_detected", "bool", 156, 1),
             _cdr.Field("accel_fault_detected", "bool", 157, 1),
         ),
-    )
+    ))

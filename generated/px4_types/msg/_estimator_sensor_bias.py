@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI7f2?2xI7f2?2xI7f2?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -173,7 +173,7 @@ class EstimatorSensorBias(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorSensorBias:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorSensorBias:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -186,10 +186,10 @@ class EstimatorSensorBias(_cdr.Message):
                 message.accel_bias_stable, message.mag_device_id, mag_bias_0, mag_bias_1, mag_bias_2,
                 message.mag_bias_limit, mag_bias_variance_0, mag_bias_variance_1, mag_bias_variance_2,
                 message.mag_bias_valid, message.mag_bias_stable,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 126 <= len(data) <= 129:
+        if header != _USUAL or len(data) not in (126, 127, 128, 129):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.gyro_bias = (gyro_bias_0, gyro_bias_1, gyro_bias_2)
         message.gyro_bias_variance = (gyro_bias_variance_0, gyro_bias_variance_1, gyro_bias_variance_2)
@@ -200,7 +200,7 @@ class EstimatorSensorBias(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorSensorBias",
         ros_type="px4_msgs/msg/EstimatorSensorBias",
         dds_type="px4_msgs::msg::dds_::EstimatorSensorBias_",
@@ -232,4 +232,4 @@ class EstimatorSensorBias(_cdr.Message):
             _cdr.Field("mag_bias_valid", "bool", 120, 1),
             _cdr.Field("mag_bias_stable", "bool", 121, 1),
         ),
-    )
+    ))

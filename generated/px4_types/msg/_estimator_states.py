@@ -12,8 +12,9 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q100sB3x96s", words="2Q25IB3x24I")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
+_from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
 
 class EstimatorStates(_cdr.Message):
@@ -60,31 +61,31 @@ class EstimatorStates(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 216 of values."""
         try:
             return _pack(
-                _USUAL, self.timestamp, self.timestamp_sample, _arrays.to_raw("f", 25, self.states),
-                self.n_states, _arrays.to_raw("f", 24, self.covariances),
+                _USUAL, self.timestamp, self.timestamp_sample, _to_raw("f", 25, self.states), self.n_states,
+                _to_raw("f", 24, self.covariances),
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorStates:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorStates:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_sample, states_raw, message.n_states,
                 covariances_raw,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 220 <= len(data) <= 223:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.states = _arrays.from_raw("f", states_raw)
-        message.covariances = _arrays.from_raw("f", covariances_raw)
+        message.states = _from_raw("f", states_raw)
+        message.covariances = _from_raw("f", covariances_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorStates",
         ros_type="px4_msgs/msg/EstimatorStates",
         dds_type="px4_msgs::msg::dds_::EstimatorStates_",
@@ -101,4 +102,4 @@ class EstimatorStates(_cdr.Message):
             _cdr.Field("n_states", "uint8", 116, 1),
             _cdr.Field("covariances", "float32[24]", 120, 96),
         ),
-    )
+    ))

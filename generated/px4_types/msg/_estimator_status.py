@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q3fH2xQI9fH5Bxf6?2x4I2B2x4f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -375,7 +375,7 @@ class EstimatorStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -395,16 +395,16 @@ class EstimatorStatus(_cdr.Message):
                 message.mag_device_id, message.health_flags, message.timeout_flags,
                 message.mag_inclination_deg, message.mag_inclination_ref_deg, message.mag_strength_gs,
                 message.mag_strength_ref_gs,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 140 <= len(data) <= 143:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.output_tracking_error = (output_tracking_error_0, output_tracking_error_1, output_tracking_error_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorStatus",
         ros_type="px4_msgs/msg/EstimatorStatus",
         dds_type="px4_msgs::msg::dds_::EstimatorStatus_",
@@ -454,4 +454,4 @@ class EstimatorStatus(_cdr.Message):
             _cdr.Field("mag_strength_gs", "float32", 128, 4, unit="Gs"),
             _cdr.Field("mag_strength_ref_gs", "float32", 132, 4, unit="Gs"),
         ),
-    )
+    ))

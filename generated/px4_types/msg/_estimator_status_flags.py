@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI48?I11?xI10?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -501,7 +501,7 @@ class EstimatorStatusFlags(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> EstimatorStatusFlags:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorStatusFlags:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -528,15 +528,15 @@ class EstimatorStatusFlags(_cdr.Message):
                 message.reject_hor_pos, message.reject_ver_pos, message.reject_yaw, message.reject_airspeed,
                 message.reject_sideslip, message.reject_hagl, message.reject_optflow_x,
                 message.reject_optflow_y,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 102 <= len(data) <= 105:
+        if header != _USUAL or len(data) not in (102, 103, 104, 105):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="EstimatorStatusFlags",
         ros_type="px4_msgs/msg/EstimatorStatusFlags",
         dds_type="px4_msgs::msg::dds_::EstimatorStatusFlags_",
@@ -622,4 +622,4 @@ class EstimatorStatusFlags(_cdr.Message):
             _cdr.Field("reject_optflow_x", "bool", 96, 1),
             _cdr.Field("reject_optflow_y", "bool", 97, 1),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q14I13?B13?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -318,7 +318,7 @@ class FailsafeFlags(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FailsafeFlags:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FailsafeFlags:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -341,15 +341,15 @@ class FailsafeFlags(_cdr.Message):
                 message.flight_time_limit_exceeded, message.position_accuracy_low, message.navigator_failure,
                 message.fd_critical_failure, message.fd_esc_arming_failure, message.fd_imbalanced_prop,
                 message.fd_motor_failure,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 95 <= len(data) <= 98:
+        if header != _USUAL or len(data) not in (95, 96, 97, 98):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FailsafeFlags",
         ros_type="px4_msgs/msg/FailsafeFlags",
         dds_type="px4_msgs::msg::dds_::FailsafeFlags_",
@@ -403,4 +403,4 @@ class FailsafeFlags(_cdr.Message):
             _cdr.Field("fd_imbalanced_prop", "bool", 89, 1),
             _cdr.Field("fd_motor_failure", "bool", 90, 1),
         ),
-    )
+    ))

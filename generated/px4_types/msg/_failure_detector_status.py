@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q8?f2H")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -115,7 +115,7 @@ class FailureDetectorStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FailureDetectorStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FailureDetectorStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -123,15 +123,15 @@ class FailureDetectorStatus(_cdr.Message):
                 header, message.timestamp, message.fd_roll, message.fd_pitch, message.fd_alt, message.fd_ext,
                 message.fd_arm_escs, message.fd_battery, message.fd_imbalanced_prop, message.fd_motor,
                 message.imbalanced_prop_metric, message.motor_failure_mask, message.motor_stop_mask,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 28 <= len(data) <= 31:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FailureDetectorStatus",
         ros_type="px4_msgs/msg/FailureDetectorStatus",
         dds_type="px4_msgs::msg::dds_::FailureDetectorStatus_",
@@ -155,4 +155,4 @@ class FailureDetectorStatus(_cdr.Message):
             _cdr.Field("motor_failure_mask", "uint16", 20, 2),
             _cdr.Field("motor_stop_mask", "uint16", 22, 2),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3fB3x2if")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -82,22 +82,22 @@ class FigureEightStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FigureEightStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FigureEightStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.major_radius, message.minor_radius, message.orientation,
                 message.frame, message.x, message.y, message.z,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 40 <= len(data) <= 43:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FigureEightStatus",
         ros_type="px4_msgs/msg/FigureEightStatus",
         dds_type="px4_msgs::msg::dds_::FigureEightStatus_",
@@ -117,4 +117,4 @@ class FigureEightStatus(_cdr.Message):
             _cdr.Field("y", "int32", 28, 4),
             _cdr.Field("z", "float32", 32, 4, unit="m"),
         ),
-    )
+    ))

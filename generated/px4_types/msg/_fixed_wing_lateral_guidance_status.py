@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -96,7 +96,7 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FixedWingLateralGuidanceStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FixedWingLateralGuidanceStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -104,15 +104,15 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
                 header, message.timestamp, message.course_setpoint, message.lateral_acceleration_ff,
                 message.bearing_feas, message.bearing_feas_on_track, message.signed_track_error,
                 message.track_error_bound, message.adapted_period, message.wind_est_valid,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 41 <= len(data) <= 44:
+        if header != _USUAL or len(data) not in (41, 42, 43, 44):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FixedWingLateralGuidanceStatus",
         ros_type="px4_msgs/msg/FixedWingLateralGuidanceStatus",
         dds_type="px4_msgs::msg::dds_::FixedWingLateralGuidanceStatus_",
@@ -133,4 +133,4 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
             _cdr.Field("adapted_period", "float32", 32, 4, unit="s"),
             _cdr.Field("wind_est_valid", "uint8", 36, 1),
         ),
-    )
+    ))

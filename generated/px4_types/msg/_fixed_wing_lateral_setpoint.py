@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -72,22 +72,22 @@ class FixedWingLateralSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FixedWingLateralSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FixedWingLateralSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.course, message.airspeed_direction,
                 message.lateral_acceleration,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 24 <= len(data) <= 27:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FixedWingLateralSetpoint",
         ros_type="px4_msgs/msg/FixedWingLateralSetpoint",
         dds_type="px4_msgs::msg::dds_::FixedWingLateralSetpoint_",
@@ -107,4 +107,4 @@ class FixedWingLateralSetpoint(_cdr.Message):
                 "lateral_acceleration", "float32", 16, 4, unit="m/s^2", invalid="NaN", frame="FRD",
             ),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q5f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -88,22 +88,22 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FixedWingLongitudinalSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FixedWingLongitudinalSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.altitude, message.height_rate, message.equivalent_airspeed,
                 message.pitch_direct, message.throttle_direct,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 32 <= len(data) <= 35:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FixedWingLongitudinalSetpoint",
         ros_type="px4_msgs/msg/FixedWingLongitudinalSetpoint",
         dds_type="px4_msgs::msg::dds_::FixedWingLongitudinalSetpoint_",
@@ -127,4 +127,4 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
                 "throttle_direct", "float32", 24, 4, unit="norm", range="0,1", invalid="NaN",
             ),
         ),
-    )
+    ))

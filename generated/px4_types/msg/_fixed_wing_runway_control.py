@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q?3xf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -60,22 +60,22 @@ class FixedWingRunwayControl(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FixedWingRunwayControl:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FixedWingRunwayControl:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.wheel_steering_enabled,
                 message.wheel_steering_nudging_rate,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 20 <= len(data) <= 23:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FixedWingRunwayControl",
         ros_type="px4_msgs/msg/FixedWingRunwayControl",
         dds_type="px4_msgs::msg::dds_::FixedWingRunwayControl_",
@@ -93,4 +93,4 @@ class FixedWingRunwayControl(_cdr.Message):
                 frame="FRD",
             ),
         ),
-    )
+    ))

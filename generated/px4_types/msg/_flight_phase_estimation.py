@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -56,19 +56,19 @@ class FlightPhaseEstimation(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FlightPhaseEstimation:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FlightPhaseEstimation:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.flight_phase) = _unpack_from(data)
+            (header, message.timestamp, message.flight_phase) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 13 <= len(data) <= 16:
+        if header != _USUAL or len(data) not in (13, 14, 15, 16):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FlightPhaseEstimation",
         ros_type="px4_msgs/msg/FlightPhaseEstimation",
         dds_type="px4_msgs::msg::dds_::FlightPhaseEstimation_",
@@ -82,4 +82,4 @@ class FlightPhaseEstimation(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("flight_phase", "uint8", 8, 1, enum="FLIGHT_PHASE"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2d4fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -81,22 +81,22 @@ class FollowTarget(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FollowTarget:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FollowTarget:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.lat, message.lon, message.alt, message.vy, message.vx,
                 message.vz, message.est_cap,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 45 <= len(data) <= 48:
+        if header != _USUAL or len(data) not in (45, 46, 47, 48):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FollowTarget",
         ros_type="px4_msgs/msg/FollowTarget",
         dds_type="px4_msgs::msg::dds_::FollowTarget_",
@@ -116,4 +116,4 @@ class FollowTarget(_cdr.Message):
             _cdr.Field("vz", "float32", 36, 4, unit="m/s", frame="NED"),
             _cdr.Field("est_cap", "uint8", 40, 1),
         ),
-    )
+    ))

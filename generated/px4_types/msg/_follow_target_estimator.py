@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q2?6x2d10f2Q", xcdr2="2Q2B2x2Q10I2Q")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -115,7 +115,7 @@ class FollowTargetEstimator(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FollowTargetEstimator:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FollowTargetEstimator:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -124,10 +124,10 @@ class FollowTargetEstimator(_cdr.Message):
                 message.lat_est, message.lon_est, message.alt_est, pos_est_0, pos_est_1, pos_est_2, vel_est_0,
                 vel_est_1, vel_est_2, acc_est_0, acc_est_1, acc_est_2, message.prediction_count,
                 message.fusion_count,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 100 <= len(data) <= 103:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.pos_est = (pos_est_0, pos_est_1, pos_est_2)
         message.vel_est = (vel_est_0, vel_est_1, vel_est_2)
@@ -135,7 +135,7 @@ class FollowTargetEstimator(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FollowTargetEstimator",
         ros_type="px4_msgs/msg/FollowTargetEstimator",
         dds_type="px4_msgs::msg::dds_::FollowTargetEstimator_",
@@ -159,4 +159,4 @@ class FollowTargetEstimator(_cdr.Message):
             _cdr.Field("prediction_count", "uint64", 80, 8),
             _cdr.Field("fusion_count", "uint64", 88, 8),
         ),
-    )
+    ))

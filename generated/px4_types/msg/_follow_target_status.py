@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7f?3xf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -93,7 +93,7 @@ class FollowTargetStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FollowTargetStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FollowTargetStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -102,16 +102,16 @@ class FollowTargetStatus(_cdr.Message):
                 message.orbit_angle_setpoint, message.angular_rate_setpoint, desired_position_raw_0,
                 desired_position_raw_1, desired_position_raw_2, message.in_emergency_ascent,
                 message.gimbal_pitch,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 48 <= len(data) <= 51:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.desired_position_raw = (desired_position_raw_0, desired_position_raw_1, desired_position_raw_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FollowTargetStatus",
         ros_type="px4_msgs/msg/FollowTargetStatus",
         dds_type="px4_msgs::msg::dds_::FollowTargetStatus_",
@@ -131,4 +131,4 @@ class FollowTargetStatus(_cdr.Message):
             _cdr.Field("in_emergency_ascent", "bool", 36, 1),
             _cdr.Field("gimbal_pitch", "float32", 40, 4, unit="rad"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3fB3xfB3xIf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -106,7 +106,7 @@ class FuelTankStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> FuelTankStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FuelTankStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -114,15 +114,15 @@ class FuelTankStatus(_cdr.Message):
                 header, message.timestamp, message.maximum_fuel_capacity, message.consumed_fuel,
                 message.fuel_consumption_rate, message.percent_remaining, message.remaining_fuel,
                 message.fuel_tank_id, message.fuel_type, message.temperature,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 44 <= len(data) <= 47:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="FuelTankStatus",
         ros_type="px4_msgs/msg/FuelTankStatus",
         dds_type="px4_msgs::msg::dds_::FuelTankStatus_",
@@ -145,4 +145,4 @@ class FuelTankStatus(_cdr.Message):
             _cdr.Field("fuel_type", "uint32", 32, 4, enum="MAV_FUEL_TYPE"),
             _cdr.Field("temperature", "float32", 36, 4, unit="K", invalid="NaN"),
         ),
-    )
+    ))

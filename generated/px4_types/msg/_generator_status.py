@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q5fIiH2h")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -158,7 +158,7 @@ class GeneratorStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GeneratorStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GeneratorStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -167,15 +167,15 @@ class GeneratorStatus(_cdr.Message):
                 message.power_generated, message.bus_voltage, message.bat_current_setpoint, message.runtime,
                 message.time_until_maintenance, message.generator_speed, message.rectifier_temperature,
                 message.generator_temperature,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 54 <= len(data) <= 57:
+        if header != _USUAL or len(data) not in (54, 55, 56, 57):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GeneratorStatus",
         ros_type="px4_msgs/msg/GeneratorStatus",
         dds_type="px4_msgs::msg::dds_::GeneratorStatus_",
@@ -199,4 +199,4 @@ class GeneratorStatus(_cdr.Message):
             _cdr.Field("rectifier_temperature", "int16", 46, 2, unit="degC", invalid="INT16_MAX"),
             _cdr.Field("generator_temperature", "int16", 48, 2, unit="degC", invalid="INT16_MAX"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3?B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -97,7 +97,7 @@ class GeofenceResult(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GeofenceResult:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GeofenceResult:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -105,15 +105,15 @@ class GeofenceResult(_cdr.Message):
                 header, message.timestamp, message.geofence_max_dist_triggered,
                 message.geofence_max_alt_triggered, message.geofence_custom_fence_triggered,
                 message.geofence_action,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 16 <= len(data) <= 19:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GeofenceResult",
         ros_type="px4_msgs/msg/GeofenceResult",
         dds_type="px4_msgs::msg::dds_::GeofenceResult_",
@@ -130,4 +130,4 @@ class GeofenceResult(_cdr.Message):
             _cdr.Field("geofence_custom_fence_triggered", "bool", 10, 1),
             _cdr.Field("geofence_action", "uint8", 11, 1, enum="GF_ACTION"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -59,19 +59,19 @@ class GeofenceStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GeofenceStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GeofenceStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.geofence_id, message.status) = _unpack_from(data)
+            (header, message.timestamp, message.geofence_id, message.status) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 17 <= len(data) <= 20:
+        if header != _USUAL or len(data) not in (17, 18, 19, 20):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GeofenceStatus",
         ros_type="px4_msgs/msg/GeofenceStatus",
         dds_type="px4_msgs::msg::dds_::GeofenceStatus_",
@@ -86,4 +86,4 @@ class GeofenceStatus(_cdr.Message):
             _cdr.Field("geofence_id", "uint32", 8, 4),
             _cdr.Field("status", "uint8", 12, 1, enum="GF_STATUS"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q3f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -63,22 +63,22 @@ class GimbalControls(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GimbalControls:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalControls:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_sample, control_0, control_1, control_2,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 32 <= len(data) <= 35:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.control = (control_0, control_1, control_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GimbalControls",
         ros_type="px4_msgs/msg/GimbalControls",
         dds_type="px4_msgs::msg::dds_::GimbalControls_",
@@ -93,4 +93,4 @@ class GimbalControls(_cdr.Message):
             _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
             _cdr.Field("control", "float32[3]", 16, 12, range="-1, 1"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2BH7fI2fB?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -147,7 +147,7 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GimbalDeviceAttitudeStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalDeviceAttitudeStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -157,16 +157,16 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
                 message.angular_velocity_y, message.angular_velocity_z, message.failure_flags,
                 message.delta_yaw, message.delta_yaw_velocity, message.gimbal_device_id,
                 message.received_from_mavlink,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 58 <= len(data) <= 61:
+        if header != _USUAL or len(data) not in (58, 59, 60, 61):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GimbalDeviceAttitudeStatus",
         ros_type="px4_msgs/msg/GimbalDeviceAttitudeStatus",
         dds_type="px4_msgs::msg::dds_::GimbalDeviceAttitudeStatus_",
@@ -191,4 +191,4 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
             _cdr.Field("gimbal_device_id", "uint8", 52, 1),
             _cdr.Field("received_from_mavlink", "bool", 53, 1),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q32s32s32s2IQ2H6fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -155,7 +155,7 @@ class GimbalDeviceInformation(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GimbalDeviceInformation:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalDeviceInformation:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -164,15 +164,15 @@ class GimbalDeviceInformation(_cdr.Message):
                 message.firmware_version, message.hardware_version, message.uid, message.cap_flags,
                 message.custom_cap_flags, message.roll_min, message.roll_max, message.pitch_min,
                 message.pitch_max, message.yaw_min, message.yaw_max, message.gimbal_device_id,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 153 <= len(data) <= 156:
+        if header != _USUAL or len(data) not in (153, 154, 155, 156):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GimbalDeviceInformation",
         ros_type="px4_msgs/msg/GimbalDeviceInformation",
         dds_type="px4_msgs::msg::dds_::GimbalDeviceInformation_",
@@ -200,4 +200,4 @@ class GimbalDeviceInformation(_cdr.Message):
             _cdr.Field("yaw_max", "float32", 144, 4, unit="rad"),
             _cdr.Field("gimbal_device_id", "uint8", 148, 1),
         ),
-    )
+    ))

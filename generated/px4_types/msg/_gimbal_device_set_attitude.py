@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2BH7f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -101,7 +101,7 @@ class GimbalDeviceSetAttitude(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GimbalDeviceSetAttitude:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalDeviceSetAttitude:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -109,16 +109,16 @@ class GimbalDeviceSetAttitude(_cdr.Message):
                 header, message.timestamp, message.target_system, message.target_component, message.flags,
                 q_0, q_1, q_2, q_3, message.angular_velocity_x, message.angular_velocity_y,
                 message.angular_velocity_z,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 44 <= len(data) <= 47:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GimbalDeviceSetAttitude",
         ros_type="px4_msgs/msg/GimbalDeviceSetAttitude",
         dds_type="px4_msgs::msg::dds_::GimbalDeviceSetAttitude_",
@@ -138,4 +138,4 @@ class GimbalDeviceSetAttitude(_cdr.Message):
             _cdr.Field("angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN"),
             _cdr.Field("angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIB3x6f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -116,22 +116,22 @@ class GimbalManagerInformation(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GimbalManagerInformation:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalManagerInformation:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.cap_flags, message.gimbal_device_id, message.roll_min,
                 message.roll_max, message.pitch_min, message.pitch_max, message.yaw_min, message.yaw_max,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 44 <= len(data) <= 47:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GimbalManagerInformation",
         ros_type="px4_msgs/msg/GimbalManagerInformation",
         dds_type="px4_msgs::msg::dds_::GimbalManagerInformation_",
@@ -152,4 +152,4 @@ class GimbalManagerInformation(_cdr.Message):
             _cdr.Field("yaw_min", "float32", 32, 4, unit="rad"),
             _cdr.Field("yaw_max", "float32", 36, 4, unit="rad"),
         ),
-    )
+    ))

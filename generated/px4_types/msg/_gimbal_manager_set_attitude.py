@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q4BIB3x7f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -119,7 +119,7 @@ class GimbalManagerSetAttitude(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GimbalManagerSetAttitude:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalManagerSetAttitude:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -127,16 +127,16 @@ class GimbalManagerSetAttitude(_cdr.Message):
                 header, message.timestamp, message.origin_sysid, message.origin_compid, message.target_system,
                 message.target_component, message.flags, message.gimbal_device_id, q_0, q_1, q_2, q_3,
                 message.angular_velocity_x, message.angular_velocity_y, message.angular_velocity_z,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 52 <= len(data) <= 55:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GimbalManagerSetAttitude",
         ros_type="px4_msgs/msg/GimbalManagerSetAttitude",
         dds_type="px4_msgs::msg::dds_::GimbalManagerSetAttitude_",
@@ -159,4 +159,4 @@ class GimbalManagerSetAttitude(_cdr.Message):
             _cdr.Field("angular_velocity_y", "float32", 40, 4, unit="rad/s", invalid="NaN"),
             _cdr.Field("angular_velocity_z", "float32", 44, 4, unit="rad/s", invalid="NaN"),
         ),
-    )
+    ))

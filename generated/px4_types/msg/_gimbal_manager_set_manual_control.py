@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q4BIB3x4f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -113,7 +113,7 @@ class GimbalManagerSetManualControl(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GimbalManagerSetManualControl:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalManagerSetManualControl:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -121,15 +121,15 @@ class GimbalManagerSetManualControl(_cdr.Message):
                 header, message.timestamp, message.origin_sysid, message.origin_compid, message.target_system,
                 message.target_component, message.flags, message.gimbal_device_id, message.pitch, message.yaw,
                 message.pitch_rate, message.yaw_rate,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 40 <= len(data) <= 43:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GimbalManagerSetManualControl",
         ros_type="px4_msgs/msg/GimbalManagerSetManualControl",
         dds_type="px4_msgs::msg::dds_::GimbalManagerSetManualControl_",
@@ -152,4 +152,4 @@ class GimbalManagerSetManualControl(_cdr.Message):
             _cdr.Field("pitch_rate", "float32", 28, 4, unit="-", range="-1, 1", invalid="NaN"),
             _cdr.Field("yaw_rate", "float32", 32, 4, unit="-", range="-1, 1", invalid="NaN"),
         ),
-    )
+    ))

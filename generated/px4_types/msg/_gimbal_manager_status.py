@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI5B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -84,7 +84,7 @@ class GimbalManagerStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GimbalManagerStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalManagerStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -92,15 +92,15 @@ class GimbalManagerStatus(_cdr.Message):
                 header, message.timestamp, message.flags, message.gimbal_device_id,
                 message.primary_control_sysid, message.primary_control_compid,
                 message.secondary_control_sysid, message.secondary_control_compid,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 21 <= len(data) <= 24:
+        if header != _USUAL or len(data) not in (21, 22, 23, 24):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GimbalManagerStatus",
         ros_type="px4_msgs/msg/GimbalManagerStatus",
         dds_type="px4_msgs::msg::dds_::GimbalManagerStatus_",
@@ -119,4 +119,4 @@ class GimbalManagerStatus(_cdr.Message):
             _cdr.Field("secondary_control_sysid", "uint8", 15, 1),
             _cdr.Field("secondary_control_compid", "uint8", 16, 1),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3f?3xf?3xf?3xf?3xf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -116,7 +116,7 @@ class GotoSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GotoSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GotoSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -125,16 +125,16 @@ class GotoSetpoint(_cdr.Message):
                 message.heading, message.flag_set_max_horizontal_speed, message.max_horizontal_speed,
                 message.flag_set_max_vertical_speed, message.max_vertical_speed,
                 message.flag_set_max_heading_rate, message.max_heading_rate,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 56 <= len(data) <= 59:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position = (position_0, position_1, position_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GotoSetpoint",
         ros_type="px4_msgs/msg/GotoSetpoint",
         dds_type="px4_msgs::msg::dds_::GotoSetpoint_",
@@ -156,4 +156,4 @@ class GotoSetpoint(_cdr.Message):
             _cdr.Field("flag_set_max_heading_rate", "bool", 44, 1),
             _cdr.Field("max_heading_rate", "float32", 48, 4, unit="rad/s"),
         ),
-    )
+    ))

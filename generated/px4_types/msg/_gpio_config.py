@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q4I")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -78,21 +78,21 @@ class GpioConfig(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GpioConfig:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GpioConfig:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.device_id, message.mask, message.state, message.config,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 28 <= len(data) <= 31:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GpioConfig",
         ros_type="px4_msgs/msg/GpioConfig",
         dds_type="px4_msgs::msg::dds_::GpioConfig_",
@@ -109,4 +109,4 @@ class GpioConfig(_cdr.Message):
             _cdr.Field("state", "uint32", 16, 4),
             _cdr.Field("config", "uint32", 20, 4),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B79s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -67,19 +67,19 @@ class GpsDump(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GpsDump:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GpsDump:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.instance, message.len, message.data) = _unpack_from(data)
+            (header, message.timestamp, message.instance, message.len, message.data) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 93 <= len(data) <= 96:
+        if header != _USUAL or len(data) not in (93, 94, 95, 96):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GpsDump",
         ros_type="px4_msgs/msg/GpsDump",
         dds_type="px4_msgs::msg::dds_::GpsDump_",
@@ -95,4 +95,4 @@ class GpsDump(_cdr.Message):
             _cdr.Field("len", "uint8", 9, 1),
             _cdr.Field("data", "uint8[79]", 10, 79),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIHB300s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -71,21 +71,21 @@ class GpsInjectData(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> GpsInjectData:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GpsInjectData:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.device_id, message.len, message.flags, message.data,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 319 <= len(data) <= 322:
+        if header != _USUAL or len(data) not in (319, 320, 321, 322):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="GpsInjectData",
         ros_type="px4_msgs/msg/GpsInjectData",
         dds_type="px4_msgs::msg::dds_::GpsInjectData_",
@@ -102,4 +102,4 @@ class GpsInjectData(_cdr.Message):
             _cdr.Field("flags", "uint8", 14, 1),
             _cdr.Field("data", "uint8[300]", 15, 300),
         ),
-    )
+    ))

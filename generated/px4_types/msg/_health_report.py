@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("8Q")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -93,7 +93,7 @@ class HealthReport(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> HealthReport:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> HealthReport:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -101,15 +101,15 @@ class HealthReport(_cdr.Message):
                 header, message.timestamp, message.can_arm_mode_flags, message.can_run_mode_flags,
                 message.health_is_present_flags, message.health_warning_flags, message.health_error_flags,
                 message.arming_check_warning_flags, message.arming_check_error_flags,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 68 <= len(data) <= 71:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="HealthReport",
         ros_type="px4_msgs/msg/HealthReport",
         dds_type="px4_msgs::msg::dds_::HealthReport_",
@@ -129,4 +129,4 @@ class HealthReport(_cdr.Message):
             _cdr.Field("arming_check_warning_flags", "uint64", 48, 8),
             _cdr.Field("arming_check_error_flags", "uint64", 56, 8),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI2?2x2f2I3fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -120,7 +120,7 @@ class HeaterStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> HeaterStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> HeaterStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -129,15 +129,15 @@ class HeaterStatus(_cdr.Message):
                 message.temperature_target_met, message.temperature_sensor, message.temperature_target,
                 message.controller_period_usec, message.controller_time_on_usec, message.proportional_value,
                 message.integrator_value, message.feed_forward_value, message.mode,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 49 <= len(data) <= 52:
+        if header != _USUAL or len(data) not in (49, 50, 51, 52):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="HeaterStatus",
         ros_type="px4_msgs/msg/HeaterStatus",
         dds_type="px4_msgs::msg::dds_::HeaterStatus_",
@@ -161,4 +161,4 @@ class HeaterStatus(_cdr.Message):
             _cdr.Field("feed_forward_value", "float32", 40, 4, unit="-"),
             _cdr.Field("mode", "uint8", 44, 1, enum="MODE"),
         ),
-    )
+    ))

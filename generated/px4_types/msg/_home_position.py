@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2d7f4?I")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -133,7 +133,7 @@ class HomePosition(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> HomePosition:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> HomePosition:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -141,15 +141,15 @@ class HomePosition(_cdr.Message):
                 header, message.timestamp, message.lat, message.lon, message.alt, message.x, message.y,
                 message.z, message.roll, message.pitch, message.yaw, message.valid_alt, message.valid_hpos,
                 message.valid_lpos, message.manual_home, message.update_count,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 64 <= len(data) <= 67:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="HomePosition",
         ros_type="px4_msgs/msg/HomePosition",
         dds_type="px4_msgs::msg::dds_::HomePosition_",
@@ -176,4 +176,4 @@ class HomePosition(_cdr.Message):
             _cdr.Field("manual_home", "bool", 55, 1),
             _cdr.Field("update_count", "uint32", 56, 4),
         ),
-    )
+    ))

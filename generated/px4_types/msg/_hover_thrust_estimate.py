@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q6f?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -98,7 +98,7 @@ class HoverThrustEstimate(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> HoverThrustEstimate:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> HoverThrustEstimate:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -106,15 +106,15 @@ class HoverThrustEstimate(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.hover_thrust,
                 message.hover_thrust_var, message.accel_innov, message.accel_innov_var,
                 message.accel_innov_test_ratio, message.accel_noise_var, message.valid,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 45 <= len(data) <= 48:
+        if header != _USUAL or len(data) not in (45, 46, 47, 48):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="HoverThrustEstimate",
         ros_type="px4_msgs/msg/HoverThrustEstimate",
         dds_type="px4_msgs::msg::dds_::HoverThrustEstimate_",
@@ -135,4 +135,4 @@ class HoverThrustEstimate(_cdr.Message):
             _cdr.Field("accel_noise_var", "float32", 36, 4, unit="(m/s^2)^2"),
             _cdr.Field("valid", "bool", 40, 1),
         ),
-    )
+    ))

@@ -14,8 +14,9 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QB3xi2?3HBx36sbxf", words="2QB3xI2B3HBx18HBxI")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
+_from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
 
 class InputRc(_cdr.Message):
@@ -139,14 +140,14 @@ class InputRc(_cdr.Message):
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_last_signal, self.channel_count, self.rssi,
                 self.rc_failsafe, self.rc_lost, self.rc_lost_frame_count, self.rc_total_frame_count,
-                self.rc_ppm_frame_length, self.input_source, _arrays.to_raw("H", 18, self.values),
-                self.link_quality, self.rssi_dbm,
+                self.rc_ppm_frame_length, self.input_source, _to_raw("H", 18, self.values), self.link_quality,
+                self.rssi_dbm,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> InputRc:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> InputRc:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -155,16 +156,16 @@ class InputRc(_cdr.Message):
                 message.rc_failsafe, message.rc_lost, message.rc_lost_frame_count,
                 message.rc_total_frame_count, message.rc_ppm_frame_length, message.input_source, values_raw,
                 message.link_quality, message.rssi_dbm,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 80 <= len(data) <= 83:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.values = _arrays.from_raw("H", values_raw)
+        message.values = _from_raw("H", values_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="InputRc",
         ros_type="px4_msgs/msg/InputRc",
         dds_type="px4_msgs::msg::dds_::InputRc_",
@@ -189,4 +190,4 @@ class InputRc(_cdr.Message):
             _cdr.Field("link_quality", "int8", 70, 1, unit="%", range="0, 100", invalid="-1"),
             _cdr.Field("rssi_dbm", "float32", 72, 4, unit="dBm", invalid="NaN"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q?3x3fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -83,22 +83,22 @@ class InternalCombustionEngineControl(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> InternalCombustionEngineControl:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> InternalCombustionEngineControl:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.ignition_on, message.throttle_control,
                 message.choke_control, message.starter_engine_control, message.user_request,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 29 <= len(data) <= 32:
+        if header != _USUAL or len(data) not in (29, 30, 31, 32):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="InternalCombustionEngineControl",
         ros_type="px4_msgs/msg/InternalCombustionEngineControl",
         dds_type="px4_msgs::msg::dds_::InternalCombustionEngineControl_",
@@ -116,4 +116,4 @@ class InternalCombustionEngineControl(_cdr.Message):
             _cdr.Field("starter_engine_control", "float32", 20, 4, unit="norm", range="0,1"),
             _cdr.Field("user_request", "uint8", 24, 1),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB3xIB3xI10f3Bx5f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -222,7 +222,7 @@ class InternalCombustionEngineStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> InternalCombustionEngineStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> InternalCombustionEngineStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -236,15 +236,15 @@ class InternalCombustionEngineStatus(_cdr.Message):
                 message.ecu_index, message.spark_plug_usage, message.ignition_timing_deg,
                 message.injection_time_ms, message.cylinder_head_temperature, message.exhaust_gas_temperature,
                 message.lambda_coefficient,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 92 <= len(data) <= 95:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="InternalCombustionEngineStatus",
         ros_type="px4_msgs/msg/InternalCombustionEngineStatus",
         dds_type="px4_msgs::msg::dds_::InternalCombustionEngineStatus_",
@@ -279,4 +279,4 @@ class InternalCombustionEngineStatus(_cdr.Message):
             _cdr.Field("exhaust_gas_temperature", "float32", 80, 4, unit="K"),
             _cdr.Field("lambda_coefficient", "float32", 84, 4, unit="-"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q6H2B5?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -136,7 +136,7 @@ class IridiumsbdStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> IridiumsbdStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> IridiumsbdStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -146,15 +146,15 @@ class IridiumsbdStatus(_cdr.Message):
                 message.successful_sbd_sessions, message.num_tx_buf_reset, message.signal_quality,
                 message.state, message.ring_pending, message.tx_buf_write_pending, message.tx_session_pending,
                 message.rx_read_pending, message.rx_session_pending,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 39 <= len(data) <= 42:
+        if header != _USUAL or len(data) not in (39, 40, 41, 42):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="IridiumsbdStatus",
         ros_type="px4_msgs/msg/IridiumsbdStatus",
         dds_type="px4_msgs::msg::dds_::IridiumsbdStatus_",
@@ -181,4 +181,4 @@ class IridiumsbdStatus(_cdr.Message):
             _cdr.Field("rx_read_pending", "bool", 33, 1),
             _cdr.Field("rx_session_pending", "bool", 34, 1),
         ),
-    )
+    ))

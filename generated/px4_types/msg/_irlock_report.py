@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QH2x4f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -71,22 +71,22 @@ class IrlockReport(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> IrlockReport:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> IrlockReport:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.signature, message.pos_x, message.pos_y, message.size_x,
                 message.size_y,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 32 <= len(data) <= 35:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="IrlockReport",
         ros_type="px4_msgs/msg/IrlockReport",
         dds_type="px4_msgs::msg::dds_::IrlockReport_",
@@ -104,4 +104,4 @@ class IrlockReport(_cdr.Message):
             _cdr.Field("size_x", "float32", 20, 4, unit="-"),
             _cdr.Field("size_y", "float32", 24, 4, unit="-"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q4f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -65,22 +65,22 @@ class LandingTargetInnovations(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> LandingTargetInnovations:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LandingTargetInnovations:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.innov_x, message.innov_y, message.innov_cov_x,
                 message.innov_cov_y,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 28 <= len(data) <= 31:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="LandingTargetInnovations",
         ros_type="px4_msgs/msg/LandingTargetInnovations",
         dds_type="px4_msgs::msg::dds_::LandingTargetInnovations_",
@@ -97,4 +97,4 @@ class LandingTargetInnovations(_cdr.Message):
             _cdr.Field("innov_cov_x", "float32", 16, 4, unit="m^2"),
             _cdr.Field("innov_cov_y", "float32", 20, 4, unit="m^2"),
         ),
-    )
+    ))

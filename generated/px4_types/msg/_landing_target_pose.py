@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3?x9f?3x3f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -140,7 +140,7 @@ class LandingTargetPose(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> LandingTargetPose:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LandingTargetPose:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -149,15 +149,15 @@ class LandingTargetPose(_cdr.Message):
                 message.x_rel, message.y_rel, message.z_rel, message.vx_rel, message.vy_rel,
                 message.cov_x_rel, message.cov_y_rel, message.cov_vx_rel, message.cov_vy_rel,
                 message.abs_pos_valid, message.x_abs, message.y_abs, message.z_abs,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 68 <= len(data) <= 71:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="LandingTargetPose",
         ros_type="px4_msgs/msg/LandingTargetPose",
         dds_type="px4_msgs::msg::dds_::LandingTargetPose_",
@@ -186,4 +186,4 @@ class LandingTargetPose(_cdr.Message):
             _cdr.Field("y_abs", "float32", 56, 4, unit="m", frame="NED"),
             _cdr.Field("z_abs", "float32", 60, 4, unit="m", frame="NED"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Qf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -55,19 +55,19 @@ class LateralControlConfiguration(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> LateralControlConfiguration:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LateralControlConfiguration:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.lateral_accel_max) = _unpack_from(data)
+            (header, message.timestamp, message.lateral_accel_max) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 16 <= len(data) <= 19:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="LateralControlConfiguration",
         ros_type="px4_msgs/msg/LateralControlConfiguration",
         dds_type="px4_msgs::msg::dds_::LateralControlConfiguration_",
@@ -81,4 +81,4 @@ class LateralControlConfiguration(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("lateral_accel_max", "float32", 8, 4, unit="m/s^2", invalid="NaN"),
         ),
-    )
+    ))

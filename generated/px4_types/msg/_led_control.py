@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q5B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -106,22 +106,22 @@ class LedControl(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> LedControl:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LedControl:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.led_mask, message.color, message.mode, message.num_blinks,
                 message.priority,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 17 <= len(data) <= 20:
+        if header != _USUAL or len(data) not in (17, 18, 19, 20):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="LedControl",
         ros_type="px4_msgs/msg/LedControl",
         dds_type="px4_msgs::msg::dds_::LedControl_",
@@ -139,4 +139,4 @@ class LedControl(_cdr.Message):
             _cdr.Field("num_blinks", "uint8", 11, 1),
             _cdr.Field("priority", "uint8", 12, 1, range="0, 2"),
         ),
-    )
+    ))

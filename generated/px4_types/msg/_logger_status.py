@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B?x2f4IB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -117,7 +117,7 @@ class LoggerStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> LoggerStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LoggerStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -125,15 +125,15 @@ class LoggerStatus(_cdr.Message):
                 header, message.timestamp, message.type, message.backend, message.is_logging,
                 message.total_written_kb, message.write_rate_kb_s, message.dropouts, message.message_gaps,
                 message.buffer_used_bytes, message.buffer_size_bytes, message.num_messages,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 41 <= len(data) <= 44:
+        if header != _USUAL or len(data) not in (41, 42, 43, 44):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="LoggerStatus",
         ros_type="px4_msgs/msg/LoggerStatus",
         dds_type="px4_msgs::msg::dds_::LoggerStatus_",
@@ -156,4 +156,4 @@ class LoggerStatus(_cdr.Message):
             _cdr.Field("buffer_size_bytes", "uint32", 32, 4, unit="bytes"),
             _cdr.Field("num_messages", "uint8", 36, 1),
         ),
-    )
+    ))

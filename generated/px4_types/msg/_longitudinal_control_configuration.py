@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q7f2?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -114,7 +114,7 @@ class LongitudinalControlConfiguration(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> LongitudinalControlConfiguration:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LongitudinalControlConfiguration:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -123,15 +123,15 @@ class LongitudinalControlConfiguration(_cdr.Message):
                 message.throttle_max, message.climb_rate_target, message.sink_rate_target,
                 message.speed_weight, message.enforce_low_height_condition,
                 message.disable_underspeed_protection,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 42 <= len(data) <= 45:
+        if header != _USUAL or len(data) not in (42, 43, 44, 45):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="LongitudinalControlConfiguration",
         ros_type="px4_msgs/msg/LongitudinalControlConfiguration",
         dds_type="px4_msgs::msg::dds_::LongitudinalControlConfiguration_",
@@ -167,4 +167,4 @@ class LongitudinalControlConfiguration(_cdr.Message):
             _cdr.Field("enforce_low_height_condition", "bool", 36, 1),
             _cdr.Field("disable_underspeed_protection", "bool", 37, 1),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q2IQ4I4?12f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -123,7 +123,7 @@ class MagWorkerData(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> MagWorkerData:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MagWorkerData:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -134,10 +134,10 @@ class MagWorkerData(_cdr.Message):
                 calibration_counter_total_3, side_data_collected_0, side_data_collected_1,
                 side_data_collected_2, side_data_collected_3, x_0, x_1, x_2, x_3, y_0, y_1, y_2, y_3, z_0,
                 z_1, z_2, z_3,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 104 <= len(data) <= 107:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.calibration_counter_total = (
             calibration_counter_total_0, calibration_counter_total_1, calibration_counter_total_2,
@@ -152,7 +152,7 @@ class MagWorkerData(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="MagWorkerData",
         ros_type="px4_msgs/msg/MagWorkerData",
         dds_type="px4_msgs::msg::dds_::MagWorkerData_",
@@ -174,4 +174,4 @@ class MagWorkerData(_cdr.Message):
             _cdr.Field("y", "float32[4]", 68, 16, unit="Gs"),
             _cdr.Field("z", "float32[4]", 84, 16, unit="Gs"),
         ),
-    )
+    ))

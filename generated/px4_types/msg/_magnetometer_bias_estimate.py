@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q12f8?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -81,7 +81,7 @@ class MagnetometerBiasEstimate(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> MagnetometerBiasEstimate:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MagnetometerBiasEstimate:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -89,10 +89,10 @@ class MagnetometerBiasEstimate(_cdr.Message):
                 header, message.timestamp, bias_x_0, bias_x_1, bias_x_2, bias_x_3, bias_y_0, bias_y_1,
                 bias_y_2, bias_y_3, bias_z_0, bias_z_1, bias_z_2, bias_z_3, valid_0, valid_1, valid_2,
                 valid_3, stable_0, stable_1, stable_2, stable_3,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 68 <= len(data) <= 71:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.bias_x = (bias_x_0, bias_x_1, bias_x_2, bias_x_3)
         message.bias_y = (bias_y_0, bias_y_1, bias_y_2, bias_y_3)
@@ -102,7 +102,7 @@ class MagnetometerBiasEstimate(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="MagnetometerBiasEstimate",
         ros_type="px4_msgs/msg/MagnetometerBiasEstimate",
         dds_type="px4_msgs::msg::dds_::MagnetometerBiasEstimate_",
@@ -120,4 +120,4 @@ class MagnetometerBiasEstimate(_cdr.Message):
             _cdr.Field("valid", "bool[4]", 56, 4),
             _cdr.Field("stable", "bool[4]", 60, 4),
         ),
-    )
+    ))

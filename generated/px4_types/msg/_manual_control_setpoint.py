@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q?B2x11f?xH")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -166,7 +166,7 @@ class ManualControlSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ManualControlSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ManualControlSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -175,15 +175,15 @@ class ManualControlSetpoint(_cdr.Message):
                 message.roll, message.pitch, message.yaw, message.throttle, message.flaps, message.aux1,
                 message.aux2, message.aux3, message.aux4, message.aux5, message.aux6, message.sticks_moving,
                 message.buttons,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 72 <= len(data) <= 75:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ManualControlSetpoint",
         ros_type="px4_msgs/msg/ManualControlSetpoint",
         dds_type="px4_msgs::msg::dds_::ManualControlSetpoint_",
@@ -212,4 +212,4 @@ class ManualControlSetpoint(_cdr.Message):
             _cdr.Field("sticks_moving", "bool", 64, 1),
             _cdr.Field("buttons", "uint16", 66, 2),
         ),
-    )
+    ))

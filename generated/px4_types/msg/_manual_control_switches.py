@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q13B3xI")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -157,7 +157,7 @@ class ManualControlSwitches(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ManualControlSwitches:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ManualControlSwitches:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -167,15 +167,15 @@ class ManualControlSwitches(_cdr.Message):
                 message.termination_switch, message.gear_switch, message.transition_switch,
                 message.photo_switch, message.video_switch, message.engage_main_motor_switch,
                 message.payload_power_switch, message.switch_changes,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 40 <= len(data) <= 43:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ManualControlSwitches",
         ros_type="px4_msgs/msg/ManualControlSwitches",
         dds_type="px4_msgs::msg::dds_::ManualControlSwitches_",
@@ -203,4 +203,4 @@ class ManualControlSwitches(_cdr.Message):
             _cdr.Field("payload_power_switch", "uint8", 28, 1, enum="SWITCH_POS"),
             _cdr.Field("switch_changes", "uint32", 32, 4),
         ),
-    )
+    ))

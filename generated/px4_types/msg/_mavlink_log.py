@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q127sB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -59,19 +59,19 @@ class MavlinkLog(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> MavlinkLog:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MavlinkLog:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.text, message.severity) = _unpack_from(data)
+            (header, message.timestamp, message.text, message.severity) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 140 <= len(data) <= 143:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="MavlinkLog",
         ros_type="px4_msgs/msg/MavlinkLog",
         dds_type="px4_msgs::msg::dds_::MavlinkLog_",
@@ -86,4 +86,4 @@ class MavlinkLog(_cdr.Message):
             _cdr.Field("text", "char[127]", 8, 127),
             _cdr.Field("severity", "uint8", 135, 1, range="0, 7"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH3B128s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -95,22 +95,22 @@ class MavlinkTunnel(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> MavlinkTunnel:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MavlinkTunnel:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.payload_type, message.target_system,
                 message.target_component, message.payload_length, message.payload,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 145 <= len(data) <= 148:
+        if header != _USUAL or len(data) not in (145, 146, 147, 148):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="MavlinkTunnel",
         ros_type="px4_msgs/msg/MavlinkTunnel",
         dds_type="px4_msgs::msg::dds_::MavlinkTunnel_",
@@ -128,4 +128,4 @@ class MavlinkTunnel(_cdr.Message):
             _cdr.Field("payload_length", "uint8", 12, 1, unit="bytes"),
             _cdr.Field("payload", "uint8[128]", 13, 128),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH50s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -63,19 +63,19 @@ class MessageFormatRequest(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> MessageFormatRequest:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MessageFormatRequest:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.protocol_version, message.topic_name) = _unpack_from(data)
+            (header, message.timestamp, message.protocol_version, message.topic_name) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 64 <= len(data) <= 67:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="MessageFormatRequest",
         ros_type="px4_msgs/msg/MessageFormatRequest",
         dds_type="px4_msgs::msg::dds_::MessageFormatRequest_",
@@ -90,4 +90,4 @@ class MessageFormatRequest(_cdr.Message):
             _cdr.Field("protocol_version", "uint16", 8, 2),
             _cdr.Field("topic_name", "char[50]", 10, 50),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QH50s?3xI")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -71,22 +71,22 @@ class MessageFormatResponse(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> MessageFormatResponse:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MessageFormatResponse:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.protocol_version, message.topic_name, message.success,
                 message.message_hash,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 72 <= len(data) <= 75:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="MessageFormatResponse",
         ros_type="px4_msgs/msg/MessageFormatResponse",
         dds_type="px4_msgs::msg::dds_::MessageFormatResponse_",
@@ -103,4 +103,4 @@ class MessageFormatResponse(_cdr.Message):
             _cdr.Field("success", "bool", 60, 1),
             _cdr.Field("message_hash", "uint32", 64, 4),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3BxH2x3i3I")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -105,7 +105,7 @@ class Mission(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> Mission:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Mission:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -113,15 +113,15 @@ class Mission(_cdr.Message):
                 header, message.timestamp, message.mission_dataman_id, message.fence_dataman_id,
                 message.safepoint_dataman_id, message.count, message.current_seq, message.land_start_index,
                 message.land_index, message.mission_id, message.geofence_id, message.safe_points_id,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 44 <= len(data) <= 47:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="Mission",
         ros_type="px4_msgs/msg/Mission",
         dds_type="px4_msgs::msg::dds_::Mission_",
@@ -144,4 +144,4 @@ class Mission(_cdr.Message):
             _cdr.Field("geofence_id", "uint32", 32, 4),
             _cdr.Field("safe_points_id", "uint32", 36, 4),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3Ii2H5?x2HB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -130,7 +130,7 @@ class MissionResult(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> MissionResult:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MissionResult:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -140,15 +140,15 @@ class MissionResult(_cdr.Message):
                 message.valid, message.warning, message.finished, message.failure,
                 message.item_do_jump_changed, message.item_changed_index, message.item_do_jump_remaining,
                 message.execution_mode,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 43 <= len(data) <= 46:
+        if header != _USUAL or len(data) not in (43, 44, 45, 46):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="MissionResult",
         ros_type="px4_msgs/msg/MissionResult",
         dds_type="px4_msgs::msg::dds_::MissionResult_",
@@ -175,4 +175,4 @@ class MissionResult(_cdr.Message):
             _cdr.Field("item_do_jump_remaining", "uint16", 36, 2),
             _cdr.Field("execution_mode", "uint8", 38, 1),
         ),
-    )
+    ))

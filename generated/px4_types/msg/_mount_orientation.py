@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -52,23 +52,23 @@ class MountOrientation(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> MountOrientation:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MountOrientation:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, attitude_euler_angle_0, attitude_euler_angle_1,
                 attitude_euler_angle_2,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 24 <= len(data) <= 27:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.attitude_euler_angle = (attitude_euler_angle_0, attitude_euler_angle_1, attitude_euler_angle_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="MountOrientation",
         ros_type="px4_msgs/msg/MountOrientation",
         dds_type="px4_msgs::msg::dds_::MountOrientation_",
@@ -82,4 +82,4 @@ class MountOrientation(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("attitude_euler_angle", "float32[3]", 8, 12, unit="rad"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2H7f2B5?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -143,7 +143,7 @@ class NavigatorMissionItem(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> NavigatorMissionItem:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> NavigatorMissionItem:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -153,15 +153,15 @@ class NavigatorMissionItem(_cdr.Message):
                 message.yaw, message.altitude, message.frame, message.origin, message.loiter_exit_xtrack,
                 message.force_heading, message.altitude_is_relative, message.autocontinue,
                 message.vtol_back_transition,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 51 <= len(data) <= 54:
+        if header != _USUAL or len(data) not in (51, 52, 53, 54):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="NavigatorMissionItem",
         ros_type="px4_msgs/msg/NavigatorMissionItem",
         dds_type="px4_msgs::msg::dds_::NavigatorMissionItem_",
@@ -192,4 +192,4 @@ class NavigatorMissionItem(_cdr.Message):
             _cdr.Field("autocontinue", "bool", 45, 1),
             _cdr.Field("vtol_back_transition", "bool", 46, 1),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q19f2i")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -75,7 +75,7 @@ class NeuralControl(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> NeuralControl:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> NeuralControl:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -85,10 +85,10 @@ class NeuralControl(_cdr.Message):
                 observation_10, observation_11, observation_12, observation_13, observation_14,
                 network_output_0, network_output_1, network_output_2, network_output_3,
                 message.controller_time, message.inference_time,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 96 <= len(data) <= 99:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.observation = (
             observation_0, observation_1, observation_2, observation_3, observation_4, observation_5,
@@ -99,7 +99,7 @@ class NeuralControl(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="NeuralControl",
         ros_type="px4_msgs/msg/NeuralControl",
         dds_type="px4_msgs::msg::dds_::NeuralControl_",
@@ -116,4 +116,4 @@ class NeuralControl(_cdr.Message):
             _cdr.Field("controller_time", "int32", 84, 4, unit="us"),
             _cdr.Field("inference_time", "int32", 88, 4, unit="us"),
         ),
-    )
+    ))

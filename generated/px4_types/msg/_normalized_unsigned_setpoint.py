@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Qf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -48,19 +48,19 @@ class NormalizedUnsignedSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> NormalizedUnsignedSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> NormalizedUnsignedSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.normalized_setpoint) = _unpack_from(data)
+            (header, message.timestamp, message.normalized_setpoint) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 16 <= len(data) <= 19:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="NormalizedUnsignedSetpoint",
         ros_type="px4_msgs/msg/NormalizedUnsignedSetpoint",
         dds_type="px4_msgs::msg::dds_::NormalizedUnsignedSetpoint_",
@@ -74,4 +74,4 @@ class NormalizedUnsignedSetpoint(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("normalized_setpoint", "float32", 8, 4, range="0, 1"),
         ),
-    )
+    ))

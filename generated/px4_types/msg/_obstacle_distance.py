@@ -14,8 +14,9 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B144s2xf2Hf", words="Q2B72H2xI2HI")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
+_from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
 
 class ObstacleDistance(_cdr.Message):
@@ -96,30 +97,30 @@ class ObstacleDistance(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header, 168 of values."""
         try:
             return _pack(
-                _USUAL, self.timestamp, self.frame, self.sensor_type, _arrays.to_raw("H", 72, self.distances),
+                _USUAL, self.timestamp, self.frame, self.sensor_type, _to_raw("H", 72, self.distances),
                 self.increment, self.min_distance, self.max_distance, self.angle_offset,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ObstacleDistance:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ObstacleDistance:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.frame, message.sensor_type, distances_raw,
                 message.increment, message.min_distance, message.max_distance, message.angle_offset,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 172 <= len(data) <= 175:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.distances = _arrays.from_raw("H", distances_raw)
+        message.distances = _from_raw("H", distances_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ObstacleDistance",
         ros_type="px4_msgs/msg/ObstacleDistance",
         dds_type="px4_msgs::msg::dds_::ObstacleDistance_",
@@ -139,4 +140,4 @@ class ObstacleDistance(_cdr.Message):
             _cdr.Field("max_distance", "uint16", 162, 2, unit="cm"),
             _cdr.Field("angle_offset", "float32", 164, 4, unit="deg"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QIB8s10s4s10s9b4h2x44I")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -203,7 +203,7 @@ class OnboardComputerStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> OnboardComputerStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OnboardComputerStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -221,10 +221,10 @@ class OnboardComputerStatus(_cdr.Message):
                 link_rx_rate_4, link_rx_rate_5, link_tx_max_0, link_tx_max_1, link_tx_max_2, link_tx_max_3,
                 link_tx_max_4, link_tx_max_5, link_rx_max_0, link_rx_max_1, link_rx_max_2, link_rx_max_3,
                 link_rx_max_4, link_rx_max_5,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 244 <= len(data) <= 247:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.temperature_core = (
             temperature_core_0, temperature_core_1, temperature_core_2, temperature_core_3,
@@ -250,7 +250,7 @@ class OnboardComputerStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="OnboardComputerStatus",
         ros_type="px4_msgs/msg/OnboardComputerStatus",
         dds_type="px4_msgs::msg::dds_::OnboardComputerStatus_",
@@ -282,4 +282,4 @@ class OnboardComputerStatus(_cdr.Message):
             _cdr.Field("link_tx_max", "uint32[6]", 192, 24, unit="Kb/s"),
             _cdr.Field("link_rx_max", "uint32[6]", 216, 24, unit="Kb/s"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QB50s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -56,19 +56,19 @@ class OpenDroneIdArmStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> OpenDroneIdArmStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OpenDroneIdArmStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.status, message.error) = _unpack_from(data)
+            (header, message.timestamp, message.status, message.error) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 63 <= len(data) <= 66:
+        if header != _USUAL or len(data) not in (63, 64, 65, 66):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="OpenDroneIdArmStatus",
         ros_type="px4_msgs/msg/OpenDroneIdArmStatus",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdArmStatus_",
@@ -83,4 +83,4 @@ class OpenDroneIdArmStatus(_cdr.Message):
             _cdr.Field("status", "uint8", 8, 1),
             _cdr.Field("error", "char[50]", 9, 50),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q20sB20s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -65,21 +65,21 @@ class OpenDroneIdOperatorId(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> OpenDroneIdOperatorId:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OpenDroneIdOperatorId:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.id_or_mac, message.operator_id_type, message.operator_id,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 53 <= len(data) <= 56:
+        if header != _USUAL or len(data) not in (53, 54, 55, 56):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="OpenDroneIdOperatorId",
         ros_type="px4_msgs/msg/OpenDroneIdOperatorId",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdOperatorId_",
@@ -95,4 +95,4 @@ class OpenDroneIdOperatorId(_cdr.Message):
             _cdr.Field("operator_id_type", "uint8", 28, 1),
             _cdr.Field("operator_id", "char[20]", 29, 20),
         ),
-    )
+    ))

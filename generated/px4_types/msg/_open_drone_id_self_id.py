@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q20sB23s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -65,21 +65,21 @@ class OpenDroneIdSelfId(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> OpenDroneIdSelfId:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OpenDroneIdSelfId:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.id_or_mac, message.description_type, message.description,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 56 <= len(data) <= 59:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="OpenDroneIdSelfId",
         ros_type="px4_msgs/msg/OpenDroneIdSelfId",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdSelfId_",
@@ -95,4 +95,4 @@ class OpenDroneIdSelfId(_cdr.Message):
             _cdr.Field("description_type", "uint8", 28, 1),
             _cdr.Field("description", "char[23]", 29, 23),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q20s2B2x2i2H2f2B2xf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -121,7 +121,7 @@ class OpenDroneIdSystem(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> OpenDroneIdSystem:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OpenDroneIdSystem:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -130,15 +130,15 @@ class OpenDroneIdSystem(_cdr.Message):
                 message.classification_type, message.operator_latitude, message.operator_longitude,
                 message.area_count, message.area_radius, message.area_ceiling, message.area_floor,
                 message.category_eu, message.class_eu, message.operator_altitude_geo,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 64 <= len(data) <= 67:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="OpenDroneIdSystem",
         ros_type="px4_msgs/msg/OpenDroneIdSystem",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdSystem_",
@@ -163,4 +163,4 @@ class OpenDroneIdSystem(_cdr.Message):
             _cdr.Field("class_eu", "uint8", 53, 1),
             _cdr.Field("operator_altitude_geo", "float32", 56, 4, unit="m", invalid="-1000"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Qi512s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -55,19 +55,19 @@ class OrbTestLarge(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> OrbTestLarge:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OrbTestLarge:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.val, message.junk) = _unpack_from(data)
+            (header, message.timestamp, message.val, message.junk) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 528 <= len(data) <= 531:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="OrbTestLarge",
         ros_type="px4_msgs/msg/OrbTestLarge",
         dds_type="px4_msgs::msg::dds_::OrbTestLarge_",
@@ -82,4 +82,4 @@ class OrbTestLarge(_cdr.Message):
             _cdr.Field("val", "int32", 8, 4),
             _cdr.Field("junk", "uint8[512]", 12, 512),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Qi64s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -60,19 +60,19 @@ class OrbTestMedium(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> OrbTestMedium:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OrbTestMedium:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.val, message.junk) = _unpack_from(data)
+            (header, message.timestamp, message.val, message.junk) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 80 <= len(data) <= 83:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="OrbTestMedium",
         ros_type="px4_msgs/msg/OrbTestMedium",
         dds_type="px4_msgs::msg::dds_::OrbTestMedium_",
@@ -90,4 +90,4 @@ class OrbTestMedium(_cdr.Message):
             _cdr.Field("val", "int32", 8, 4),
             _cdr.Field("junk", "uint8[64]", 12, 64),
         ),
-    )
+    ))

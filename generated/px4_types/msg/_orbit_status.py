@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QfB3x2dfB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -85,22 +85,22 @@ class OrbitStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> OrbitStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OrbitStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.radius, message.frame, message.x, message.y, message.z,
                 message.yaw_behaviour,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 41 <= len(data) <= 44:
+        if header != _USUAL or len(data) not in (41, 42, 43, 44):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="OrbitStatus",
         ros_type="px4_msgs/msg/OrbitStatus",
         dds_type="px4_msgs::msg::dds_::OrbitStatus_",
@@ -119,4 +119,4 @@ class OrbitStatus(_cdr.Message):
             _cdr.Field("z", "float32", 32, 4, unit="m"),
             _cdr.Field("yaw_behaviour", "uint8", 36, 1, enum="ORBIT_YAW_BEHAVIOUR"),
         ),
-    )
+    ))

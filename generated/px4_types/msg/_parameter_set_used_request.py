@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -52,19 +52,19 @@ class ParameterSetUsedRequest(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ParameterSetUsedRequest:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ParameterSetUsedRequest:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.parameter_index) = _unpack_from(data)
+            (header, message.timestamp, message.parameter_index) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 14 <= len(data) <= 17:
+        if header != _USUAL or len(data) not in (14, 15, 16, 17):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ParameterSetUsedRequest",
         ros_type="px4_msgs/msg/ParameterSetUsedRequest",
         dds_type="px4_msgs::msg::dds_::ParameterSetUsedRequest_",
@@ -78,4 +78,4 @@ class ParameterSetUsedRequest(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("parameter_index", "uint16", 8, 2),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH2xif")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -65,21 +65,21 @@ class ParameterSetValueRequest(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ParameterSetValueRequest:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ParameterSetValueRequest:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.parameter_index, message.int_value, message.float_value,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 24 <= len(data) <= 27:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ParameterSetValueRequest",
         ros_type="px4_msgs/msg/ParameterSetValueRequest",
         dds_type="px4_msgs::msg::dds_::ParameterSetValueRequest_",
@@ -98,4 +98,4 @@ class ParameterSetValueRequest(_cdr.Message):
             _cdr.Field("int_value", "int32", 12, 4),
             _cdr.Field("float_value", "float32", 16, 4),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QH")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -59,21 +59,21 @@ class ParameterSetValueResponse(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ParameterSetValueResponse:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ParameterSetValueResponse:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.request_timestamp, message.parameter_index,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 22 <= len(data) <= 25:
+        if header != _USUAL or len(data) not in (22, 23, 24, 25):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ParameterSetValueResponse",
         ros_type="px4_msgs/msg/ParameterSetValueResponse",
         dds_type="px4_msgs::msg::dds_::ParameterSetValueResponse_",
@@ -91,4 +91,4 @@ class ParameterSetValueResponse(_cdr.Message):
             _cdr.Field("request_timestamp", "uint64", 8, 8, unit="us"),
             _cdr.Field("parameter_index", "uint16", 16, 2),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5I3H")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -94,7 +94,7 @@ class ParameterUpdate(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> ParameterUpdate:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ParameterUpdate:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -102,15 +102,15 @@ class ParameterUpdate(_cdr.Message):
                 header, message.timestamp, message.instance, message.get_count, message.set_count,
                 message.find_count, message.export_count, message.active, message.changed,
                 message.custom_default,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 38 <= len(data) <= 41:
+        if header != _USUAL or len(data) not in (38, 39, 40, 41):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="ParameterUpdate",
         ros_type="px4_msgs/msg/ParameterUpdate",
         dds_type="px4_msgs::msg::dds_::ParameterUpdate_",
@@ -131,4 +131,4 @@ class ParameterUpdate(_cdr.Message):
             _cdr.Field("changed", "uint16", 30, 2),
             _cdr.Field("custom_default", "uint16", 32, 2),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q2If2B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -81,22 +81,22 @@ class Ping(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> Ping:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Ping:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.ping_time, message.ping_sequence, message.dropped_packets,
                 message.rtt_ms, message.system_id, message.component_id,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 34 <= len(data) <= 37:
+        if header != _USUAL or len(data) not in (34, 35, 36, 37):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="Ping",
         ros_type="px4_msgs/msg/Ping",
         dds_type="px4_msgs::msg::dds_::Ping_",
@@ -115,4 +115,4 @@ class Ping(_cdr.Message):
             _cdr.Field("system_id", "uint8", 28, 1),
             _cdr.Field("component_id", "uint8", 29, 1),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Qf?B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -75,22 +75,22 @@ class PositionControllerLandingStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PositionControllerLandingStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PositionControllerLandingStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.lateral_touchdown_offset, message.flaring,
                 message.abort_status,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 18 <= len(data) <= 21:
+        if header != _USUAL or len(data) not in (18, 19, 20, 21):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="PositionControllerLandingStatus",
         ros_type="px4_msgs/msg/PositionControllerLandingStatus",
         dds_type="px4_msgs::msg::dds_::PositionControllerLandingStatus_",
@@ -106,4 +106,4 @@ class PositionControllerLandingStatus(_cdr.Message):
             _cdr.Field("flaring", "bool", 12, 1),
             _cdr.Field("abort_status", "uint8", 13, 1),
         ),
-    )
+    ))

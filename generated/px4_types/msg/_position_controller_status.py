@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -94,7 +94,7 @@ class PositionControllerStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PositionControllerStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PositionControllerStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -102,15 +102,15 @@ class PositionControllerStatus(_cdr.Message):
                 header, message.timestamp, message.nav_roll, message.nav_pitch, message.nav_bearing,
                 message.target_bearing, message.xtrack_error, message.wp_dist, message.acceptance_radius,
                 message.type,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 41 <= len(data) <= 44:
+        if header != _USUAL or len(data) not in (41, 42, 43, 44):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="PositionControllerStatus",
         ros_type="px4_msgs/msg/PositionControllerStatus",
         dds_type="px4_msgs::msg::dds_::PositionControllerStatus_",
@@ -131,4 +131,4 @@ class PositionControllerStatus(_cdr.Message):
             _cdr.Field("acceptance_radius", "float32", 32, 4, unit="m"),
             _cdr.Field("type", "uint8", 36, 1),
         ),
-    )
+    ))

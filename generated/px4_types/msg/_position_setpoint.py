@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q?B2x3f2d4f?3xfB3x3f?3xf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -191,7 +191,7 @@ class PositionSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PositionSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PositionSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -202,15 +202,15 @@ class PositionSetpoint(_cdr.Message):
                 message.loiter_orientation, message.loiter_pattern, message.acceptance_radius,
                 message.alt_acceptance_radius, message.cruising_speed, message.gliding_enabled,
                 message.cruising_throttle,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 92 <= len(data) <= 95:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="PositionSetpoint",
         ros_type="px4_msgs/msg/PositionSetpoint",
         dds_type="px4_msgs::msg::dds_::PositionSetpoint_",
@@ -246,4 +246,4 @@ class PositionSetpoint(_cdr.Message):
             _cdr.Field("gliding_enabled", "bool", 80, 1),
             _cdr.Field("cruising_throttle", "float32", 84, 4, unit="-"),
         ),
-    )
+    ))

@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q?B2x3f2d4f?3xfB3x3f?3xfQ?B2x3f2d4f?3xfB3x3f?3xfQ?B2x3f2d4f?3xfB3x3f?3xf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -87,7 +87,7 @@ class PositionSetpointTriplet(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PositionSetpointTriplet:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PositionSetpointTriplet:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         previous = _new(PositionSetpoint)
@@ -111,10 +111,10 @@ class PositionSetpointTriplet(_cdr.Message):
                 next.loiter_direction_counter_clockwise, next.loiter_orientation, next.loiter_pattern,
                 next.acceptance_radius, next.alt_acceptance_radius, next.cruising_speed, next.gliding_enabled,
                 next.cruising_throttle,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 276 <= len(data) <= 279:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.previous = previous
         message.current = current
@@ -122,7 +122,7 @@ class PositionSetpointTriplet(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="PositionSetpointTriplet",
         ros_type="px4_msgs/msg/PositionSetpointTriplet",
         dds_type="px4_msgs::msg::dds_::PositionSetpointTriplet_",
@@ -138,4 +138,4 @@ class PositionSetpointTriplet(_cdr.Message):
             _cdr.Field("current", "PositionSetpoint", 96, 88),
             _cdr.Field("next", "PositionSetpoint", 184, 88),
         ),
-    )
+    ))

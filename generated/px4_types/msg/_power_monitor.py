@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3f8h")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -110,7 +110,7 @@ class PowerMonitor(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PowerMonitor:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PowerMonitor:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -118,15 +118,15 @@ class PowerMonitor(_cdr.Message):
                 header, message.timestamp, message.voltage_v, message.current_a, message.power_w,
                 message.rconf, message.rsv, message.rbv, message.rp, message.rc, message.rcal, message.me,
                 message.al,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 40 <= len(data) <= 43:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="PowerMonitor",
         ros_type="px4_msgs/msg/PowerMonitor",
         dds_type="px4_msgs::msg::dds_::PowerMonitor_",
@@ -150,4 +150,4 @@ class PowerMonitor(_cdr.Message):
             _cdr.Field("me", "int16", 32, 2),
             _cdr.Field("al", "int16", 34, 2),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -54,21 +54,21 @@ class PpsCapture(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PpsCapture:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PpsCapture:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.rtc_timestamp, message.pps_rate_exceeded_counter,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 21 <= len(data) <= 24:
+        if header != _USUAL or len(data) not in (21, 22, 23, 24):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="PpsCapture",
         ros_type="px4_msgs/msg/PpsCapture",
         dds_type="px4_msgs::msg::dds_::PpsCapture_",
@@ -83,4 +83,4 @@ class PpsCapture(_cdr.Message):
             _cdr.Field("rtc_timestamp", "uint64", 8, 8, unit="us"),
             _cdr.Field("pps_rate_exceeded_counter", "uint8", 16, 1),
         ),
-    )
+    ))

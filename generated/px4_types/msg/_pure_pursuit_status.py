@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -81,22 +81,22 @@ class PurePursuitStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PurePursuitStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PurePursuitStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.lookahead_distance, message.target_bearing,
                 message.crosstrack_error, message.distance_to_waypoint, message.bearing_to_waypoint,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 32 <= len(data) <= 35:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="PurePursuitStatus",
         ros_type="px4_msgs/msg/PurePursuitStatus",
         dds_type="px4_msgs::msg::dds_::PurePursuitStatus_",
@@ -121,4 +121,4 @@ class PurePursuitStatus(_cdr.Message):
                 "bearing_to_waypoint", "float32", 24, 4, unit="rad", range="-pi, pi", frame="NED",
             ),
         ),
-    )
+    ))

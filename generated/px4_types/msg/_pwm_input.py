@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q2I")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -59,21 +59,21 @@ class PwmInput(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> PwmInput:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PwmInput:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.error_count, message.pulse_width, message.period,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 28 <= len(data) <= 31:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="PwmInput",
         ros_type="px4_msgs/msg/PwmInput",
         dds_type="px4_msgs::msg::dds_::PwmInput_",
@@ -89,4 +89,4 @@ class PwmInput(_cdr.Message):
             _cdr.Field("pulse_width", "uint32", 16, 4, unit="us"),
             _cdr.Field("period", "uint32", 20, 4, unit="us"),
         ),
-    )
+    ))

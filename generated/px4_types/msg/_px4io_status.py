@@ -12,8 +12,9 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QH2x2f23?x32H36s", words="QH2x2I23Bx50H")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
+_from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
 
 class Px4ioStatus(_cdr.Message):
@@ -253,14 +254,13 @@ class Px4ioStatus(_cdr.Message):
                 pwm_disarmed_4, pwm_disarmed_5, pwm_disarmed_6, pwm_disarmed_7, pwm_failsafe_0,
                 pwm_failsafe_1, pwm_failsafe_2, pwm_failsafe_3, pwm_failsafe_4, pwm_failsafe_5,
                 pwm_failsafe_6, pwm_failsafe_7, pwm_rate_hz_0, pwm_rate_hz_1, pwm_rate_hz_2, pwm_rate_hz_3,
-                pwm_rate_hz_4, pwm_rate_hz_5, pwm_rate_hz_6, pwm_rate_hz_7,
-                _arrays.to_raw("H", 18, self.raw_inputs),
+                pwm_rate_hz_4, pwm_rate_hz_5, pwm_rate_hz_6, pwm_rate_hz_7, _to_raw("H", 18, self.raw_inputs),
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> Px4ioStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Px4ioStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -279,10 +279,10 @@ class Px4ioStatus(_cdr.Message):
                 pwm_failsafe_2, pwm_failsafe_3, pwm_failsafe_4, pwm_failsafe_5, pwm_failsafe_6,
                 pwm_failsafe_7, pwm_rate_hz_0, pwm_rate_hz_1, pwm_rate_hz_2, pwm_rate_hz_3, pwm_rate_hz_4,
                 pwm_rate_hz_5, pwm_rate_hz_6, pwm_rate_hz_7, raw_inputs_raw,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 148 <= len(data) <= 151:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.pwm = (pwm_0, pwm_1, pwm_2, pwm_3, pwm_4, pwm_5, pwm_6, pwm_7)
         message.pwm_disarmed = (
@@ -297,11 +297,11 @@ class Px4ioStatus(_cdr.Message):
             pwm_rate_hz_0, pwm_rate_hz_1, pwm_rate_hz_2, pwm_rate_hz_3, pwm_rate_hz_4, pwm_rate_hz_5,
             pwm_rate_hz_6, pwm_rate_hz_7,
         )
-        message.raw_inputs = _arrays.from_raw("H", raw_inputs_raw)
+        message.raw_inputs = _from_raw("H", raw_inputs_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="Px4ioStatus",
         ros_type="px4_msgs/msg/Px4ioStatus",
         dds_type="px4_msgs::msg::dds_::Px4ioStatus_",
@@ -345,4 +345,4 @@ class Px4ioStatus(_cdr.Message):
             _cdr.Field("pwm_rate_hz", "uint16[8]", 92, 16, unit="Hz"),
             _cdr.Field("raw_inputs", "uint16[18]", 108, 36, unit="us"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q100s2I")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -65,21 +65,21 @@ class QshellReq(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> QshellReq:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> QshellReq:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.cmd, message.strlen, message.request_sequence,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 120 <= len(data) <= 123:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="QshellReq",
         ros_type="px4_msgs/msg/QshellReq",
         dds_type="px4_msgs::msg::dds_::QshellReq_",
@@ -95,4 +95,4 @@ class QshellReq(_cdr.Message):
             _cdr.Field("strlen", "uint32", 108, 4, unit="bytes"),
             _cdr.Field("request_sequence", "uint32", 112, 4),
         ),
-    )
+    ))

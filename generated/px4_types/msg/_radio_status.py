@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5Bx2H")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -86,22 +86,22 @@ class RadioStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> RadioStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RadioStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.rssi, message.remote_rssi, message.txbuf, message.noise,
                 message.remote_noise, message.rxerrors, message.fix,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 22 <= len(data) <= 25:
+        if header != _USUAL or len(data) not in (22, 23, 24, 25):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="RadioStatus",
         ros_type="px4_msgs/msg/RadioStatus",
         dds_type="px4_msgs::msg::dds_::RadioStatus_",
@@ -121,4 +121,4 @@ class RadioStatus(_cdr.Message):
             _cdr.Field("rxerrors", "uint16", 14, 2),
             _cdr.Field("fix", "uint16", 16, 2),
         ),
-    )
+    ))

@@ -14,8 +14,9 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q72sB30sB?3xI", words="2Q18I33B3xI")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
+_from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
 
 class RcChannels(_cdr.Message):
@@ -119,32 +120,32 @@ class RcChannels(_cdr.Message):
             if (False | self.signal_lost) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
-                _USUAL, self.timestamp, self.timestamp_last_valid, _arrays.to_raw("f", 18, self.channels),
-                self.channel_count, _arrays.to_raw("b", 30, self.function), self.rssi, self.signal_lost,
+                _USUAL, self.timestamp, self.timestamp_last_valid, _to_raw("f", 18, self.channels),
+                self.channel_count, _to_raw("b", 30, self.function), self.rssi, self.signal_lost,
                 self.frame_drop_count,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> RcChannels:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RcChannels:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_last_valid, channels_raw, message.channel_count,
                 function_raw, message.rssi, message.signal_lost, message.frame_drop_count,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 132 <= len(data) <= 135:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.channels = _arrays.from_raw("f", channels_raw)
-        message.function = _arrays.from_raw("b", function_raw)
+        message.channels = _from_raw("f", channels_raw)
+        message.function = _from_raw("b", function_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="RcChannels",
         ros_type="px4_msgs/msg/RcChannels",
         dds_type="px4_msgs::msg::dds_::RcChannels_",
@@ -164,4 +165,4 @@ class RcChannels(_cdr.Message):
             _cdr.Field("signal_lost", "bool", 120, 1),
             _cdr.Field("frame_drop_count", "uint32", 124, 4),
         ),
-    )
+    ))

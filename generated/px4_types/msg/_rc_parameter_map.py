@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3?x3i51sx12f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -102,7 +102,7 @@ class RcParameterMap(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> RcParameterMap:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RcParameterMap:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -110,10 +110,10 @@ class RcParameterMap(_cdr.Message):
                 header, message.timestamp, valid_0, valid_1, valid_2, param_index_0, param_index_1,
                 param_index_2, message.param_id, scale_0, scale_1, scale_2, value0_0, value0_1, value0_2,
                 value_min_0, value_min_1, value_min_2, value_max_0, value_max_1, value_max_2,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 128 <= len(data) <= 131:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.valid = (valid_0, valid_1, valid_2)
         message.param_index = (param_index_0, param_index_1, param_index_2)
@@ -124,7 +124,7 @@ class RcParameterMap(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="RcParameterMap",
         ros_type="px4_msgs/msg/RcParameterMap",
         dds_type="px4_msgs::msg::dds_::RcParameterMap_",
@@ -144,4 +144,4 @@ class RcParameterMap(_cdr.Message):
             _cdr.Field("value_min", "float32[3]", 100, 12),
             _cdr.Field("value_max", "float32[3]", 112, 12),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q25sxH4?B?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -121,7 +121,7 @@ class RegisterExtComponentRequest(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> RegisterExtComponentRequest:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RegisterExtComponentRequest:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -130,15 +130,15 @@ class RegisterExtComponentRequest(_cdr.Message):
                 message.register_arming_check, message.register_mode, message.register_mode_executor,
                 message.enable_replace_internal_mode, message.replace_internal_mode,
                 message.activate_mode_immediately,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 54 <= len(data) <= 57:
+        if header != _USUAL or len(data) not in (54, 55, 56, 57):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="RegisterExtComponentRequest",
         ros_type="px4_msgs/msg/RegisterExtComponentRequest",
         dds_type="px4_msgs::msg::dds_::RegisterExtComponentRequest_",
@@ -160,4 +160,4 @@ class RegisterExtComponentRequest(_cdr.Message):
             _cdr.Field("replace_internal_mode", "uint8", 48, 1),
             _cdr.Field("activate_mode_immediately", "bool", 49, 1),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Qf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -51,19 +51,19 @@ class RoverAttitudeSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> RoverAttitudeSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RoverAttitudeSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.yaw_setpoint) = _unpack_from(data)
+            (header, message.timestamp, message.yaw_setpoint) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 16 <= len(data) <= 19:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="RoverAttitudeSetpoint",
         ros_type="px4_msgs/msg/RoverAttitudeSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverAttitudeSetpoint_",
@@ -79,4 +79,4 @@ class RoverAttitudeSetpoint(_cdr.Message):
                 "yaw_setpoint", "float32", 8, 4, unit="rad", range="-inf, inf", frame="NED",
             ),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -79,24 +79,24 @@ class RoverPositionSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> RoverPositionSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RoverPositionSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, position_ned_0, position_ned_1, start_ned_0, start_ned_1,
                 message.cruising_speed, message.arrival_speed, message.yaw,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 40 <= len(data) <= 43:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position_ned = (position_ned_0, position_ned_1)
         message.start_ned = (start_ned_0, start_ned_1)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="RoverPositionSetpoint",
         ros_type="px4_msgs/msg/RoverPositionSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverPositionSetpoint_",
@@ -127,4 +127,4 @@ class RoverPositionSetpoint(_cdr.Message):
                 frame="NED",
             ),
         ),
-    )
+    ))

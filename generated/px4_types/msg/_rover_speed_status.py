@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q6f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -89,7 +89,7 @@ class RoverSpeedStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> RoverSpeedStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RoverSpeedStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -98,15 +98,15 @@ class RoverSpeedStatus(_cdr.Message):
                 message.adjusted_speed_body_x_setpoint, message.pid_throttle_body_x_integral,
                 message.measured_speed_body_y, message.adjusted_speed_body_y_setpoint,
                 message.pid_throttle_body_y_integral,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 36 <= len(data) <= 39:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="RoverSpeedStatus",
         ros_type="px4_msgs/msg/RoverSpeedStatus",
         dds_type="px4_msgs::msg::dds_::RoverSpeedStatus_",
@@ -140,4 +140,4 @@ class RoverSpeedStatus(_cdr.Message):
                 invalid="NaN If not mecanum",
             ),
         ),
-    )
+    ))

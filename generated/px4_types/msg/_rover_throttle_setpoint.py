@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -56,21 +56,21 @@ class RoverThrottleSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> RoverThrottleSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RoverThrottleSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.throttle_body_x, message.throttle_body_y,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 20 <= len(data) <= 23:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="RoverThrottleSetpoint",
         ros_type="px4_msgs/msg/RoverThrottleSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverThrottleSetpoint_",
@@ -91,4 +91,4 @@ class RoverThrottleSetpoint(_cdr.Message):
                 invalid="NaN If not mecanum", frame="Body",
             ),
         ),
-    )
+    ))

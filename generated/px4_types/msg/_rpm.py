@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -54,19 +54,19 @@ class Rpm(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> Rpm:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Rpm:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.rpm_estimate, message.rpm_raw) = _unpack_from(data)
+            (header, message.timestamp, message.rpm_estimate, message.rpm_raw) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 20 <= len(data) <= 23:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="Rpm",
         ros_type="px4_msgs/msg/Rpm",
         dds_type="px4_msgs::msg::dds_::Rpm_",
@@ -81,4 +81,4 @@ class Rpm(_cdr.Message):
             _cdr.Field("rpm_estimate", "float32", 8, 4, unit="rpm"),
             _cdr.Field("rpm_raw", "float32", 12, 4, unit="rpm"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI2?2B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -98,22 +98,22 @@ class RtlStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> RtlStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RtlStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.safe_points_id, message.is_evaluation_pending,
                 message.has_vtol_approach, message.rtl_type, message.safe_point_index,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 20 <= len(data) <= 23:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="RtlStatus",
         ros_type="px4_msgs/msg/RtlStatus",
         dds_type="px4_msgs::msg::dds_::RtlStatus_",
@@ -131,4 +131,4 @@ class RtlStatus(_cdr.Message):
             _cdr.Field("rtl_type", "uint8", 14, 1, enum="RTL_STATUS_TYPE"),
             _cdr.Field("safe_point_index", "uint8", 15, 1),
         ),
-    )
+    ))

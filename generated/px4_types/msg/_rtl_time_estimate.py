@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q?3x2f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -63,21 +63,21 @@ class RtlTimeEstimate(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> RtlTimeEstimate:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RtlTimeEstimate:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.valid, message.time_estimate, message.safe_time_estimate,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 24 <= len(data) <= 27:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="RtlTimeEstimate",
         ros_type="px4_msgs/msg/RtlTimeEstimate",
         dds_type="px4_msgs::msg::dds_::RtlTimeEstimate_",
@@ -93,4 +93,4 @@ class RtlTimeEstimate(_cdr.Message):
             _cdr.Field("time_estimate", "float32", 12, 4, unit="s"),
             _cdr.Field("safe_time_estimate", "float32", 16, 4, unit="s"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB40s40s40s40s40s40s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -98,22 +98,22 @@ class SatelliteInfo(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SatelliteInfo:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SatelliteInfo:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.count, message.svid, message.used, message.elevation,
                 message.azimuth, message.snr, message.prn,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 253 <= len(data) <= 256:
+        if header != _USUAL or len(data) not in (253, 254, 255, 256):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SatelliteInfo",
         ros_type="px4_msgs/msg/SatelliteInfo",
         dds_type="px4_msgs::msg::dds_::SatelliteInfo_",
@@ -133,4 +133,4 @@ class SatelliteInfo(_cdr.Message):
             _cdr.Field("snr", "uint8[40]", 169, 40, unit="dBHz", range="0, 99", invalid="0"),
             _cdr.Field("prn", "uint8[40]", 209, 40),
         ),
-    )
+    ))

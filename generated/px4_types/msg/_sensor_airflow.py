@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI2fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -65,22 +65,22 @@ class SensorAirflow(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorAirflow:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorAirflow:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.device_id, message.speed, message.direction,
                 message.status,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 25 <= len(data) <= 28:
+        if header != _USUAL or len(data) not in (25, 26, 27, 28):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorAirflow",
         ros_type="px4_msgs/msg/SensorAirflow",
         dds_type="px4_msgs::msg::dds_::SensorAirflow_",
@@ -97,4 +97,4 @@ class SensorAirflow(_cdr.Message):
             _cdr.Field("direction", "float32", 16, 4, unit="rad"),
             _cdr.Field("status", "uint8", 20, 1),
         ),
-    )
+    ))

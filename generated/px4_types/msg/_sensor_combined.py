@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3fIi3fI4B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -119,7 +119,7 @@ class SensorCombined(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorCombined:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorCombined:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -128,17 +128,17 @@ class SensorCombined(_cdr.Message):
                 message.accelerometer_timestamp_relative, accelerometer_m_s2_0, accelerometer_m_s2_1,
                 accelerometer_m_s2_2, message.accelerometer_integral_dt, message.accelerometer_clipping,
                 message.gyro_clipping, message.accel_calibration_count, message.gyro_calibration_count,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 52 <= len(data) <= 55:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.gyro_rad = (gyro_rad_0, gyro_rad_1, gyro_rad_2)
         message.accelerometer_m_s2 = (accelerometer_m_s2_0, accelerometer_m_s2_1, accelerometer_m_s2_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorCombined",
         ros_type="px4_msgs/msg/SensorCombined",
         dds_type="px4_msgs::msg::dds_::SensorCombined_",
@@ -163,4 +163,4 @@ class SensorCombined(_cdr.Message):
             _cdr.Field("accel_calibration_count", "uint8", 46, 1),
             _cdr.Field("gyro_calibration_count", "uint8", 47, 1),
         ),
-    )
+    ))

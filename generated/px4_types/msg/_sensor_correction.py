@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q4I16f4I16f4I16f4I8f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -227,7 +227,7 @@ class SensorCorrection(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorCorrection:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorCorrection:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -248,10 +248,10 @@ class SensorCorrection(_cdr.Message):
                 baro_device_ids_1, baro_device_ids_2, baro_device_ids_3, baro_temperature_0,
                 baro_temperature_1, baro_temperature_2, baro_temperature_3, message.baro_offset_0,
                 message.baro_offset_1, message.baro_offset_2, message.baro_offset_3,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 300 <= len(data) <= 303:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.accel_device_ids = (accel_device_ids_0, accel_device_ids_1, accel_device_ids_2, accel_device_ids_3)
         message.accel_temperature = (
@@ -278,7 +278,7 @@ class SensorCorrection(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorCorrection",
         ros_type="px4_msgs/msg/SensorCorrection",
         dds_type="px4_msgs::msg::dds_::SensorCorrection_",
@@ -315,4 +315,4 @@ class SensorCorrection(_cdr.Message):
             _cdr.Field("baro_offset_2", "float32", 288, 4, unit="Pa"),
             _cdr.Field("baro_offset_3", "float32", 292, 4, unit="Pa"),
         ),
-    )
+    ))

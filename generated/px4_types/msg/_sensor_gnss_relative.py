@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI4xQH2x10f10?", xcdr2="2QIQH2x10I10B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -177,7 +177,7 @@ class SensorGnssRelative(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorGnssRelative:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorGnssRelative:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -190,17 +190,17 @@ class SensorGnssRelative(_cdr.Message):
                 message.carrier_solution_floating, message.carrier_solution_fixed, message.moving_base_mode,
                 message.reference_position_miss, message.reference_observations_miss, message.heading_valid,
                 message.relative_position_normalized,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 90 <= len(data) <= 93:
+        if header != _USUAL or len(data) not in (90, 91, 92, 93):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position = (position_0, position_1, position_2)
         message.position_accuracy = (position_accuracy_0, position_accuracy_1, position_accuracy_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorGnssRelative",
         ros_type="px4_msgs/msg/SensorGnssRelative",
         dds_type="px4_msgs::msg::dds_::SensorGnssRelative_",
@@ -233,4 +233,4 @@ class SensorGnssRelative(_cdr.Message):
             _cdr.Field("heading_valid", "bool", 84, 1),
             _cdr.Field("relative_position_normalized", "bool", 85, 1),
         ),
-    )
+    ))

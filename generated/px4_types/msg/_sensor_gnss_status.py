@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI?4B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -86,7 +86,7 @@ class SensorGnssStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorGnssStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorGnssStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -94,15 +94,15 @@ class SensorGnssStatus(_cdr.Message):
                 header, message.timestamp, message.device_id, message.quality_available,
                 message.quality_corrections, message.quality_receiver, message.quality_gnss_signals,
                 message.quality_post_processing,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 21 <= len(data) <= 24:
+        if header != _USUAL or len(data) not in (21, 22, 23, 24):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorGnssStatus",
         ros_type="px4_msgs/msg/SensorGnssStatus",
         dds_type="px4_msgs::msg::dds_::SensorGnssStatus_",
@@ -121,4 +121,4 @@ class SensorGnssStatus(_cdr.Message):
             _cdr.Field("quality_gnss_signals", "uint8", 15, 1, range="0, 10", invalid="255"),
             _cdr.Field("quality_post_processing", "uint8", 16, 1, range="0, 10", invalid="255"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI4x4d2fB3x4fiHBxi2B2x5f?3xiQB3xI4fB?B", xcdr2="2QI4Q2IB3x5IHBxI2B2x5IB3xIQB3x5I3B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -316,7 +316,7 @@ class SensorGps(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorGps:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorGps:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -331,15 +331,15 @@ class SensorGps(_cdr.Message):
                 message.time_utc_usec, message.satellites_used, message.system_error, message.heading,
                 message.heading_offset, message.heading_accuracy, message.rtcm_injection_rate,
                 message.selected_rtcm_instance, message.rtcm_crc_failed, message.rtcm_msg_used,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 167 <= len(data) <= 170:
+        if header != _USUAL or len(data) not in (167, 168, 169, 170):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorGps",
         ros_type="px4_msgs/msg/SensorGps",
         dds_type="px4_msgs::msg::dds_::SensorGps_",
@@ -392,4 +392,4 @@ class SensorGps(_cdr.Message):
             _cdr.Field("rtcm_crc_failed", "bool", 161, 1),
             _cdr.Field("rtcm_msg_used", "uint8", 162, 1, enum="RTCM_MSG_USED"),
         ),
-    )
+    ))

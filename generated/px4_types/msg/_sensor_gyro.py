@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI4fI3sB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -104,22 +104,22 @@ class SensorGyro(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorGyro:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorGyro:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.x, message.y,
                 message.z, message.temperature, message.error_count, message.clip_counter, message.samples,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 48 <= len(data) <= 51:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorGyro",
         ros_type="px4_msgs/msg/SensorGyro",
         dds_type="px4_msgs::msg::dds_::SensorGyro_",
@@ -141,4 +141,4 @@ class SensorGyro(_cdr.Message):
             _cdr.Field("clip_counter", "uint8[3]", 40, 3),
             _cdr.Field("samples", "uint8", 43, 1),
         ),
-    )
+    ))

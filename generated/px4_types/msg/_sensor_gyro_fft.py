@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI20f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -116,7 +116,7 @@ class SensorGyroFft(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorGyroFft:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorGyroFft:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -127,10 +127,10 @@ class SensorGyroFft(_cdr.Message):
                 peak_frequencies_y_2, peak_frequencies_z_0, peak_frequencies_z_1, peak_frequencies_z_2,
                 peak_snr_x_0, peak_snr_x_1, peak_snr_x_2, peak_snr_y_0, peak_snr_y_1, peak_snr_y_2,
                 peak_snr_z_0, peak_snr_z_1, peak_snr_z_2,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 104 <= len(data) <= 107:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.peak_frequencies_x = (peak_frequencies_x_0, peak_frequencies_x_1, peak_frequencies_x_2)
         message.peak_frequencies_y = (peak_frequencies_y_0, peak_frequencies_y_1, peak_frequencies_y_2)
@@ -141,7 +141,7 @@ class SensorGyroFft(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorGyroFft",
         ros_type="px4_msgs/msg/SensorGyroFft",
         dds_type="px4_msgs::msg::dds_::SensorGyroFft_",
@@ -164,4 +164,4 @@ class SensorGyroFft(_cdr.Message):
             _cdr.Field("peak_snr_y", "float32[3]", 76, 12, unit="dB", invalid="NaN"),
             _cdr.Field("peak_snr_z", "float32[3]", 88, 12, unit="dB", invalid="NaN"),
         ),
-    )
+    ))

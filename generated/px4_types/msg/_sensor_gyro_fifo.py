@@ -14,8 +14,9 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI2fBx64s64s64s", words="2Q3IBx96H")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
+_from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
 
 class SensorGyroFifo(_cdr.Message):
@@ -90,32 +91,31 @@ class SensorGyroFifo(_cdr.Message):
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, self.dt, self.scale,
-                self.samples, _arrays.to_raw("h", 32, self.x), _arrays.to_raw("h", 32, self.y),
-                _arrays.to_raw("h", 32, self.z),
+                self.samples, _to_raw("h", 32, self.x), _to_raw("h", 32, self.y), _to_raw("h", 32, self.z),
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorGyroFifo:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorGyroFifo:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.dt,
                 message.scale, message.samples, x_raw, y_raw, z_raw,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 226 <= len(data) <= 229:
+        if header != _USUAL or len(data) not in (226, 227, 228, 229):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        message.x = _arrays.from_raw("h", x_raw)
-        message.y = _arrays.from_raw("h", y_raw)
-        message.z = _arrays.from_raw("h", z_raw)
+        message.x = _from_raw("h", x_raw)
+        message.y = _from_raw("h", y_raw)
+        message.z = _from_raw("h", z_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorGyroFifo",
         ros_type="px4_msgs/msg/SensorGyroFifo",
         dds_type="px4_msgs::msg::dds_::SensorGyroFifo_",
@@ -136,4 +136,4 @@ class SensorGyroFifo(_cdr.Message):
             _cdr.Field("y", "int16[32]", 94, 64, frame="FRD"),
             _cdr.Field("z", "int16[32]", 158, 64, frame="FRD"),
         ),
-    )
+    ))

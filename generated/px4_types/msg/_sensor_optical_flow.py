@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI5f?3xf?3xIB3xI3fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -144,7 +144,7 @@ class SensorOpticalFlow(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorOpticalFlow:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorOpticalFlow:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -154,17 +154,17 @@ class SensorOpticalFlow(_cdr.Message):
                 message.distance_m, message.distance_available, message.integration_timespan_us,
                 message.quality, message.error_count, message.max_flow_rate, message.min_ground_distance,
                 message.max_ground_distance, message.mode,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 81 <= len(data) <= 84:
+        if header != _USUAL or len(data) not in (81, 82, 83, 84):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.pixel_flow = (pixel_flow_0, pixel_flow_1)
         message.delta_angle = (delta_angle_0, delta_angle_1, delta_angle_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorOpticalFlow",
         ros_type="px4_msgs/msg/SensorOpticalFlow",
         dds_type="px4_msgs::msg::dds_::SensorOpticalFlow_",
@@ -191,4 +191,4 @@ class SensorOpticalFlow(_cdr.Message):
             _cdr.Field("max_ground_distance", "float32", 72, 4, unit="m"),
             _cdr.Field("mode", "uint8", 76, 1, enum="MODE"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3I3HBx5f5B3x3f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -163,7 +163,7 @@ class SensorUwb(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorUwb:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorUwb:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -174,15 +174,15 @@ class SensorUwb(_cdr.Message):
                 message.aoa_elevation_resp, message.aoa_azimuth_fom, message.aoa_elevation_fom,
                 message.aoa_dest_azimuth_fom, message.aoa_dest_elevation_fom, message.orientation,
                 message.offset_x, message.offset_y, message.offset_z,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 72 <= len(data) <= 75:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorUwb",
         ros_type="px4_msgs/msg/SensorUwb",
         dds_type="px4_msgs::msg::dds_::SensorUwb_",
@@ -215,4 +215,4 @@ class SensorUwb(_cdr.Message):
             _cdr.Field("offset_y", "float32", 60, 4, unit="m", frame="FRD"),
             _cdr.Field("offset_z", "float32", 64, 4, unit="m", frame="FRD"),
         ),
-    )
+    ))

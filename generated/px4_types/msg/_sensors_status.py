@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5I4f4?4s8?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -103,7 +103,7 @@ class SensorsStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorsStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorsStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -112,10 +112,10 @@ class SensorsStatus(_cdr.Message):
                 device_ids_2, device_ids_3, inconsistency_0, inconsistency_1, inconsistency_2,
                 inconsistency_3, healthy_0, healthy_1, healthy_2, healthy_3, message.priority, enabled_0,
                 enabled_1, enabled_2, enabled_3, external_0, external_1, external_2, external_3,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 64 <= len(data) <= 67:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.device_ids = (device_ids_0, device_ids_1, device_ids_2, device_ids_3)
         message.inconsistency = (inconsistency_0, inconsistency_1, inconsistency_2, inconsistency_3)
@@ -125,7 +125,7 @@ class SensorsStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorsStatus",
         ros_type="px4_msgs/msg/SensorsStatus",
         dds_type="px4_msgs::msg::dds_::SensorsStatus_",
@@ -145,4 +145,4 @@ class SensorsStatus(_cdr.Message):
             _cdr.Field("enabled", "bool[4]", 52, 4),
             _cdr.Field("external", "bool[4]", 56, 4),
         ),
-    )
+    ))

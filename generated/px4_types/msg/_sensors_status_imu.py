@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5I4f4?4s5I4f4?4s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -136,7 +136,7 @@ class SensorsStatusImu(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SensorsStatusImu:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorsStatusImu:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -149,10 +149,10 @@ class SensorsStatusImu(_cdr.Message):
                 gyro_device_ids_3, gyro_inconsistency_rad_s_0, gyro_inconsistency_rad_s_1,
                 gyro_inconsistency_rad_s_2, gyro_inconsistency_rad_s_3, gyro_healthy_0, gyro_healthy_1,
                 gyro_healthy_2, gyro_healthy_3, message.gyro_priority,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 100 <= len(data) <= 103:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.accel_device_ids = (accel_device_ids_0, accel_device_ids_1, accel_device_ids_2, accel_device_ids_3)
         message.accel_inconsistency_m_s_s = (
@@ -169,7 +169,7 @@ class SensorsStatusImu(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SensorsStatusImu",
         ros_type="px4_msgs/msg/SensorsStatusImu",
         dds_type="px4_msgs::msg::dds_::SensorsStatusImu_",
@@ -192,4 +192,4 @@ class SensorsStatusImu(_cdr.Message):
             _cdr.Field("gyro_healthy", "bool[4]", 88, 4),
             _cdr.Field("gyro_priority", "uint8[4]", 92, 4),
         ),
-    )
+    ))

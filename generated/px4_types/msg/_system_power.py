@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q6f10B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -135,7 +135,7 @@ class SystemPower(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> SystemPower:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SystemPower:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -145,16 +145,16 @@ class SystemPower(_cdr.Message):
                 message.brick_valid, message.usb_valid, message.servo_valid, message.periph_5v_oc,
                 message.hipower_5v_oc, message.comp_5v_valid, message.can1_gps1_5v_valid,
                 message.payload_v_valid,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 46 <= len(data) <= 49:
+        if header != _USUAL or len(data) not in (46, 47, 48, 49):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.sensors3v3 = (sensors3v3_0, sensors3v3_1, sensors3v3_2, sensors3v3_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="SystemPower",
         ros_type="px4_msgs/msg/SystemPower",
         dds_type="px4_msgs::msg::dds_::SystemPower_",
@@ -180,4 +180,4 @@ class SystemPower(_cdr.Message):
             _cdr.Field("can1_gps1_5v_valid", "uint8", 40, 1),
             _cdr.Field("payload_v_valid", "uint8", 41, 1),
         ),
-    )
+    ))

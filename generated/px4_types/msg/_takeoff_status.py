@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB3xf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -63,19 +63,19 @@ class TakeoffStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> TakeoffStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TakeoffStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.takeoff_state, message.tilt_limit) = _unpack_from(data)
+            (header, message.timestamp, message.takeoff_state, message.tilt_limit) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 20 <= len(data) <= 23:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="TakeoffStatus",
         ros_type="px4_msgs/msg/TakeoffStatus",
         dds_type="px4_msgs::msg::dds_::TakeoffStatus_",
@@ -90,4 +90,4 @@ class TakeoffStatus(_cdr.Message):
             _cdr.Field("takeoff_state", "uint8", 8, 1, enum="TAKEOFF_STATE"),
             _cdr.Field("tilt_limit", "float32", 12, 4, unit="rad"),
         ),
-    )
+    ))

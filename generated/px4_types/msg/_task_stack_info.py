@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH24s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -60,19 +60,19 @@ class TaskStackInfo(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> TaskStackInfo:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TaskStackInfo:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.stack_free, message.task_name) = _unpack_from(data)
+            (header, message.timestamp, message.stack_free, message.task_name) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 38 <= len(data) <= 41:
+        if header != _USUAL or len(data) not in (38, 39, 40, 41):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="TaskStackInfo",
         ros_type="px4_msgs/msg/TaskStackInfo",
         dds_type="px4_msgs::msg::dds_::TaskStackInfo_",
@@ -87,4 +87,4 @@ class TaskStackInfo(_cdr.Message):
             _cdr.Field("stack_free", "uint16", 8, 2, unit="bytes"),
             _cdr.Field("task_name", "char[24]", 10, 24),
         ),
-    )
+    ))

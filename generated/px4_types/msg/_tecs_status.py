@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q24f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -195,7 +195,7 @@ class TecsStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> TecsStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TecsStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -209,15 +209,15 @@ class TecsStatus(_cdr.Message):
                 message.total_energy_balance_rate, message.throttle_integ, message.pitch_integ,
                 message.throttle_sp, message.pitch_sp_rad, message.throttle_trim, message.underspeed_ratio,
                 message.fast_descend_ratio,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 108 <= len(data) <= 111:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="TecsStatus",
         ros_type="px4_msgs/msg/TecsStatus",
         dds_type="px4_msgs::msg::dds_::TecsStatus_",
@@ -254,4 +254,4 @@ class TecsStatus(_cdr.Message):
             _cdr.Field("underspeed_ratio", "float32", 96, 4, range="0, 1"),
             _cdr.Field("fast_descend_ratio", "float32", 100, 4, range="0, 1"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B4?Bx4f2If5If17?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -297,7 +297,7 @@ class TelemetryStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> TelemetryStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TelemetryStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -316,15 +316,15 @@ class TelemetryStatus(_cdr.Message):
                 message.heartbeat_component_vio, message.heartbeat_component_pairing_manager,
                 message.heartbeat_component_udp_bridge, message.heartbeat_component_uart_bridge,
                 message.open_drone_id_system_healthy, message.parachute_system_healthy,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 89 <= len(data) <= 92:
+        if header != _USUAL or len(data) not in (89, 90, 91, 92):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="TelemetryStatus",
         ros_type="px4_msgs/msg/TelemetryStatus",
         dds_type="px4_msgs::msg::dds_::TelemetryStatus_",
@@ -374,4 +374,4 @@ class TelemetryStatus(_cdr.Message):
             _cdr.Field("open_drone_id_system_healthy", "bool", 83, 1),
             _cdr.Field("parachute_system_healthy", "bool", 84, 1),
         ),
-    )
+    ))

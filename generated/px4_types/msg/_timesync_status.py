@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB7xQ2qI", xcdr2="QB3x3QI")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -85,22 +85,22 @@ class TimesyncStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> TimesyncStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TimesyncStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.source_protocol, message.remote_timestamp,
                 message.observed_offset, message.estimated_offset, message.round_trip_time,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 48 <= len(data) <= 51:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="TimesyncStatus",
         ros_type="px4_msgs/msg/TimesyncStatus",
         dds_type="px4_msgs::msg::dds_::TimesyncStatus_",
@@ -118,4 +118,4 @@ class TimesyncStatus(_cdr.Message):
             _cdr.Field("estimated_offset", "int64", 32, 8, unit="us"),
             _cdr.Field("round_trip_time", "uint32", 40, 4, unit="us"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q14f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -95,7 +95,7 @@ class TrajectorySetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> TrajectorySetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TrajectorySetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -103,10 +103,10 @@ class TrajectorySetpoint(_cdr.Message):
                 header, message.timestamp, position_0, position_1, position_2, velocity_0, velocity_1,
                 velocity_2, acceleration_0, acceleration_1, acceleration_2, jerk_0, jerk_1, jerk_2,
                 message.yaw, message.yawspeed,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 68 <= len(data) <= 71:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position = (position_0, position_1, position_2)
         message.velocity = (velocity_0, velocity_1, velocity_2)
@@ -115,7 +115,7 @@ class TrajectorySetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="TrajectorySetpoint",
         ros_type="px4_msgs/msg/TrajectorySetpoint",
         dds_type="px4_msgs::msg::dds_::TrajectorySetpoint_",
@@ -136,4 +136,4 @@ class TrajectorySetpoint(_cdr.Message):
             _cdr.Field("yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN"),
             _cdr.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN", frame="NED"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q19f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -90,7 +90,7 @@ class TrajectorySetpoint6dof(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> TrajectorySetpoint6dof:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TrajectorySetpoint6dof:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -99,10 +99,10 @@ class TrajectorySetpoint6dof(_cdr.Message):
                 velocity_2, acceleration_0, acceleration_1, acceleration_2, jerk_0, jerk_1, jerk_2,
                 quaternion_0, quaternion_1, quaternion_2, quaternion_3, angular_velocity_0,
                 angular_velocity_1, angular_velocity_2,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 88 <= len(data) <= 91:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position = (position_0, position_1, position_2)
         message.velocity = (velocity_0, velocity_1, velocity_2)
@@ -113,7 +113,7 @@ class TrajectorySetpoint6dof(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="TrajectorySetpoint6dof",
         ros_type="px4_msgs/msg/TrajectorySetpoint6dof",
         dds_type="px4_msgs::msg::dds_::TrajectorySetpoint6dof_",
@@ -132,4 +132,4 @@ class TrajectorySetpoint6dof(_cdr.Message):
             _cdr.Field("quaternion", "float32[4]", 56, 16, unit="-"),
             _cdr.Field("angular_velocity", "float32[3]", 72, 12, unit="rad/s"),
         ),
-    )
+    ))

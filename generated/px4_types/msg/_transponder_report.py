@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI4x2dB3x4f9s2Bx2H18s", xcdr2="QI2QB3x4I9s2Bx2H18s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -171,7 +171,7 @@ class TransponderReport(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> TransponderReport:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TransponderReport:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -180,15 +180,15 @@ class TransponderReport(_cdr.Message):
                 message.altitude_type, message.altitude, message.heading, message.hor_velocity,
                 message.ver_velocity, message.callsign, message.emitter_type, message.tslc, message.flags,
                 message.squawk, message.uas_id,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 90 <= len(data) <= 93:
+        if header != _USUAL or len(data) not in (90, 91, 92, 93):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="TransponderReport",
         ros_type="px4_msgs/msg/TransponderReport",
         dds_type="px4_msgs::msg::dds_::TransponderReport_",
@@ -215,4 +215,4 @@ class TransponderReport(_cdr.Message):
             _cdr.Field("squawk", "uint16", 66, 2),
             _cdr.Field("uas_id", "uint8[18]", 68, 18),
         ),
-    )
+    ))

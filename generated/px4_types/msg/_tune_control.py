@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB?H2IB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -111,22 +111,22 @@ class TuneControl(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> TuneControl:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TuneControl:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.tune_id, message.tune_override, message.frequency,
                 message.duration, message.silence, message.volume,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 25 <= len(data) <= 28:
+        if header != _USUAL or len(data) not in (25, 26, 27, 28):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="TuneControl",
         ros_type="px4_msgs/msg/TuneControl",
         dds_type="px4_msgs::msg::dds_::TuneControl_",
@@ -145,4 +145,4 @@ class TuneControl(_cdr.Message):
             _cdr.Field("silence", "uint32", 16, 4, unit="us"),
             _cdr.Field("volume", "uint8", 20, 1, range="0, 100"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QB17shHBxqf")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -91,22 +91,22 @@ class UavcanParameterValue(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> UavcanParameterValue:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> UavcanParameterValue:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.node_id, message.param_id, message.param_index,
                 message.param_count, message.param_type, message.int_value, message.real_value,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 48 <= len(data) <= 51:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="UavcanParameterValue",
         ros_type="px4_msgs/msg/UavcanParameterValue",
         dds_type="px4_msgs::msg::dds_::UavcanParameterValue_",
@@ -126,4 +126,4 @@ class UavcanParameterValue(_cdr.Message):
             _cdr.Field("int_value", "int64", 32, 8),
             _cdr.Field("real_value", "float32", 40, 4),
         ),
-    )
+    ))

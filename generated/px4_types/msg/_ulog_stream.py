@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2BHB249s")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -81,22 +81,22 @@ class UlogStream(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> UlogStream:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> UlogStream:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.length, message.first_message_offset, message.msg_sequence,
                 message.flags, message.data,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 266 <= len(data) <= 269:
+        if header != _USUAL or len(data) not in (266, 267, 268, 269):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="UlogStream",
         ros_type="px4_msgs/msg/UlogStream",
         dds_type="px4_msgs::msg::dds_::UlogStream_",
@@ -114,4 +114,4 @@ class UlogStream(_cdr.Message):
             _cdr.Field("flags", "uint8", 12, 1),
             _cdr.Field("data", "uint8[249]", 13, 249),
         ),
-    )
+    ))

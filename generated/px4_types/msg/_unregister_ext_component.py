@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q25s3b")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -72,22 +72,22 @@ class UnregisterExtComponent(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> UnregisterExtComponent:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> UnregisterExtComponent:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.name, message.arming_check_id, message.mode_id,
                 message.mode_executor_id,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 40 <= len(data) <= 43:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="UnregisterExtComponent",
         ros_type="px4_msgs/msg/UnregisterExtComponent",
         dds_type="px4_msgs::msg::dds_::UnregisterExtComponent_",
@@ -104,4 +104,4 @@ class UnregisterExtComponent(_cdr.Message):
             _cdr.Field("mode_id", "int8", 34, 1, invalid="-1"),
             _cdr.Field("mode_executor_id", "int8", 35, 1, invalid="-1"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI3fB3xfB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -95,7 +95,7 @@ class VehicleAirData(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleAirData:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleAirData:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -103,15 +103,15 @@ class VehicleAirData(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.baro_device_id,
                 message.baro_alt_meter, message.baro_pressure_pa, message.ambient_temperature,
                 message.temperature_source, message.rho, message.calibration_count,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 45 <= len(data) <= 48:
+        if header != _USUAL or len(data) not in (45, 46, 47, 48):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleAirData",
         ros_type="px4_msgs/msg/VehicleAirData",
         dds_type="px4_msgs::msg::dds_::VehicleAirData_",
@@ -132,4 +132,4 @@ class VehicleAirData(_cdr.Message):
             _cdr.Field("rho", "float32", 36, 4, unit="kg/m^3"),
             _cdr.Field("calibration_count", "uint8", 40, 1),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q3f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -54,20 +54,20 @@ class VehicleAngularAccelerationSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleAngularAccelerationSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleAngularAccelerationSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.timestamp_sample, xyz_0, xyz_1, xyz_2) = _unpack_from(data)
+            (header, message.timestamp, message.timestamp_sample, xyz_0, xyz_1, xyz_2) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 32 <= len(data) <= 35:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.xyz = (xyz_0, xyz_1, xyz_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleAngularAccelerationSetpoint",
         ros_type="px4_msgs/msg/VehicleAngularAccelerationSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleAngularAccelerationSetpoint_",
@@ -82,4 +82,4 @@ class VehicleAngularAccelerationSetpoint(_cdr.Message):
             _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
             _cdr.Field("xyz", "float32[3]", 16, 12, unit="rad/s^2", frame="FRD"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q6f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -68,24 +68,24 @@ class VehicleAngularVelocity(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleAngularVelocity:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleAngularVelocity:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_sample, xyz_0, xyz_1, xyz_2, xyz_derivative_0,
                 xyz_derivative_1, xyz_derivative_2,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 44 <= len(data) <= 47:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.xyz = (xyz_0, xyz_1, xyz_2)
         message.xyz_derivative = (xyz_derivative_0, xyz_derivative_1, xyz_derivative_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleAngularVelocity",
         ros_type="px4_msgs/msg/VehicleAngularVelocity",
         dds_type="px4_msgs::msg::dds_::VehicleAngularVelocity_",
@@ -101,4 +101,4 @@ class VehicleAngularVelocity(_cdr.Message):
             _cdr.Field("xyz", "float32[3]", 16, 12, unit="rad/s", frame="FRD"),
             _cdr.Field("xyz_derivative", "float32[3]", 28, 12, unit="rad/s^2", frame="FRD"),
         ),
-    )
+    ))

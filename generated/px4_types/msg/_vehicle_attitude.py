@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q8fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -74,24 +74,24 @@ class VehicleAttitude(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleAttitude:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleAttitude:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_sample, q_0, q_1, q_2, q_3, delta_q_reset_0,
                 delta_q_reset_1, delta_q_reset_2, delta_q_reset_3, message.quat_reset_counter,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 53 <= len(data) <= 56:
+        if header != _USUAL or len(data) not in (53, 54, 55, 56):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q = (q_0, q_1, q_2, q_3)
         message.delta_q_reset = (delta_q_reset_0, delta_q_reset_1, delta_q_reset_2, delta_q_reset_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleAttitude",
         ros_type="px4_msgs/msg/VehicleAttitude",
         dds_type="px4_msgs::msg::dds_::VehicleAttitude_",
@@ -110,4 +110,4 @@ class VehicleAttitude(_cdr.Message):
             _cdr.Field("delta_q_reset", "float32[4]", 32, 16),
             _cdr.Field("quat_reset_counter", "uint8", 48, 1),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q8f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -72,24 +72,24 @@ class VehicleAttitudeSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleAttitudeSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleAttitudeSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.yaw_sp_move_rate, q_d_0, q_d_1, q_d_2, q_d_3,
                 thrust_body_0, thrust_body_1, thrust_body_2,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 44 <= len(data) <= 47:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.q_d = (q_d_0, q_d_1, q_d_2, q_d_3)
         message.thrust_body = (thrust_body_0, thrust_body_1, thrust_body_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleAttitudeSetpoint",
         ros_type="px4_msgs/msg/VehicleAttitudeSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleAttitudeSetpoint_",
@@ -107,4 +107,4 @@ class VehicleAttitudeSetpoint(_cdr.Message):
             _cdr.Field("q_d", "float32[4]", 12, 16),
             _cdr.Field("thrust_body", "float32[3]", 28, 12, range="-1, 1", frame="FRD"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q4f2dfI3BxHB?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -707,7 +707,7 @@ class VehicleCommand(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleCommand:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleCommand:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -716,15 +716,15 @@ class VehicleCommand(_cdr.Message):
                 message.param5, message.param6, message.param7, message.command, message.target_system,
                 message.target_component, message.source_system, message.source_component,
                 message.confirmation, message.from_external,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 60 <= len(data) <= 63:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleCommand",
         ros_type="px4_msgs/msg/VehicleCommand",
         dds_type="px4_msgs::msg::dds_::VehicleCommand_",
@@ -751,4 +751,4 @@ class VehicleCommand(_cdr.Message):
             _cdr.Field("confirmation", "uint8", 54, 1),
             _cdr.Field("from_external", "bool", 55, 1),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI2B2xiBxH?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -126,22 +126,22 @@ class VehicleCommandAck(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleCommandAck:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleCommandAck:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.command, message.result, message.result_param1,
                 message.result_param2, message.target_system, message.target_component, message.from_external,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 29 <= len(data) <= 32:
+        if header != _USUAL or len(data) not in (29, 30, 31, 32):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleCommandAck",
         ros_type="px4_msgs/msg/VehicleCommandAck",
         dds_type="px4_msgs::msg::dds_::VehicleCommandAck_",
@@ -161,4 +161,4 @@ class VehicleCommandAck(_cdr.Message):
             _cdr.Field("target_component", "uint16", 22, 2),
             _cdr.Field("from_external", "bool", 24, 1),
         ),
-    )
+    ))

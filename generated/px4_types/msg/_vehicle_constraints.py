@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -61,21 +61,21 @@ class VehicleConstraints(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleConstraints:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleConstraints:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.speed_up, message.speed_down, message.want_takeoff,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 21 <= len(data) <= 24:
+        if header != _USUAL or len(data) not in (21, 22, 23, 24):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleConstraints",
         ros_type="px4_msgs/msg/VehicleConstraints",
         dds_type="px4_msgs::msg::dds_::VehicleConstraints_",
@@ -91,4 +91,4 @@ class VehicleConstraints(_cdr.Message):
             _cdr.Field("speed_down", "float32", 12, 4, unit="m/s", invalid="NaN"),
             _cdr.Field("want_takeoff", "bool", 16, 1),
         ),
-    )
+    ))

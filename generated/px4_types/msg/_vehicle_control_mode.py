@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q14?B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -158,7 +158,7 @@ class VehicleControlMode(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleControlMode:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleControlMode:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -171,15 +171,15 @@ class VehicleControlMode(_cdr.Message):
                 message.flag_control_acceleration_enabled, message.flag_control_attitude_enabled,
                 message.flag_control_rates_enabled, message.flag_control_allocation_enabled,
                 message.flag_control_termination_enabled, message.source_id,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 27 <= len(data) <= 30:
+        if header != _USUAL or len(data) not in (27, 28, 29, 30):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleControlMode",
         ros_type="px4_msgs/msg/VehicleControlMode",
         dds_type="px4_msgs::msg::dds_::VehicleControlMode_",
@@ -207,4 +207,4 @@ class VehicleControlMode(_cdr.Message):
             _cdr.Field("flag_control_termination_enabled", "bool", 21, 1),
             _cdr.Field("source_id", "uint8", 22, 1),
         ),
-    )
+    ))

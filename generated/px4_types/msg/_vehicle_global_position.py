@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q2d2f2?2x2f3Bx3f2?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -152,7 +152,7 @@ class VehicleGlobalPosition(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleGlobalPosition:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleGlobalPosition:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -162,15 +162,15 @@ class VehicleGlobalPosition(_cdr.Message):
                 message.delta_terrain, message.lat_lon_reset_counter, message.alt_reset_counter,
                 message.terrain_reset_counter, message.eph, message.epv, message.terrain_alt,
                 message.terrain_alt_valid, message.dead_reckoning,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 74 <= len(data) <= 77:
+        if header != _USUAL or len(data) not in (74, 75, 76, 77):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleGlobalPosition",
         ros_type="px4_msgs/msg/VehicleGlobalPosition",
         dds_type="px4_msgs::msg::dds_::VehicleGlobalPosition_",
@@ -203,4 +203,4 @@ class VehicleGlobalPosition(_cdr.Message):
             _cdr.Field("terrain_alt_valid", "bool", 68, 1),
             _cdr.Field("dead_reckoning", "bool", 69, 1),
         ),
-    )
+    ))

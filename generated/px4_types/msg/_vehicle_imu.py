@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q2I6f2I4B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -122,7 +122,7 @@ class VehicleImu(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleImu:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleImu:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -132,17 +132,17 @@ class VehicleImu(_cdr.Message):
                 delta_velocity_1, delta_velocity_2, message.delta_angle_dt, message.delta_velocity_dt,
                 message.delta_angle_clipping, message.delta_velocity_clipping,
                 message.accel_calibration_count, message.gyro_calibration_count,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 64 <= len(data) <= 67:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.delta_angle = (delta_angle_0, delta_angle_1, delta_angle_2)
         message.delta_velocity = (delta_velocity_0, delta_velocity_1, delta_velocity_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleImu",
         ros_type="px4_msgs/msg/VehicleImu",
         dds_type="px4_msgs::msg::dds_::VehicleImu_",
@@ -166,4 +166,4 @@ class VehicleImu(_cdr.Message):
             _cdr.Field("accel_calibration_count", "uint8", 58, 1),
             _cdr.Field("gyro_calibration_count", "uint8", 59, 1),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q10I21f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -167,7 +167,7 @@ class VehicleImuStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleImuStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleImuStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -180,10 +180,10 @@ class VehicleImuStatus(_cdr.Message):
                 message.delta_angle_coning_metric, mean_accel_0, mean_accel_1, mean_accel_2, mean_gyro_0,
                 mean_gyro_1, mean_gyro_2, var_accel_0, var_accel_1, var_accel_2, var_gyro_0, var_gyro_1,
                 var_gyro_2, message.temperature_accel, message.temperature_gyro,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 136 <= len(data) <= 139:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.accel_clipping = (accel_clipping_0, accel_clipping_1, accel_clipping_2)
         message.gyro_clipping = (gyro_clipping_0, gyro_clipping_1, gyro_clipping_2)
@@ -194,7 +194,7 @@ class VehicleImuStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleImuStatus",
         ros_type="px4_msgs/msg/VehicleImuStatus",
         dds_type="px4_msgs::msg::dds_::VehicleImuStatus_",
@@ -226,4 +226,4 @@ class VehicleImuStatus(_cdr.Message):
             _cdr.Field("temperature_accel", "float32", 124, 4, unit="degC"),
             _cdr.Field("temperature_gyro", "float32", 128, 4, unit="degC"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q12?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -132,7 +132,7 @@ class VehicleLandDetected(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleLandDetected:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleLandDetected:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -141,15 +141,15 @@ class VehicleLandDetected(_cdr.Message):
                 message.landed, message.in_ground_effect, message.in_descend, message.has_low_throttle,
                 message.vertical_movement, message.horizontal_movement, message.rotational_movement,
                 message.close_to_ground_or_skipped_check, message.at_rest,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 24 <= len(data) <= 27:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleLandDetected",
         ros_type="px4_msgs/msg/VehicleLandDetected",
         dds_type="px4_msgs::msg::dds_::VehicleLandDetected_",
@@ -174,4 +174,4 @@ class VehicleLandDetected(_cdr.Message):
             _cdr.Field("close_to_ground_or_skipped_check", "bool", 18, 1),
             _cdr.Field("at_rest", "bool", 19, 1),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q4?5fB3xfB3x6fB3xfB3x7fB?2xf2?2xQ2df?3x3f2B2x4f?3x5f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -365,7 +365,7 @@ class VehicleLocalPosition(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleLocalPosition:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleLocalPosition:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -383,17 +383,17 @@ class VehicleLocalPosition(_cdr.Message):
                 message.dist_bottom_sensor_bitfield, message.eph, message.epv, message.evh, message.evv,
                 message.dead_reckoning, message.vxy_max, message.vz_max, message.hagl_min, message.hagl_max_z,
                 message.hagl_max_xy,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 220 <= len(data) <= 223:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.delta_xy = (delta_xy_0, delta_xy_1)
         message.delta_vxy = (delta_vxy_0, delta_vxy_1)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleLocalPosition",
         ros_type="px4_msgs/msg/VehicleLocalPosition",
         dds_type="px4_msgs::msg::dds_::VehicleLocalPosition_",
@@ -463,4 +463,4 @@ class VehicleLocalPosition(_cdr.Message):
             _cdr.Field("hagl_max_z", "float32", 208, 4, unit="m", invalid="INFINITY"),
             _cdr.Field("hagl_max_xy", "float32", 212, 4, unit="m", invalid="INFINITY"),
         ),
-    )
+    ))

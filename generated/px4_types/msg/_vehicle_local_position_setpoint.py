@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q14f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -104,7 +104,7 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleLocalPositionSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleLocalPositionSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -112,17 +112,17 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
                 header, message.timestamp, message.x, message.y, message.z, message.vx, message.vy,
                 message.vz, acceleration_0, acceleration_1, acceleration_2, thrust_0, thrust_1, thrust_2,
                 message.yaw, message.yawspeed,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 68 <= len(data) <= 71:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.acceleration = (acceleration_0, acceleration_1, acceleration_2)
         message.thrust = (thrust_0, thrust_1, thrust_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleLocalPositionSetpoint",
         ros_type="px4_msgs/msg/VehicleLocalPositionSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleLocalPositionSetpoint_",
@@ -149,4 +149,4 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
             ),
             _cdr.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN"),
         ),
-    )
+    ))

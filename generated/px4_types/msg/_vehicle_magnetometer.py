@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI3fB")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -72,23 +72,23 @@ class VehicleMagnetometer(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleMagnetometer:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleMagnetometer:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.timestamp_sample, message.device_id, magnetometer_ga_0,
                 magnetometer_ga_1, magnetometer_ga_2, message.calibration_count,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 37 <= len(data) <= 40:
+        if header != _USUAL or len(data) not in (37, 38, 39, 40):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.magnetometer_ga = (magnetometer_ga_0, magnetometer_ga_1, magnetometer_ga_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleMagnetometer",
         ros_type="px4_msgs/msg/VehicleMagnetometer",
         dds_type="px4_msgs::msg::dds_::VehicleMagnetometer_",
@@ -105,4 +105,4 @@ class VehicleMagnetometer(_cdr.Message):
             _cdr.Field("magnetometer_ga", "float32[3]", 20, 12, unit="Gs", frame="FRD"),
             _cdr.Field("calibration_count", "uint8", 32, 1),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QB3x7fB3x15fBb")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -166,7 +166,7 @@ class VehicleOdometry(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleOdometry:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleOdometry:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -177,10 +177,10 @@ class VehicleOdometry(_cdr.Message):
                 position_variance_1, position_variance_2, orientation_variance_0, orientation_variance_1,
                 orientation_variance_2, velocity_variance_0, velocity_variance_1, velocity_variance_2,
                 message.reset_counter, message.quality,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 118 <= len(data) <= 121:
+        if header != _USUAL or len(data) not in (118, 119, 120, 121):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.position = (position_0, position_1, position_2)
         message.q = (q_0, q_1, q_2, q_3)
@@ -192,7 +192,7 @@ class VehicleOdometry(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleOdometry",
         ros_type="px4_msgs/msg/VehicleOdometry",
         dds_type="px4_msgs::msg::dds_::VehicleOdometry_",
@@ -230,4 +230,4 @@ class VehicleOdometry(_cdr.Message):
             _cdr.Field("reset_counter", "uint8", 112, 1, unit="-"),
             _cdr.Field("quality", "int8", 113, 1, unit="-", invalid="0"),
         ),
-    )
+    ))

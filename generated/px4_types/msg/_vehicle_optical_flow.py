@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI6fIB3x3f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -108,7 +108,7 @@ class VehicleOpticalFlow(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleOpticalFlow:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleOpticalFlow:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -117,17 +117,17 @@ class VehicleOpticalFlow(_cdr.Message):
                 pixel_flow_1, delta_angle_0, delta_angle_1, delta_angle_2, message.distance_m,
                 message.integration_timespan_us, message.quality, message.max_flow_rate,
                 message.min_ground_distance, message.max_ground_distance,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 68 <= len(data) <= 71:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.pixel_flow = (pixel_flow_0, pixel_flow_1)
         message.delta_angle = (delta_angle_0, delta_angle_1, delta_angle_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleOpticalFlow",
         ros_type="px4_msgs/msg/VehicleOpticalFlow",
         dds_type="px4_msgs::msg::dds_::VehicleOpticalFlow_",
@@ -152,4 +152,4 @@ class VehicleOpticalFlow(_cdr.Message):
             _cdr.Field("min_ground_distance", "float32", 56, 4, unit="m"),
             _cdr.Field("max_ground_distance", "float32", 60, 4, unit="m"),
         ),
-    )
+    ))

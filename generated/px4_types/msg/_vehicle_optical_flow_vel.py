@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q21f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -117,7 +117,7 @@ class VehicleOpticalFlowVel(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleOpticalFlowVel:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleOpticalFlowVel:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -127,10 +127,10 @@ class VehicleOpticalFlowVel(_cdr.Message):
                 flow_rate_uncompensated_0, flow_rate_uncompensated_1, flow_rate_compensated_0,
                 flow_rate_compensated_1, gyro_rate_0, gyro_rate_1, gyro_rate_2, gyro_bias_0, gyro_bias_1,
                 gyro_bias_2, ref_gyro_0, ref_gyro_1, ref_gyro_2,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 104 <= len(data) <= 107:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.vel_body = (vel_body_0, vel_body_1)
         message.vel_ne = (vel_ne_0, vel_ne_1)
@@ -144,7 +144,7 @@ class VehicleOpticalFlowVel(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleOpticalFlowVel",
         ros_type="px4_msgs/msg/VehicleOpticalFlowVel",
         dds_type="px4_msgs::msg::dds_::VehicleOpticalFlowVel_",
@@ -167,4 +167,4 @@ class VehicleOpticalFlowVel(_cdr.Message):
             _cdr.Field("gyro_bias", "float32[3]", 76, 12, unit="rad/s"),
             _cdr.Field("ref_gyro", "float32[3]", 88, 12, unit="rad/s"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q6f?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -81,23 +81,23 @@ class VehicleRatesSetpoint(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleRatesSetpoint:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleRatesSetpoint:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.roll, message.pitch, message.yaw, thrust_body_0,
                 thrust_body_1, thrust_body_2, message.reset_integral,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 37 <= len(data) <= 40:
+        if header != _USUAL or len(data) not in (37, 38, 39, 40):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.thrust_body = (thrust_body_0, thrust_body_1, thrust_body_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleRatesSetpoint",
         ros_type="px4_msgs/msg/VehicleRatesSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleRatesSetpoint_",
@@ -115,4 +115,4 @@ class VehicleRatesSetpoint(_cdr.Message):
             _cdr.Field("thrust_body", "float32[3]", 20, 12, unit="-", range="-1, 1", frame="FRD"),
             _cdr.Field("reset_integral", "bool", 32, 1),
         ),
-    )
+    ))

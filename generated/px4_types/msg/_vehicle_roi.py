@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB7x2d4f", xcdr2="QB3x2Q4I")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -105,22 +105,22 @@ class VehicleRoi(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleRoi:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleRoi:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.mode, message.lat, message.lon, message.alt,
                 message.roll_offset, message.pitch_offset, message.yaw_offset,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 52 <= len(data) <= 55:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleRoi",
         ros_type="px4_msgs/msg/VehicleRoi",
         dds_type="px4_msgs::msg::dds_::VehicleRoi_",
@@ -140,4 +140,4 @@ class VehicleRoi(_cdr.Message):
             _cdr.Field("pitch_offset", "float32", 40, 4, unit="rad"),
             _cdr.Field("yaw_offset", "float32", 44, 4, unit="rad"),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("3Q3B5xQ3Bx2IH2B2?B?B5?3B11?", xcdr2="3Q3BxQ3Bx2IH26B")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -418,7 +418,7 @@ class VehicleStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -437,15 +437,15 @@ class VehicleStatus(_cdr.Message):
                 message.open_drone_id_system_healthy, message.parachute_system_present,
                 message.parachute_system_healthy, message.rc_calibration_in_progress,
                 message.calibration_enabled, message.pre_flight_checks_pass,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 84 <= len(data) <= 87:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleStatus",
         ros_type="px4_msgs/msg/VehicleStatus",
         dds_type="px4_msgs::msg::dds_::VehicleStatus_",
@@ -496,4 +496,4 @@ class VehicleStatus(_cdr.Message):
             _cdr.Field("calibration_enabled", "bool", 78, 1),
             _cdr.Field("pre_flight_checks_pass", "bool", 79, 1),
         ),
-    )
+    ))

@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -79,21 +79,21 @@ class VtolVehicleStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VtolVehicleStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VtolVehicleStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, message.vehicle_vtol_state, message.fixed_wing_system_failure,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 14 <= len(data) <= 17:
+        if header != _USUAL or len(data) not in (14, 15, 16, 17):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VtolVehicleStatus",
         ros_type="px4_msgs/msg/VtolVehicleStatus",
         dds_type="px4_msgs::msg::dds_::VtolVehicleStatus_",
@@ -108,4 +108,4 @@ class VtolVehicleStatus(_cdr.Message):
             _cdr.Field("vehicle_vtol_state", "uint8", 8, 1, enum="VEHICLE_VTOL_STATE"),
             _cdr.Field("fixed_wing_system_failure", "bool", 9, 1),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q4f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -58,23 +58,23 @@ class WheelEncoders(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> WheelEncoders:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> WheelEncoders:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
             (
                 header, message.timestamp, wheel_speed_0, wheel_speed_1, wheel_angle_0, wheel_angle_1,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 28 <= len(data) <= 31:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.wheel_speed = (wheel_speed_0, wheel_speed_1)
         message.wheel_angle = (wheel_angle_0, wheel_angle_1)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="WheelEncoders",
         ros_type="px4_msgs/msg/WheelEncoders",
         dds_type="px4_msgs::msg::dds_::WheelEncoders_",
@@ -89,4 +89,4 @@ class WheelEncoders(_cdr.Message):
             _cdr.Field("wheel_speed", "float32[2]", 8, 8, unit="rad/s"),
             _cdr.Field("wheel_angle", "float32[2]", 16, 8, unit="rad"),
         ),
-    )
+    ))

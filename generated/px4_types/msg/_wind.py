@@ -13,7 +13,7 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q8f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -105,7 +105,7 @@ class Wind(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> Wind:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Wind:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -113,15 +113,15 @@ class Wind(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, message.windspeed_north,
                 message.windspeed_east, message.variance_north, message.variance_east, message.tas_innov,
                 message.tas_innov_var, message.beta_innov, message.beta_innov_var,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 52 <= len(data) <= 55:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="Wind",
         ros_type="px4_msgs/msg/Wind",
         dds_type="px4_msgs::msg::dds_::Wind_",
@@ -147,4 +147,4 @@ class Wind(_cdr.Message):
             _cdr.Field("beta_innov", "float32", 40, 4, unit="rad"),
             _cdr.Field("beta_innov_var", "float32", 44, 4, unit="rad^2"),
         ),
-    )
+    ))

@@ -11,7 +11,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q2f?3x20f")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -102,7 +102,7 @@ class YawEstimatorStatus(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> YawEstimatorStatus:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> YawEstimatorStatus:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
@@ -111,10 +111,10 @@ class YawEstimatorStatus(_cdr.Message):
                 message.yaw_variance, message.yaw_composite_valid, yaw_0, yaw_1, yaw_2, yaw_3, yaw_4,
                 innov_vn_0, innov_vn_1, innov_vn_2, innov_vn_3, innov_vn_4, innov_ve_0, innov_ve_1,
                 innov_ve_2, innov_ve_3, innov_ve_4, weight_0, weight_1, weight_2, weight_3, weight_4,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 112 <= len(data) <= 115:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.yaw = (yaw_0, yaw_1, yaw_2, yaw_3, yaw_4)
         message.innov_vn = (innov_vn_0, innov_vn_1, innov_vn_2, innov_vn_3, innov_vn_4)
@@ -123,7 +123,7 @@ class YawEstimatorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="YawEstimatorStatus",
         ros_type="px4_msgs/msg/YawEstimatorStatus",
         dds_type="px4_msgs::msg::dds_::YawEstimatorStatus_",
@@ -144,4 +144,4 @@ class YawEstimatorStatus(_cdr.Message):
             _cdr.Field("innov_ve", "float32[5]", 68, 20, unit="m/s"),
             _cdr.Field("weight", "float32[5]", 88, 20, unit="-", range="0, 1"),
         ),
-    )
+    ))

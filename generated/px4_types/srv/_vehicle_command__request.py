@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q4f2dfI3BxHB?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -52,7 +52,7 @@ class VehicleCommand_Request(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleCommand_Request:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleCommand_Request:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         request = _new(VehicleCommand)
@@ -62,16 +62,16 @@ class VehicleCommand_Request(_cdr.Message):
                 request.param5, request.param6, request.param7, request.command, request.target_system,
                 request.target_component, request.source_system, request.source_component,
                 request.confirmation, request.from_external,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 60 <= len(data) <= 63:
+        if header != _USUAL:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.request = request
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleCommand_Request",
         ros_type="px4_msgs/srv/VehicleCommand_Request",
         dds_type="px4_msgs::srv::dds_::VehicleCommand_Request_",
@@ -84,4 +84,4 @@ class VehicleCommand_Request(_cdr.Message):
         fields=(
             _cdr.Field("request", "VehicleCommand", 0, 56),
         ),
-    )
+    ))

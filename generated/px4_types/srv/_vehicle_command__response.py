@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI2B2xiBxH?")
-_pack, _unpack_from = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -50,7 +50,7 @@ class VehicleCommand_Response(_cdr.Message):
             raise _cdr.encode_error(self, error) from None
 
     @classmethod
-    def decode(cls, data: _cdr.BytesLike, *, allow_surplus: bool = False) -> VehicleCommand_Response:
+    def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleCommand_Response:
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         reply = _new(VehicleCommandAck)
@@ -58,16 +58,16 @@ class VehicleCommand_Response(_cdr.Message):
             (
                 header, reply.timestamp, reply.command, reply.result, reply.result_param1,
                 reply.result_param2, reply.target_system, reply.target_component, reply.from_external,
-            ) = _unpack_from(data)
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
-        if header != _USUAL or not 29 <= len(data) <= 32:
+        if header != _USUAL or len(data) not in (29, 30, 31, 32):
             return cls.decode(_cdr.canonical(cls, data, allow_surplus))
         message.reply = reply
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
         name="VehicleCommand_Response",
         ros_type="px4_msgs/srv/VehicleCommand_Response",
         dds_type="px4_msgs::srv::dds_::VehicleCommand_Response_",
@@ -80,4 +80,4 @@ class VehicleCommand_Response(_cdr.Message):
         fields=(
             _cdr.Field("reply", "VehicleCommandAck", 0, 25),
         ),
-    )
+    ))
