@@ -40,12 +40,13 @@ def test_the_tour_prints_what_the_readme_shows() -> None:
     assert done.stdout in README
 
 
-def test_the_interactive_examples_are_real() -> None:
-    page = ROOT / "docs" / "package.md"
+@pytest.mark.parametrize("name", ["package.md", "batches.md"])
+def test_the_interactive_examples_are_real(name: str) -> None:
+    page = ROOT / "docs" / name
     sys.path.insert(0, str(ROOT / "generated"))
     blocks = re.findall(r"```pycon\n(.*?)```", page.read_text(), re.DOTALL)
-    source = "\n".join(blocks).replace("EncodeError: ", "Traceback (most recent call last):\nEncodeError: ")
-    parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=doctest.IGNORE_EXCEPTION_DETAIL)
+    source = re.sub(r"(?m)^(\w+Error: )", r"Traceback (most recent call last):\npx4_types.cdr.\1", "\n".join(blocks))
+    parser, runner = doctest.DocTestParser(), doctest.DocTestRunner()
     names = {"SensorCombined": __import__("px4_types").SensorCombined}
     results = runner.run(parser.get_doctest(source, names, page.name, str(page), 0))
     assert (results.failed, results.attempted) == (0, source.count(">>> "))

@@ -99,6 +99,9 @@ reports: tuple[EscReport, ...] = EscStatus().esc
 later: SensorCombined = dataclasses.replace(message, timestamp=2)
 names: list[str] = [field.name for field in dataclasses.fields(SensorCombined)]
 size: int = SensorCombined.__msg__.cdr_size
+view: SensorCombined = SensorCombined.lazy(sample)
+several: list[bytes] = SensorCombined.encode_batch(SensorCombined.decode_batch([sample, bytearray(sample)]))
+one: SensorCombined = SensorCombined.from_row(SensorCombined.decode_batch(sample)[0])
 number: topics.ORB_ID = topics.ORB_ID.vehicle_odometry
 depth: int = topics.endpoint("/fmu/out/vehicle_status_v1").qos.reader.depth
 match VehicleStatus():
@@ -142,7 +145,7 @@ def test_the_types_catch_mistakes(tmp_path: Path) -> None:
     assert lines == {4, 5, 6, 7}
 
 
-HEAVY = {"dataclasses", "difflib", "inspect", "jinja2", "msggen.model", "rich", "subprocess", "xml", "yaml"}
+HEAVY = {"dataclasses", "difflib", "inspect", "jinja2", "msggen.model", "rich", "shutil", "subprocess", "xml", "yaml"}
 """Modules that a build with nothing to do has no time to import."""
 
 

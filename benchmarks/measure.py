@@ -1,0 +1,84 @@
+"""Run all measurements, in the environment that run.py set up; print the tables, and write the page and its charts."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from rich.console import Console
+
+import charts
+import tables
+from effort import FULL, QUICK
+from environment import ROOT
+from goals import goals, summary
+from page import WIDTH, Section, page
+from results import Results, collect
+
+DOCS = ROOT / "docs"
+
+
+def main() -> None:
+    """Measure and print; with `--quick` little is measured and nothing written."""
+    quick = "--quick" in sys.argv
+    console = Console(width=None if sys.stdout.isatty() else WIDTH)
+    results = collect(QUICK if quick else FULL, console)
+    for section in sections(results):
+        for table in section.tables:
+            table.show(console)
+    short = summary(list(goals(results)))
+    short.show(console)
+    files = {DOCS / "benchmarks" / f"{name}.svg": text for name, text in drawn(results).items()}
+    files[DOCS / "benchmarks.md"] = page(short, sections(results))
+    if not quick:
+        write(files)
+        console.print(f"written: {', '.join(str(path.relative_to(ROOT)) for path in files)}", soft_wrap=True)
+
+
+def write(files: dict[Path, str]) -> None:
+    """Write texts by path."""
+    for path, text in files.items():
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+
+def drawn(results: Results) -> dict[str, str]:
+    """Return the charts by name."""
+    return {
+        "codec": charts.codec_chart(results.decode, results.encode),
+        "columns": charts.columns_chart(results.columns, results.arrays),
+        "cost": charts.cost_chart(results.starts, results.sizes),
+        "generation": charts.scale_chart(results.scales),
+    }
+
+
+def sections(results: Results) -> list[Section]:
+    """Return what the page consists of."""
+    decode = tables.codec_table("decode", results.samples, results.decode)
+    encode = tables.codec_table("encode", results.samples, results.encode)
+    batches = [tables.columns_table(results.columns), tables.arrays_table(results.arrays, results.bandwidth)]
+    return [
+        Section(
+            "Decode and encode",
+            [decode, encode, tables.lazy_table(results.lazy)],
+            "codec",
+            "Decode and encode: time compared with msggen, a bar for each package and a dot for each message",
+        ),
+        Section("Batches", batches, "columns", "Time for each sample from payloads to columns, message by message"),
+        Section(
+            "Ready, and memory",
+            [tables.starts_table(results.starts), tables.memory_table(results.sizes)],
+            "cost",
+            "Time until a first message is decoded, and memory of a decoded message, for each package",
+        ),
+        Section(
+            "Generation",
+            [tables.commands_table(results.commands), tables.scale_table(results.scales)],
+            "generation",
+            "Time of generation for each message, for one, ten and a hundred times as many messages",
+        ),
+    ]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,84 @@
+"""docs/benchmarks.md: what was measured, when, on what, with what, and how."""
+
+from __future__ import annotations
+
+import io
+import os
+import platform
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.console import Console
+
+import msggen
+from effort import FULL
+from peers import PEERS
+from tables import NONE, Table
+
+WIDTH = 180
+"""Of what is printed where the terminal does not say: the tables have many columns."""
+
+HOW = f"""\
+Contestants take turns of about {FULL.turn * 1e3:g} ms, in {FULL.rounds} rounds, and the minimum of each counts:
+other work on a machine can only make a turn longer. Ratios of minima hold on other machines, times do not. The garbage
+collector is on, as it is for a user. Everybody's types are made from the same definitions, and used as their
+documentation shows it; [peers.py](../benchmarks/peers.py) has the very statements that are timed. Before that, decoded
+values are compared with msggen's, and encoded bytes with the firmware's. The samples are those of the tests, with
+random values. A {NONE} has its reason below the table.
+
+The unpack floor is the `unpack_from` of `struct` alone, with the message's own format, and for encoding its `pack`: no
+object, no names, nothing checked. The loops that fill columns are written as one writes them without batches: numpy
+arrays made in advance, one for each field, filled sample by sample."""
+
+
+class Section(NamedTuple):
+    """A part of the page: a chart, if there is one, and tables."""
+
+    title: str
+    tables: Sequence[Table]
+    chart: str = ""
+    """The name of its file, without its end."""
+    says: str = ""
+    """What the chart shows, for those who cannot see it."""
+
+
+def page(summary: Table, sections: Sequence[Section]) -> str:
+    """Return the page as Markdown."""
+    versions = ", ".join([f"msggen {msggen.__version__}", *(f"{peer.name} {peer.version() or NONE}" for peer in PEERS)])
+    today = datetime.now(timezone.utc).date()
+    parts = [
+        "# Benchmarks",
+        f"```console\n$ python benchmarks/run.py\n...\n{printed(summary)}\n```",
+        "It sets up all packages in an environment of their own, measures for some minutes and writes this page.",
+        f"Last run: {today}, on {machine()}, with {versions}.",
+        "Ratios say how many times as long the others take, unless the head of a column says otherwise.",
+    ]
+    for section in sections:
+        parts.append(f"## {section.title}")
+        if section.chart:
+            parts.append(f"![{section.says}](benchmarks/{section.chart}.svg)")
+        for table in section.tables:
+            parts += [f"{table.title[:1].upper()}{table.title[1:]}:", table.markdown()]
+    return "\n\n".join([*parts, "## How it was measured", HOW]) + "\n"
+
+
+def printed(table: Table) -> str:
+    """Return a table as the terminal shows it."""
+    stream = io.StringIO()
+    table.show(Console(file=stream, width=WIDTH, color_system=None))
+    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()).strip("\n")
+
+
+def machine() -> str:
+    """Return processor, cores and Python."""
+    return f"{processor()} with {os.cpu_count()} cores, {platform.python_implementation()} {platform.python_version()}"
+
+
+def processor() -> str:
+    """Return the processor's name: Linux knows it best, elsewhere what Python knows."""
+    information = Path("/proc/cpuinfo")
+    lines = information.read_text().splitlines() if information.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()

@@ -1,0 +1,31 @@
+"""Measure msggen's generated types and its builds side by side with other packages.
+
+    python benchmarks/run.py            everything; writes docs/benchmarks.md and its charts
+    python benchmarks/run.py --quick    a look at whether it works, in a minute; writes nothing
+
+Needs a Python and the package index: environment.py sets up the rest, measure.py is what then runs in it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+
+from environment import FOLDER, HERE, environment
+
+
+def main() -> int:
+    """Set up the environment, measure in it, and return the exit code of that."""
+    parser = argparse.ArgumentParser(description="Measure msggen side by side with other packages.")
+    parser.add_argument("--quick", action="store_true", help="few rounds over two messages; writes nothing")
+    options = parser.parse_args()
+    command = [str(environment()), str(HERE / "measure.py"), *(["--quick"] if options.quick else [])]
+    variables = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
+    variables["CYDR_CACHE_DIR"] = str(FOLDER / "cydr")  # what cydr compiles is kept with it
+    return subprocess.run(command, check=False, env=variables).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())
