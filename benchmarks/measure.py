@@ -27,10 +27,12 @@ def main() -> None:
         for table in section.tables:
             table.show(console)
     short = summary(list(goals(results)))
-    short.show(console)
     files = {DOCS / "benchmarks" / f"{name}.svg": text for name, text in drawn(results).items()}
     files[DOCS / "benchmarks.md"] = page(short, sections(results))
-    if not quick:
+    if quick:
+        console.print("So few rounds show that everything runs, and no more.")
+    else:
+        short.show(console)
         write(files)
         console.print(f"written: {', '.join(str(path.relative_to(ROOT)) for path in files)}", soft_wrap=True)
 

@@ -126,7 +126,7 @@ def columns_table(speeds: Speeds) -> Table:
             [f"{MEAN}, with batch.columns", "", "", *(_mean(speeds.times, name, OURS.name) for name in loops)],
         ],
         [
-            "A loop fills arrays as `decode_batch` gives them: `array['gyro_rad']` has two dimensions.",
+            "A loop fills arrays like those that `decode_batch` gives views of: two dimensions for `gyro_rad`.",
             "`batch.columns` makes an array for each element of them: `gyro_rad[0]`. OrbTestLarge has 514.",
             *reasons(speeds),
         ],
@@ -212,7 +212,7 @@ def memory_table(sizes: Sizes) -> Table:
         ["message", *names],
         rows,
         [[f"{MEAN}, msggen 1", *means]],
-        ["Payloads are not counted. mcap-ros2-support-fast keeps them alive, as its arrays are views of them."],
+        ["Payloads are not counted, though rosbags and mcap-ros2-support-fast keep them: their arrays are views."],
     )
 
 

@@ -352,6 +352,41 @@ def test_a_subclass_that_overrides_decode_calls_the_function_of_its_parent(px4_t
     assert np.array_equal(Child.decode_batch([sample]), parent.decode_batch([sample]))
 
 
+def test_a_subclass_that_overrides_decode_is_asked_once_for_each_sample(px4_types: Any) -> None:
+    parent = px4_types.SensorCombined
+
+    class Child(parent):  # type: ignore[misc, valid-type]
+        @classmethod
+        def decode(cls, data: Any, allow_surplus: Any = False) -> Any:  # noqa: FBT002 - as its parent
+            message = parent.decode.__func__(cls, data, allow_surplus)
+            message.timestamp += 1
+            return message
+
+    sample = parent(timestamp=7).encode()
+    swapped = b"\0\0" + sample[2:4] + sample[11:3:-1] + sample[12:]
+    assert [Child.decode(data).timestamp for data in (sample, sample + b"1", swapped)] == [8, 8, 8]
+
+
+def test_a_subclass_keeps_its_own_lazy(px4_types: Any) -> None:
+    parent = px4_types.SensorCombined
+    sample = parent(timestamp=7).encode()
+    before: Any = type("Before", (parent,), {})
+    parent.lazy(sample)
+    own: Any = type("Own", (parent,), {"lazy": classmethod(lambda cls, data: (cls, data))})
+    heir: Any = type("Heir", (own,), {})
+    after: Any = type("After", (before,), {})
+    before.lazy(sample)
+    assert (own.lazy(1), heir.lazy(2)) == ((own, 1), (heir, 2))
+    assert [type(cls.lazy(sample)).__mro__[1] for cls in (parent, before, after)] == [parent, before, after]
+
+
+def test_lazy_itself_can_be_sent_to_other_processes(px4_types: Any) -> None:
+    sample = px4_types.SensorCombined(timestamp=7).encode()
+    for _ in range(2):  # after its first call, it is another function
+        assert pickle.loads(pickle.dumps(px4_types.SensorCombined.lazy))(sample).timestamp == 7  # noqa: S301
+    assert "view of the sample" in px4_types.SensorCombined.lazy.__doc__
+
+
 def test_errors_of_subclasses_name_the_message(px4_types: Any) -> None:
     child: Any = type("Child", (px4_types.SensorCombined,), {})
     for call in (child.decode, child.lazy, lambda data: child.decode_batch([data])):

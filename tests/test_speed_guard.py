@@ -7,6 +7,7 @@ neither on the machine's speed nor on what else it does. A disturbed attempt is 
 from __future__ import annotations
 
 import sys
+from statistics import geometric_mean
 from typing import Any
 
 import pytest
@@ -18,11 +19,22 @@ from messages import MESSAGES, read_samples
 from peers import FLOOR, OURS
 from rounds import Contestant
 
-RECORDED = 2.8 if sys.version_info >= (3, 11) else 3.7
-"""How many times as long as the floor decoding takes: geometric mean over the eleven messages.
-
-Measured here with CPython 3.11.7 (2.8), 3.13.0 (2.8) and 3.10.13 (3.7). To be lowered when decoding gets faster.
-"""
+RECORDED = {
+    "SensorCombined": 2.4,
+    "TrajectorySetpoint": 2.5,
+    "VehicleStatus": 2.4,
+    "VehicleOdometry": 2.4,
+    "VehicleLocalPosition": 2.0,
+    "GpsDump": 3.5,
+    "ObstacleDistance": 3.9,
+    "DebugArray": 4.5,
+    "PositionSetpointTriplet": 2.2,
+    "EscStatus": 2.4,
+    "OrbTestLarge": 2.6,
+}
+"""How many times as long as the floor decoding takes, with CPython 3.11.7. To be lowered when it gets faster."""
+ON_OTHERS = 1.0 if sys.version_info >= (3, 11) else 1.35
+"""What CPython 3.10 takes in proportion; 3.12 and 3.13 take as long as 3.11."""
 WORSE_BY_HALF = 1.5
 ATTEMPTS = 4
 SHORT = FULL._replace(rounds=40, turn=0.0004)
@@ -33,27 +45,38 @@ def entries() -> Entries:
     return enter_all(read_samples(), (OURS, FLOOR))
 
 
-def times_the_floor(entries: Entries) -> float:
-    """Return the ratio."""
-    return 1 / measure(entries, "decode", SHORT).mean(FLOOR.name)
+def times_the_recorded(entries: Entries) -> dict[str, float]:
+    """Return what the ratio of each message has become, 1 as recorded, and that of all together."""
+    speeds = measure(entries, "decode", SHORT)
+    ratios = {
+        message: times[OURS.name] / times[FLOOR.name] / RECORDED[message] / ON_OTHERS
+        for message, times in speeds.times.items()
+    }
+    return {**ratios, "all": geometric_mean(ratios.values())}
 
 
-def best_of_attempts(entries: Entries, limit: float) -> float:
-    """Return the ratio, measured again while it is beyond the limit: the best of all attempts."""
-    best = times_the_floor(entries)
+def best_of_attempts(entries: Entries) -> dict[str, float]:
+    """Return the least of each ratio, measured again while one of them is too large."""
+    best = times_the_recorded(entries)
     for _ in range(1, ATTEMPTS):
-        best = best if best <= limit else min(best, times_the_floor(entries))
+        if max(best.values()) > WORSE_BY_HALF:
+            again = times_the_recorded(entries)
+            best = {name: min(ratio, again[name]) for name, ratio in best.items()}
     return best
 
 
-def test_decoding_is_within_half_of_the_recorded_ratio_to_the_floor(entries: Entries) -> None:
-    limit = RECORDED * WORSE_BY_HALF
-    assert best_of_attempts(entries, limit) <= limit
+def test_no_ratio_to_the_floor_has_worsened_by_half(entries: Entries) -> None:
+    assert {name: ratio for name, ratio in best_of_attempts(entries).items() if ratio > WORSE_BY_HALF} == {}
 
 
-def test_the_guard_fails_when_decoding_takes_twice_as_long(entries: Entries) -> None:
-    limit = RECORDED * WORSE_BY_HALF
-    assert best_of_attempts({message: slowed(by_name) for message, by_name in entries.items()}, limit) > limit
+def test_the_guard_fails_when_one_message_takes_twice_as_long(entries: Entries) -> None:
+    slower = {**entries, "EscStatus": slowed(entries["EscStatus"])}
+    assert best_of_attempts(slower)["EscStatus"] > WORSE_BY_HALF
+
+
+def test_the_guard_fails_when_all_messages_take_twice_as_long(entries: Entries) -> None:
+    slower = {message: slowed(by_name) for message, by_name in entries.items()}
+    assert best_of_attempts(slower)["all"] > WORSE_BY_HALF
 
 
 def slowed(by_name: Any) -> dict[str, Entry]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from . import batch as batch
     from . import cdr as cdr
     from . import msg as msg
     from . import srv as srv

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import Any, NoReturn, TypeAlias, TypeVar
 
+    from numpy import void  # type: ignore[import-not-found, unused-ignore]
+    from numpy.typing import NDArray  # type: ignore[import-not-found, unused-ignore]
+
     MessageType = TypeVar("MessageType", bound=Message)
     numpy: Any  # what it says of structured arrays changes between its versions; Message has the public types
     Rows: TypeAlias = Any
@@ -68,13 +71,14 @@ def from_row(cls: type[MessageType], row: Any) -> MessageType:
     """See Message.from_row."""
     record = _record(cls)
     if not isinstance(row, numpy.void) or row.dtype.names is None:
-        raise EncodeError(f"{record.name}: expected one element of a structured array, got {_kind(row)}")
+        given = "no fields" if isinstance(row, numpy.void) else _kind(row)
+        raise EncodeError(f"{record.name}: expected one element of a structured array, got {given}")
     if record.in_place and row.dtype == record.dtype:
         return cls.decode(HEADER + row.tobytes()[len(HEADER) :])
     return cls.decode(encode_batch(cls, numpy.asarray(row).reshape(1))[0])
 
 
-def columns(array: Rows) -> dict[str, Any]:
+def columns(array: NDArray[void]) -> dict[str, NDArray[Any]]:
     """Return a structured array as columns by name: arrays of one dimension, for pandas, polars or Arrow.
 
     Elements are named as pyulog does it: `gyro_rad[0]`, `esc[7].esc_rpm`. The columns are copies.
@@ -170,6 +174,8 @@ _RECORDS: dict[type[Message], _Record] = {}
 
 
 def _record(cls: type[Message]) -> _Record:
+    if cls is Message:
+        raise NotImplementedError
     return _RECORDS.get(cls) or _RECORDS.setdefault(cls, _Record(cls))
 
 
@@ -256,19 +262,25 @@ def _buffer(record: _Record, payloads: Any) -> memoryview | None:
     except (ValueError, BufferError):
         raise DecodeError(f"{record.name}: expected a buffer of bytes, got {_kind(payloads)}") from None
     if buffer.itemsize != 1 or not buffer.c_contiguous:
-        hint = ": pass its tolist()" if buffer.format == "O" else ""
+        hint = {"O": ": pass its tolist()", "S": ": pass its view(numpy.uint8)"}.get(_letter(payloads), "")
         raise DecodeError(f"{record.name}: expected a contiguous buffer of bytes, got {_kind(payloads)}{hint}")
     return buffer
 
 
+def _letter(payloads: Any) -> str:
+    """Return numpy's letter for the elements of an array, "S" for all that are bytes of one length."""
+    letter: str = payloads.dtype.kind if isinstance(payloads, numpy.ndarray) and payloads.dtype.names is None else ""
+    return "S" if letter == "V" else letter
+
+
 def _joined(record: _Record, payloads: Any) -> Octets:
     """Return the rows of an iterable of samples, copied once."""
-    try:
-        remaining = iter(payloads)
-    except TypeError:
+    is_file = hasattr(payloads, "read")
+    if is_file or isinstance(payloads, str) or not hasattr(payloads, "__iter__"):
+        hint = ": pass a memory map of it, or what it reads" if is_file else ""
         expected = "a buffer of samples or an iterable of them"
-        raise DecodeError(f"{record.name}: expected {expected}, got {_kind(payloads)}") from None
-    samples: list[Any] = payloads if payloads.__class__ is list else list(remaining)
+        raise DecodeError(f"{record.name}: expected {expected}, got {_kind(payloads)}{hint}")
+    samples: list[Any] = payloads if payloads.__class__ is list else list(payloads)
     if not samples:
         return numpy.zeros((0, record.wire.size), numpy.uint8)
     rows = _joined_evenly(samples)
@@ -308,9 +320,12 @@ def _joined_unevenly(record: _Record, samples: list[Any]) -> Octets:
 
 def _bytes(record: _Record, number: int, sample: Any) -> bytes:
     try:
-        return memoryview(sample).tobytes()
+        view = memoryview(sample)
     except (TypeError, ValueError, BufferError):
-        raise DecodeError(f"sample {number}: {record.name}: expected bytes, got {_kind(sample)}") from None
+        view = None
+    if view is None or view.itemsize != 1:
+        raise DecodeError(f"sample {number}: {record.name}: expected bytes, got {_kind(sample)}")
+    return view.tobytes()
 
 
 def _cut(record: _Record, buffer: memoryview) -> Octets:
@@ -323,7 +338,8 @@ def _cut(record: _Record, buffer: memoryview) -> Octets:
     fitting = [data.reshape(-1, length) for length in lengths if data.size % length == 0]
     if not fitting:
         expected = " or ".join(str(length) for length in sorted(lengths))
-        raise DecodeError(f"{record.name}: expected a multiple of {expected} bytes, got {data.size}")
+        rest = f", {data.size % size} too many" if len(lengths) == 1 else ""
+        raise DecodeError(f"{record.name}: expected a multiple of {expected} bytes, got {data.size}{rest}")
     alike = [rows for rows in fitting if _first_other_header(rows) is None]
     if len(alike) > 1:
         both = " and of ".join(str(length) for length in sorted(lengths))
@@ -363,7 +379,8 @@ def _refuse(record: _Record, number: int, sample: bytes, first: bytes = b"") -> 
     except DecodeError as error:
         raise DecodeError(f"sample {number}: {error}") from None
     given, expected = sample[:2].hex(" "), first[:2].hex(" ")
-    raise DecodeError(f"sample {number}: {record.name}: expected the header {expected} of sample 0, got {given}")
+    hint = "another encoding, or another message?"
+    raise DecodeError(f"sample {number}: {record.name}: expected the header {expected} of sample 0, got {given}: {hint}")
 
 
 def _has_odd_bools(record: _Record, rows: Octets) -> bool:
@@ -417,7 +434,7 @@ def _check_type(given: Any, expected: Any, path: str) -> None:
             from difflib import get_close_matches
 
             near = get_close_matches(name, list(names), n=1)
-            hint = f", did you mean '{near[0]}'?" if near else ""
+            hint = f", did you mean '{near[0]}'?" if near else ", is it another message?"
             raise EncodeError(f"{path}: expected no field '{name}'{hint}")
     for name in names:
         if name not in given_names:
@@ -448,4 +465,7 @@ def _kind(value: Any) -> str:
     """Return what a value is, for a message."""
     if isinstance(value, numpy.ndarray):
         return f"an array of {value.dtype.name if value.dtype.names is None else 'rows'} of shape {value.shape}"
-    return f"a {value.__class__.__name__}"
+    if isinstance(value, numpy.void):
+        return "one element of an array: take array[i : i + 1]"
+    name: str = value.__class__.__name__
+    return name

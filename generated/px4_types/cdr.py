@@ -11,7 +11,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from dataclasses import Field as DataclassField
-    from typing import Any, ClassVar, TypeVar
+    from typing import Any, ClassVar, Protocol, TypeVar
 
     from numpy import dtype as DType  # type: ignore[import-not-found, unused-ignore]
     from numpy import void  # type: ignore[import-not-found, unused-ignore]
@@ -31,7 +31,14 @@ else:
         """Likewise."""
 
 
-BytesLike = bytes | bytearray | memoryview
+if TYPE_CHECKING:
+
+    class BytesLike(Buffer, Protocol):
+        """Bytes in memory: bytes, bytearray, memoryview, a memory map, an array of them."""
+
+        def __len__(self) -> int: ...
+else:
+    BytesLike = bytes | bytearray | memoryview
 
 new = object.__new__
 DECODE_FAILURES = (struct.error, BufferError)
@@ -301,6 +308,10 @@ def _is_mutable(value: Any) -> bool:
     return value.__class__ not in (bool, int, float, bytes)
 
 
+class _ViewMaker(staticmethod):  # type: ignore[type-arg]
+    """What `lazy` puts in its own place, for one class and no subclass."""
+
+
 class Message:
     """The base of all messages.
 
@@ -328,7 +339,9 @@ class Message:
             if hasattr(decode, "__func__"):
                 cls.decode = type(decode)(decode.__func__, cls)
             if cls.__base__ is not Message:
-                cls.lazy = vars(Message)["lazy"]
+                lazy = next(vars(base)["lazy"] for base in cls.__mro__ if "lazy" in vars(base))
+                if isinstance(lazy, _ViewMaker) or lazy is vars(Message)["lazy"]:
+                    cls.lazy = vars(Message)["lazy"]
 
     def encode(self) -> bytes:
         """Return the message as a CDR sample with its header: XCDR1, little-endian, padding zero.
@@ -341,7 +354,8 @@ class Message:
     def decode(cls, data: BytesLike, allow_surplus: bool = False) -> Self:
         """Return the message in a CDR sample with its header: XCDR1 or plain XCDR2, of either byte order.
 
-        Up to 3 bytes after the last value are ignored, more with `allow_surplus`. Raises DecodeError.
+        Up to 3 bytes after the last value are ignored, more with `allow_surplus`. Raises DecodeError. It is bound to
+        its class: an override calls `Base.decode.__func__(cls, data)`, as `super().decode(data)` gives a `Base`.
         """
         raise NotImplementedError
 
@@ -355,16 +369,17 @@ class Message:
         from .lazy import view_maker
 
         make = view_maker(cls)
-        type.__setattr__(cls, "lazy", staticmethod(make))  # which is faster, and all that is called from now on
+        type.__setattr__(cls, "lazy", _ViewMaker(make))  # in its own place: from now on that alone is called
         view: Self = make(data, allow_surplus)
         return view
 
     @classmethod
     def dtype(cls) -> DType[void]:
-        """Return the numpy type of a sample, its header included: what `decode_batch` returns an array of."""
-        from .batch import dtype_of
+        """Return the numpy type of a sample, its header included: what `decode_batch` returns an array of.
 
-        found: DType[void] = dtype_of(cls)
+        Header and padding are no values, and undefined in arrays: `encode_batch` writes them. Needs numpy.
+        """
+        found: DType[void] = _batch().dtype_of(cls)
         return found
 
     @classmethod
@@ -375,9 +390,7 @@ class Message:
         iterable of samples is copied once. All samples need the same encapsulation; other than little-endian
         XCDR1 is converted. Raises DecodeError that names the first sample at fault. Needs numpy.
         """
-        from .batch import decode_batch
-
-        array: NDArray[void] = decode_batch(cls, payloads)
+        array: NDArray[void] = _batch().decode_batch(cls, payloads)
         return array
 
     @classmethod
@@ -386,16 +399,14 @@ class Message:
 
         The array has the fields of `dtype()`; where they lie in it does not matter. Raises EncodeError. Needs numpy.
         """
-        from .batch import encode_batch
-
-        return encode_batch(cls, array)
+        samples: list[bytes] = _batch().encode_batch(cls, array)
+        return samples
 
     @classmethod
     def from_row(cls, row: void) -> Self:
         """Return one element of a structured array as a message. Raises EncodeError as `encode_batch` does."""
-        from .batch import from_row
-
-        return from_row(cls, row)
+        message: Self = _batch().from_row(cls, row)
+        return message
 
     def __eq__(self, other: object) -> bool:
         if other.__class__ is not self.__class__ or not isinstance(other, Message):
@@ -424,6 +435,19 @@ class Message:
     def __replace__(self, **changes: object) -> Self:
         values: dict[str, Any] = {name: getattr(self, name) for name in self.__match_args__}
         return self.__class__(**{**values, **changes})
+
+
+_loaded: Any = None
+
+
+def _batch() -> Any:
+    """Return the module of batches; importing it takes as long as numpy does."""
+    global _loaded
+    if _loaded is None:
+        from . import batch
+
+        _loaded = batch
+    return _loaded
 
 
 _SEQUENCES = ("tuple", "list", "array")
@@ -469,6 +493,18 @@ def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes
     if version == 2:
         _check_delimiters(name, layout, order, body)
     return HEADER + struct.pack("<" + layout.words, *struct.unpack_from(words, body))
+
+
+def decode_other(
+    home: type[MessageType], cls: type[Message], data: BytesLike, allow_surplus: bool
+) -> MessageType:
+    """Return the message of a sample that is not as `encode` writes it; `cls` is `home` or a subclass.
+
+    Raises DecodeError.
+    """
+    decode: Any = home.decode  # not that of cls, which may do more: it has been called
+    message: MessageType = decode.__func__(cls, canonical(cls, data, allow_surplus))
+    return message
 
 
 def _field_at(cls: type[Message], position: int) -> str:

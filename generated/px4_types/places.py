@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import struct
 import sys
+from typing import NamedTuple
 
-from .cdr import HEADER, Frozen, Message
+from .cdr import HEADER, Field, Message
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from .cdr import Field
 
 NUMBERS = {
     "bool": "?",
@@ -34,20 +33,12 @@ NUMBERS = {
 """The `struct` codes of the types that are no messages."""
 
 
-class Value(Frozen):
+class Value(NamedTuple):
     """One number, or one block of bytes: offset in the sample, bytes, and whether they are a block."""
-
-    __slots__ = ("offset", "size", "is_block")
 
     offset: int
     size: int
-    is_block: bool
-
-    def __init__(self, offset: int, size: int, is_block: bool = False) -> None:
-        put = object.__setattr__
-        put(self, "offset", offset)
-        put(self, "size", size)
-        put(self, "is_block", is_block)
+    is_block: bool = False
 
     @property
     def end(self) -> int:
@@ -55,36 +46,17 @@ class Value(Frozen):
         return self.offset + self.size
 
 
-class Part(Frozen):
+class Part(NamedTuple):
     """A field and where it lies; a nested message has the parts of each of its elements, one if it is no array."""
-
-    __slots__ = ("field", "offset", "end", "is_block", "message", "elements")
 
     field: Field
     offset: int
     """Of its first byte, the header counted."""
     end: int
     """The first byte after it."""
-    is_block: bool
-    message: type[Message] | None
-    elements: tuple[tuple[Part, ...], ...]
-
-    def __init__(
-        self,
-        field: Field,
-        offset: int,
-        end: int,
-        is_block: bool = False,
-        message: type[Message] | None = None,
-        elements: tuple[tuple[Part, ...], ...] = (),
-    ) -> None:
-        put = object.__setattr__
-        put(self, "field", field)
-        put(self, "offset", offset)
-        put(self, "end", end)
-        put(self, "is_block", is_block)
-        put(self, "message", message)
-        put(self, "elements", elements)
+    is_block: bool = False
+    message: type[Message] | None = None
+    elements: tuple[tuple[Part, ...], ...] = ()
 
 
 def values_of(format: str) -> tuple[Value, ...]:

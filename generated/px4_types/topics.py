@@ -1129,6 +1129,10 @@ def __getattr__(name: str) -> object:
     return ORB_ID
 
 
+def __dir__() -> list[str]:
+    return sorted({*globals(), "ORB_ID"})
+
+
 def endpoint(name: str) -> Endpoint:
     """Return the endpoint with this ROS name (`/fmu/out/...`) or DDS name (`rt/fmu/out/...`).
 

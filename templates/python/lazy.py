@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 def view_maker(cls: type[Message]) -> Callable[[BytesLike, bool], Any]:
     """Return the function that makes views of `cls` of samples; it raises DecodeError."""
+    if cls is Message:
+        raise NotImplementedError
     views = _view_class(cls, parts_of(cls, values_of(cls.__layout__.xcdr1)), 0)
     size = cls.__msg__.cdr_size
     read_header = struct.Struct(f"<H{size + 2}x").unpack_from
@@ -37,6 +39,7 @@ def view_maker(cls: type[Message]) -> Callable[[BytesLike, bool], Any]:
         view._start = 0
         return view
 
+    make.__module__, make.__qualname__, make.__doc__ = cls.__module__, f"{cls.__qualname__}.lazy", Message.lazy.__doc__
     return make
 
 

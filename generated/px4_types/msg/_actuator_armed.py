@@ -103,9 +103,9 @@ class ActuatorArmed(_cdr.Message):
                 message.lockdown, message.kill, message.termination, message.in_esc_calibration_mode,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ActuatorArmed, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (19, 20, 21, 22):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ActuatorArmed, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -58,9 +58,9 @@ class ActuatorControlsStatus(_cdr.Message):
                 header, message.timestamp, control_power_0, control_power_1, control_power_2,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ActuatorControlsStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ActuatorControlsStatus, cls, data, allow_surplus)
         message.control_power = (control_power_0, control_power_1, control_power_2)
         return message
 

@@ -85,9 +85,9 @@ class ActuatorMotors(_cdr.Message):
                 control_9, control_10, control_11,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ActuatorMotors, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ActuatorMotors, cls, data, allow_surplus)
         message.control = (
             control_0, control_1, control_2, control_3, control_4, control_5, control_6, control_7, control_8,
             control_9, control_10, control_11,

@@ -67,9 +67,9 @@ class ActuatorOutputs(_cdr.Message):
         try:
             (header, message.timestamp, message.noutputs, output_raw) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ActuatorOutputs, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ActuatorOutputs, cls, data, allow_surplus)
         message.output = _from_raw("f", output_raw)
         return message
 

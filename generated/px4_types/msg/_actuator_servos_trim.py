@@ -64,9 +64,9 @@ class ActuatorServosTrim(_cdr.Message):
                 header, message.timestamp, trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ActuatorServosTrim, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ActuatorServosTrim, cls, data, allow_surplus)
         message.trim = (trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7)
         return message
 

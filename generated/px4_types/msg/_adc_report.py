@@ -95,9 +95,9 @@ class AdcReport(_cdr.Message):
                 raw_data_11, message.resolution, message.v_ref,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(AdcReport, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(AdcReport, cls, data, allow_surplus)
         message.channel_id = (
             channel_id_0, channel_id_1, channel_id_2, channel_id_3, channel_id_4, channel_id_5, channel_id_6,
             channel_id_7, channel_id_8, channel_id_9, channel_id_10, channel_id_11,

@@ -150,9 +150,9 @@ class AirspeedWind(_cdr.Message):
                 message.tas_scale_validated, message.beta_innov, message.beta_innov_var, message.source,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(AirspeedWind, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (65, 66, 67, 68):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(AirspeedWind, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

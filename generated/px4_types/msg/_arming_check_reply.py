@@ -241,9 +241,9 @@ class ArmingCheckReply(_cdr.Message):
                 message.mode_req_manual_control,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ArmingCheckReply, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (231, 232, 233, 234):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ArmingCheckReply, cls, data, allow_surplus)
         message.events = (events_0, events_1, events_2, events_3, events_4)
         return message
 

@@ -178,9 +178,9 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
                 rate_sp_1, rate_sp_2, message.u_filt, message.y_filt, message.state,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(AutotuneAttitudeControlStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (105, 106, 107, 108):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(AutotuneAttitudeControlStatus, cls, data, allow_surplus)
         message.coeff = (coeff_0, coeff_1, coeff_2, coeff_3, coeff_4)
         message.coeff_var = (coeff_var_0, coeff_var_1, coeff_var_2, coeff_var_3, coeff_var_4)
         message.rate_sp = (rate_sp_0, rate_sp_1, rate_sp_2)

@@ -62,9 +62,9 @@ class BatteryInfo(_cdr.Message):
         try:
             (header, message.timestamp, message.id, message.serial_number) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(BatteryInfo, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (45, 46, 47, 48):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(BatteryInfo, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -372,9 +372,9 @@ class BatteryStatus(_cdr.Message):
                 message.estimation_covariance_norm,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(BatteryStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(BatteryStatus, cls, data, allow_surplus)
         message.voltage_cell_v = (
             voltage_cell_v_0, voltage_cell_v_1, voltage_cell_v_2, voltage_cell_v_3, voltage_cell_v_4,
             voltage_cell_v_5, voltage_cell_v_6, voltage_cell_v_7, voltage_cell_v_8, voltage_cell_v_9,

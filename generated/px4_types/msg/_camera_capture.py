@@ -102,9 +102,9 @@ class CameraCapture(_cdr.Message):
                 message.alt, message.ground_distance, q_0, q_1, q_2, q_3, message.result,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(CameraCapture, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (69, 70, 71, 72):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(CameraCapture, cls, data, allow_surplus)
         message.q = (q_0, q_1, q_2, q_3)
         return message
 

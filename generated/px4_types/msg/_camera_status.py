@@ -60,9 +60,9 @@ class CameraStatus(_cdr.Message):
         try:
             (header, message.timestamp, message.active_sys_id, message.active_comp_id) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(CameraStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (14, 15, 16, 17):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(CameraStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -73,9 +73,9 @@ class CameraTrigger(_cdr.Message):
                 header, message.timestamp, message.timestamp_utc, message.seq, message.feedback,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(CameraTrigger, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (25, 26, 27, 28):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(CameraTrigger, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -70,9 +70,9 @@ class CollisionConstraints(_cdr.Message):
                 adapted_setpoint_1,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(CollisionConstraints, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(CollisionConstraints, cls, data, allow_surplus)
         message.original_setpoint = (original_setpoint_0, original_setpoint_1)
         message.adapted_setpoint = (adapted_setpoint_0, adapted_setpoint_1)
         return message

@@ -98,9 +98,9 @@ class ConfigOverrides(_cdr.Message):
                 message.defer_failsafes_timeout_s, message.source_type, message.source_id,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ConfigOverrides, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (18, 19, 20, 21):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ConfigOverrides, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -132,9 +132,9 @@ class ControlAllocatorStatus(_cdr.Message):
                 message.handled_motor_failure_mask, message.motor_stop_mask,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ControlAllocatorStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ControlAllocatorStatus, cls, data, allow_surplus)
         message.unallocated_torque = (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2)
         message.unallocated_thrust = (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2)
         message.actuator_saturation = _from_raw("b", actuator_saturation_raw)

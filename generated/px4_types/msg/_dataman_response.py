@@ -97,9 +97,9 @@ class DatamanResponse(_cdr.Message):
                 message.index, message.data, message.status,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(DatamanResponse, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (77, 78, 79, 80):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(DatamanResponse, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

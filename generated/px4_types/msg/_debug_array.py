@@ -73,9 +73,9 @@ class DebugArray(_cdr.Message):
         try:
             (header, message.timestamp, message.id, message.name, data_raw) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(DebugArray, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(DebugArray, cls, data, allow_surplus)
         message.data = _from_raw("f", data_raw)
         return message
 

@@ -167,9 +167,9 @@ class DistanceSensor(_cdr.Message):
                 message.h_fov, message.v_fov, q_0, q_1, q_2, q_3, message.orientation, message.mode,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(DistanceSensor, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (62, 63, 64, 65):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(DistanceSensor, cls, data, allow_surplus)
         message.q = (q_0, q_1, q_2, q_3)
         return message
 

@@ -102,9 +102,9 @@ class DronecanNodeStatus(_cdr.Message):
                 message.sub_mode, message.vendor_specific_status_code,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(DronecanNodeStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (26, 27, 28, 29):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(DronecanNodeStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

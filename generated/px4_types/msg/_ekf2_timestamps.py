@@ -109,9 +109,9 @@ class Ekf2Timestamps(_cdr.Message):
                 message.vehicle_magnetometer_timestamp_rel, message.visual_odometry_timestamp_rel,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(Ekf2Timestamps, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (26, 27, 28, 29):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(Ekf2Timestamps, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -137,9 +137,9 @@ class EscReport(_cdr.Message):
                 message.esc_state, message.actuator_function, message.failures, message.esc_power,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EscReport, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (39, 40, 41, 42):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EscReport, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -162,9 +162,9 @@ class EscStatus(_cdr.Message):
                 esc_7.actuator_function, esc_7.failures, esc_7.esc_power,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EscStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (335, 336, 337, 338):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EscStatus, cls, data, allow_surplus)
         message.esc = (esc_0, esc_1, esc_2, esc_3, esc_4, esc_5, esc_6, esc_7)
         return message
 

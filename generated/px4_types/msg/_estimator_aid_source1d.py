@@ -139,9 +139,9 @@ class EstimatorAidSource1d(_cdr.Message):
                 message.test_ratio, message.test_ratio_filtered, message.innovation_rejected, message.fused,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorAidSource1d, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (66, 67, 68, 69):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorAidSource1d, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

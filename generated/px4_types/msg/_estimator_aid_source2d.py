@@ -151,9 +151,9 @@ class EstimatorAidSource2d(_cdr.Message):
                 message.innovation_rejected, message.fused,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorAidSource2d, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (102, 103, 104, 105):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorAidSource2d, cls, data, allow_surplus)
         message.observation = (observation_0, observation_1)
         message.observation_variance = (observation_variance_0, observation_variance_1)
         message.innovation = (innovation_0, innovation_1)

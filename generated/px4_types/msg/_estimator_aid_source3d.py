@@ -151,9 +151,9 @@ class EstimatorAidSource3d(_cdr.Message):
                 test_ratio_filtered_2, message.innovation_rejected, message.fused,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorAidSource3d, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (122, 123, 124, 125):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorAidSource3d, cls, data, allow_surplus)
         message.observation = (observation_0, observation_1, observation_2)
         message.observation_variance = (observation_variance_0, observation_variance_1, observation_variance_2)
         message.innovation = (innovation_0, innovation_1, innovation_2)

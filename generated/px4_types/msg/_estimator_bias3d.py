@@ -105,9 +105,9 @@ class EstimatorBias3d(_cdr.Message):
                 innov_var_1, innov_var_2, innov_test_ratio_0, innov_test_ratio_1, innov_test_ratio_2,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorBias3d, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorBias3d, cls, data, allow_surplus)
         message.bias = (bias_0, bias_1, bias_2)
         message.bias_var = (bias_var_0, bias_var_1, bias_var_2)
         message.innov = (innov_0, innov_1, innov_2)

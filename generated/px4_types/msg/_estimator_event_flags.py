@@ -186,9 +186,9 @@ class EstimatorEventFlags(_cdr.Message):
                 message.reset_hgt_to_gps, message.reset_hgt_to_rng, message.reset_hgt_to_ev,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorEventFlags, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (41, 42, 43, 44):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorEventFlags, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -189,9 +189,9 @@ class EstimatorInnovations(_cdr.Message):
                 gravity_2, drag_0, drag_1, message.airspeed, message.beta, message.hagl, message.hagl_rate,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorInnovations, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorInnovations, cls, data, allow_surplus)
         message.gps_hvel = (gps_hvel_0, gps_hvel_1)
         message.gps_hpos = (gps_hpos_0, gps_hpos_1)
         message.ev_hvel = (ev_hvel_0, ev_hvel_1)

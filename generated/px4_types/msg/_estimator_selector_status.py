@@ -191,9 +191,9 @@ class EstimatorSelectorStatus(_cdr.Message):
                 message.gyro_fault_detected, message.accel_fault_detected,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorSelectorStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (162, 163, 164, 165):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorSelectorStatus, cls, data, allow_surplus)
         message.combined_test_ratio = (
             combined_test_ratio_0, combined_test_ratio_1, combined_test_ratio_2, combined_test_ratio_3,
             combined_test_ratio_4, combined_test_ratio_5, combined_test_ratio_6, combined_test_ratio_7,

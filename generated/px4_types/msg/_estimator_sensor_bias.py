@@ -188,9 +188,9 @@ class EstimatorSensorBias(_cdr.Message):
                 message.mag_bias_valid, message.mag_bias_stable,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorSensorBias, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (126, 127, 128, 129):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorSensorBias, cls, data, allow_surplus)
         message.gyro_bias = (gyro_bias_0, gyro_bias_1, gyro_bias_2)
         message.gyro_bias_variance = (gyro_bias_variance_0, gyro_bias_variance_1, gyro_bias_variance_2)
         message.accel_bias = (accel_bias_0, accel_bias_1, accel_bias_2)

@@ -77,9 +77,9 @@ class EstimatorStates(_cdr.Message):
                 covariances_raw,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorStates, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorStates, cls, data, allow_surplus)
         message.states = _from_raw("f", states_raw)
         message.covariances = _from_raw("f", covariances_raw)
         return message

@@ -397,9 +397,9 @@ class EstimatorStatus(_cdr.Message):
                 message.mag_strength_ref_gs,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorStatus, cls, data, allow_surplus)
         message.output_tracking_error = (output_tracking_error_0, output_tracking_error_1, output_tracking_error_2)
         return message
 

@@ -530,9 +530,9 @@ class EstimatorStatusFlags(_cdr.Message):
                 message.reject_optflow_y,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorStatusFlags, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (102, 103, 104, 105):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(EstimatorStatusFlags, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -343,9 +343,9 @@ class FailsafeFlags(_cdr.Message):
                 message.fd_motor_failure,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FailsafeFlags, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (95, 96, 97, 98):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FailsafeFlags, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -125,9 +125,9 @@ class FailureDetectorStatus(_cdr.Message):
                 message.imbalanced_prop_metric, message.motor_failure_mask, message.motor_stop_mask,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FailureDetectorStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FailureDetectorStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -106,9 +106,9 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
                 message.track_error_bound, message.adapted_period, message.wind_est_valid,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FixedWingLateralGuidanceStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (41, 42, 43, 44):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FixedWingLateralGuidanceStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

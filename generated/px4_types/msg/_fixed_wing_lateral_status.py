@@ -64,9 +64,9 @@ class FixedWingLateralStatus(_cdr.Message):
                 header, message.timestamp, message.lateral_acceleration_setpoint, message.can_run_factor,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FixedWingLateralStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FixedWingLateralStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -97,9 +97,9 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
                 message.pitch_direct, message.throttle_direct,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FixedWingLongitudinalSetpoint, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FixedWingLongitudinalSetpoint, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

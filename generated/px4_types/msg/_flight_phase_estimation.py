@@ -62,9 +62,9 @@ class FlightPhaseEstimation(_cdr.Message):
         try:
             (header, message.timestamp, message.flight_phase) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FlightPhaseEstimation, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (13, 14, 15, 16):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FlightPhaseEstimation, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

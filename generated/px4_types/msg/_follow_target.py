@@ -90,9 +90,9 @@ class FollowTarget(_cdr.Message):
                 message.vz, message.est_cap,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FollowTarget, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (45, 46, 47, 48):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FollowTarget, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -126,9 +126,9 @@ class FollowTargetEstimator(_cdr.Message):
                 message.fusion_count,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FollowTargetEstimator, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FollowTargetEstimator, cls, data, allow_surplus)
         message.pos_est = (pos_est_0, pos_est_1, pos_est_2)
         message.vel_est = (vel_est_0, vel_est_1, vel_est_2)
         message.acc_est = (acc_est_0, acc_est_1, acc_est_2)

@@ -104,9 +104,9 @@ class FollowTargetStatus(_cdr.Message):
                 message.gimbal_pitch,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FollowTargetStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(FollowTargetStatus, cls, data, allow_surplus)
         message.desired_position_raw = (desired_position_raw_0, desired_position_raw_1, desired_position_raw_2)
         return message
 

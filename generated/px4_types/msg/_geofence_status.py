@@ -65,9 +65,9 @@ class GeofenceStatus(_cdr.Message):
         try:
             (header, message.timestamp, message.geofence_id, message.status) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GeofenceStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (17, 18, 19, 20):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GeofenceStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -71,9 +71,9 @@ class GimbalControls(_cdr.Message):
                 header, message.timestamp, message.timestamp_sample, control_0, control_1, control_2,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalControls, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalControls, cls, data, allow_surplus)
         message.control = (control_0, control_1, control_2)
         return message
 

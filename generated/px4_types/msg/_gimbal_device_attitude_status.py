@@ -159,9 +159,9 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
                 message.received_from_mavlink,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalDeviceAttitudeStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (58, 59, 60, 61):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalDeviceAttitudeStatus, cls, data, allow_surplus)
         message.q = (q_0, q_1, q_2, q_3)
         return message
 

@@ -166,9 +166,9 @@ class GimbalDeviceInformation(_cdr.Message):
                 message.pitch_max, message.yaw_min, message.yaw_max, message.gimbal_device_id,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalDeviceInformation, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (153, 154, 155, 156):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalDeviceInformation, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -111,9 +111,9 @@ class GimbalDeviceSetAttitude(_cdr.Message):
                 message.angular_velocity_z,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalDeviceSetAttitude, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalDeviceSetAttitude, cls, data, allow_surplus)
         message.q = (q_0, q_1, q_2, q_3)
         return message
 

@@ -125,9 +125,9 @@ class GimbalManagerInformation(_cdr.Message):
                 message.roll_max, message.pitch_min, message.pitch_max, message.yaw_min, message.yaw_max,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalManagerInformation, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalManagerInformation, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

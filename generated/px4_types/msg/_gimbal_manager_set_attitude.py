@@ -129,9 +129,9 @@ class GimbalManagerSetAttitude(_cdr.Message):
                 message.angular_velocity_x, message.angular_velocity_y, message.angular_velocity_z,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalManagerSetAttitude, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GimbalManagerSetAttitude, cls, data, allow_surplus)
         message.q = (q_0, q_1, q_2, q_3)
         return message
 

@@ -127,9 +127,9 @@ class GotoSetpoint(_cdr.Message):
                 message.flag_set_max_heading_rate, message.max_heading_rate,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GotoSetpoint, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GotoSetpoint, cls, data, allow_surplus)
         message.position = (position_0, position_1, position_2)
         return message
 

@@ -73,9 +73,9 @@ class GpsDump(_cdr.Message):
         try:
             (header, message.timestamp, message.instance, message.len, message.data) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GpsDump, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (93, 94, 95, 96):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GpsDump, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

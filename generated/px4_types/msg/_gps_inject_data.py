@@ -79,9 +79,9 @@ class GpsInjectData(_cdr.Message):
                 header, message.timestamp, message.device_id, message.len, message.flags, message.data,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GpsInjectData, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (319, 320, 321, 322):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(GpsInjectData, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -131,9 +131,9 @@ class HeaterStatus(_cdr.Message):
                 message.integrator_value, message.feed_forward_value, message.mode,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(HeaterStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (49, 50, 51, 52):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(HeaterStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -108,9 +108,9 @@ class HoverThrustEstimate(_cdr.Message):
                 message.accel_innov_test_ratio, message.accel_noise_var, message.valid,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(HoverThrustEstimate, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (45, 46, 47, 48):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(HoverThrustEstimate, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

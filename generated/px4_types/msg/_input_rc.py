@@ -158,9 +158,9 @@ class InputRc(_cdr.Message):
                 message.link_quality, message.rssi_dbm,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(InputRc, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(InputRc, cls, data, allow_surplus)
         message.values = _from_raw("H", values_raw)
         return message
 

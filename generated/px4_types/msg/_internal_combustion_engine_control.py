@@ -92,9 +92,9 @@ class InternalCombustionEngineControl(_cdr.Message):
                 message.choke_control, message.starter_engine_control, message.user_request,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(InternalCombustionEngineControl, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (29, 30, 31, 32):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(InternalCombustionEngineControl, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

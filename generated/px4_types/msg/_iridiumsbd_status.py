@@ -148,9 +148,9 @@ class IridiumsbdStatus(_cdr.Message):
                 message.rx_read_pending, message.rx_session_pending,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(IridiumsbdStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (39, 40, 41, 42):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(IridiumsbdStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -115,9 +115,9 @@ class LedControl(_cdr.Message):
                 message.priority,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(LedControl, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (17, 18, 19, 20):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(LedControl, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

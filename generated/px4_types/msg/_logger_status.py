@@ -127,9 +127,9 @@ class LoggerStatus(_cdr.Message):
                 message.buffer_used_bytes, message.buffer_size_bytes, message.num_messages,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(LoggerStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (41, 42, 43, 44):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(LoggerStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -125,9 +125,9 @@ class LongitudinalControlConfiguration(_cdr.Message):
                 message.disable_underspeed_protection,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(LongitudinalControlConfiguration, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (42, 43, 44, 45):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(LongitudinalControlConfiguration, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

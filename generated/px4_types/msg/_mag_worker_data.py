@@ -136,9 +136,9 @@ class MagWorkerData(_cdr.Message):
                 z_1, z_2, z_3,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(MagWorkerData, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(MagWorkerData, cls, data, allow_surplus)
         message.calibration_counter_total = (
             calibration_counter_total_0, calibration_counter_total_1, calibration_counter_total_2,
             calibration_counter_total_3,

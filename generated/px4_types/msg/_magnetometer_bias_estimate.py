@@ -91,9 +91,9 @@ class MagnetometerBiasEstimate(_cdr.Message):
                 valid_3, stable_0, stable_1, stable_2, stable_3,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(MagnetometerBiasEstimate, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(MagnetometerBiasEstimate, cls, data, allow_surplus)
         message.bias_x = (bias_x_0, bias_x_1, bias_x_2, bias_x_3)
         message.bias_y = (bias_y_0, bias_y_1, bias_y_2, bias_y_3)
         message.bias_z = (bias_z_0, bias_z_1, bias_z_2, bias_z_3)

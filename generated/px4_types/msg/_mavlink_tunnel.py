@@ -104,9 +104,9 @@ class MavlinkTunnel(_cdr.Message):
                 message.target_component, message.payload_length, message.payload,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(MavlinkTunnel, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (145, 146, 147, 148):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(MavlinkTunnel, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -142,9 +142,9 @@ class MissionResult(_cdr.Message):
                 message.execution_mode,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(MissionResult, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (43, 44, 45, 46):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(MissionResult, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

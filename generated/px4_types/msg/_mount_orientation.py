@@ -61,9 +61,9 @@ class MountOrientation(_cdr.Message):
                 attitude_euler_angle_2,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(MountOrientation, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(MountOrientation, cls, data, allow_surplus)
         message.attitude_euler_angle = (attitude_euler_angle_0, attitude_euler_angle_1, attitude_euler_angle_2)
         return message
 

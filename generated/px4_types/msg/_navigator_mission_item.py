@@ -155,9 +155,9 @@ class NavigatorMissionItem(_cdr.Message):
                 message.vtol_back_transition,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(NavigatorMissionItem, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (51, 52, 53, 54):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(NavigatorMissionItem, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -87,9 +87,9 @@ class NeuralControl(_cdr.Message):
                 message.controller_time, message.inference_time,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(NeuralControl, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(NeuralControl, cls, data, allow_surplus)
         message.observation = (
             observation_0, observation_1, observation_2, observation_3, observation_4, observation_5,
             observation_6, observation_7, observation_8, observation_9, observation_10, observation_11,

@@ -113,9 +113,9 @@ class ObstacleDistance(_cdr.Message):
                 message.increment, message.min_distance, message.max_distance, message.angle_offset,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ObstacleDistance, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ObstacleDistance, cls, data, allow_surplus)
         message.distances = _from_raw("H", distances_raw)
         return message
 

@@ -105,9 +105,9 @@ class OffboardControlMode(_cdr.Message):
                 message.attitude, message.body_rate, message.thrust_and_torque, message.direct_actuator,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OffboardControlMode, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (19, 20, 21, 22):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OffboardControlMode, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -223,9 +223,9 @@ class OnboardComputerStatus(_cdr.Message):
                 link_rx_max_4, link_rx_max_5,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OnboardComputerStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OnboardComputerStatus, cls, data, allow_surplus)
         message.temperature_core = (
             temperature_core_0, temperature_core_1, temperature_core_2, temperature_core_3,
             temperature_core_4, temperature_core_5, temperature_core_6, temperature_core_7,

@@ -62,9 +62,9 @@ class OpenDroneIdArmStatus(_cdr.Message):
         try:
             (header, message.timestamp, message.status, message.error) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OpenDroneIdArmStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (63, 64, 65, 66):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OpenDroneIdArmStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -73,9 +73,9 @@ class OpenDroneIdOperatorId(_cdr.Message):
                 header, message.timestamp, message.id_or_mac, message.operator_id_type, message.operator_id,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OpenDroneIdOperatorId, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (53, 54, 55, 56):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OpenDroneIdOperatorId, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -73,9 +73,9 @@ class OpenDroneIdSelfId(_cdr.Message):
                 header, message.timestamp, message.id_or_mac, message.description_type, message.description,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OpenDroneIdSelfId, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OpenDroneIdSelfId, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -132,9 +132,9 @@ class OpenDroneIdSystem(_cdr.Message):
                 message.category_eu, message.class_eu, message.operator_altitude_geo,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OpenDroneIdSystem, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(OpenDroneIdSystem, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

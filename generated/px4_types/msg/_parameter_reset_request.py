@@ -66,9 +66,9 @@ class ParameterResetRequest(_cdr.Message):
         try:
             (header, message.timestamp, message.parameter_index, message.reset_all) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ParameterResetRequest, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (15, 16, 17, 18):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ParameterResetRequest, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

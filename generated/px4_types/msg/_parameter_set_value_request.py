@@ -73,9 +73,9 @@ class ParameterSetValueRequest(_cdr.Message):
                 header, message.timestamp, message.parameter_index, message.int_value, message.float_value,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ParameterSetValueRequest, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ParameterSetValueRequest, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

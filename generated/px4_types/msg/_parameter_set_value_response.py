@@ -67,9 +67,9 @@ class ParameterSetValueResponse(_cdr.Message):
                 header, message.timestamp, message.request_timestamp, message.parameter_index,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ParameterSetValueResponse, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (22, 23, 24, 25):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ParameterSetValueResponse, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -104,9 +104,9 @@ class ParameterUpdate(_cdr.Message):
                 message.custom_default,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ParameterUpdate, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (38, 39, 40, 41):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(ParameterUpdate, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

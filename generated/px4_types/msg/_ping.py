@@ -90,9 +90,9 @@ class Ping(_cdr.Message):
                 message.rtt_ms, message.system_id, message.component_id,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(Ping, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (34, 35, 36, 37):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(Ping, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -84,9 +84,9 @@ class PositionControllerLandingStatus(_cdr.Message):
                 message.abort_status,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(PositionControllerLandingStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (18, 19, 20, 21):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(PositionControllerLandingStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

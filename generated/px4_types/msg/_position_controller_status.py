@@ -104,9 +104,9 @@ class PositionControllerStatus(_cdr.Message):
                 message.type,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(PositionControllerStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (41, 42, 43, 44):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(PositionControllerStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

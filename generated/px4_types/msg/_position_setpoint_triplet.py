@@ -113,9 +113,9 @@ class PositionSetpointTriplet(_cdr.Message):
                 next.cruising_throttle,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(PositionSetpointTriplet, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(PositionSetpointTriplet, cls, data, allow_surplus)
         message.previous = previous
         message.current = current
         message.next = next

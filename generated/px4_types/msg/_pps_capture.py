@@ -62,9 +62,9 @@ class PpsCapture(_cdr.Message):
                 header, message.timestamp, message.rtc_timestamp, message.pps_rate_exceeded_counter,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(PpsCapture, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (21, 22, 23, 24):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(PpsCapture, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

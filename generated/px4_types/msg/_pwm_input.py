@@ -67,9 +67,9 @@ class PwmInput(_cdr.Message):
                 header, message.timestamp, message.error_count, message.pulse_width, message.period,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(PwmInput, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(PwmInput, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -281,9 +281,9 @@ class Px4ioStatus(_cdr.Message):
                 pwm_rate_hz_5, pwm_rate_hz_6, pwm_rate_hz_7, raw_inputs_raw,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(Px4ioStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(Px4ioStatus, cls, data, allow_surplus)
         message.pwm = (pwm_0, pwm_1, pwm_2, pwm_3, pwm_4, pwm_5, pwm_6, pwm_7)
         message.pwm_disarmed = (
             pwm_disarmed_0, pwm_disarmed_1, pwm_disarmed_2, pwm_disarmed_3, pwm_disarmed_4, pwm_disarmed_5,

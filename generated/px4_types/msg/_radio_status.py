@@ -95,9 +95,9 @@ class RadioStatus(_cdr.Message):
                 message.remote_noise, message.rxerrors, message.fix,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RadioStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (22, 23, 24, 25):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RadioStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -137,9 +137,9 @@ class RcChannels(_cdr.Message):
                 function_raw, message.rssi, message.signal_lost, message.frame_drop_count,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RcChannels, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RcChannels, cls, data, allow_surplus)
         message.channels = _from_raw("f", channels_raw)
         message.function = _from_raw("b", function_raw)
         return message

@@ -112,9 +112,9 @@ class RcParameterMap(_cdr.Message):
                 value_min_0, value_min_1, value_min_2, value_max_0, value_max_1, value_max_2,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RcParameterMap, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RcParameterMap, cls, data, allow_surplus)
         message.valid = (valid_0, valid_1, valid_2)
         message.param_index = (param_index_0, param_index_1, param_index_2)
         message.scale = (scale_0, scale_1, scale_2)

@@ -109,9 +109,9 @@ class RegisterExtComponentReply(_cdr.Message):
                 message.success, message.arming_check_id, message.mode_id, message.mode_executor_id,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RegisterExtComponentReply, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RegisterExtComponentReply, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -132,9 +132,9 @@ class RegisterExtComponentRequest(_cdr.Message):
                 message.activate_mode_immediately,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RegisterExtComponentRequest, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (54, 55, 56, 57):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RegisterExtComponentRequest, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -57,9 +57,9 @@ class RoverAttitudeSetpoint(_cdr.Message):
         try:
             (header, message.timestamp, message.yaw_setpoint) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RoverAttitudeSetpoint, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RoverAttitudeSetpoint, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

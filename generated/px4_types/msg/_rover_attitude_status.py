@@ -61,9 +61,9 @@ class RoverAttitudeStatus(_cdr.Message):
                 header, message.timestamp, message.measured_yaw, message.adjusted_yaw_setpoint,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RoverAttitudeStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RoverAttitudeStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

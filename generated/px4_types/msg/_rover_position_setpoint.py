@@ -88,9 +88,9 @@ class RoverPositionSetpoint(_cdr.Message):
                 message.cruising_speed, message.arrival_speed, message.yaw,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RoverPositionSetpoint, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RoverPositionSetpoint, cls, data, allow_surplus)
         message.position_ned = (position_ned_0, position_ned_1)
         message.start_ned = (start_ned_0, start_ned_1)
         return message

@@ -61,9 +61,9 @@ class RoverSpeedSetpoint(_cdr.Message):
         try:
             (header, message.timestamp, message.speed_body_x, message.speed_body_y) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RoverSpeedSetpoint, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RoverSpeedSetpoint, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -100,9 +100,9 @@ class RoverSpeedStatus(_cdr.Message):
                 message.pid_throttle_body_y_integral,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RoverSpeedStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RoverSpeedStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -71,9 +71,9 @@ class RtlTimeEstimate(_cdr.Message):
                 header, message.timestamp, message.valid, message.time_estimate, message.safe_time_estimate,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RtlTimeEstimate, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(RtlTimeEstimate, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -107,9 +107,9 @@ class SatelliteInfo(_cdr.Message):
                 message.azimuth, message.snr, message.prn,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SatelliteInfo, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (253, 254, 255, 256):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SatelliteInfo, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -130,9 +130,9 @@ class SensorCombined(_cdr.Message):
                 message.gyro_clipping, message.accel_calibration_count, message.gyro_calibration_count,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorCombined, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorCombined, cls, data, allow_surplus)
         message.gyro_rad = (gyro_rad_0, gyro_rad_1, gyro_rad_2)
         message.accelerometer_m_s2 = (accelerometer_m_s2_0, accelerometer_m_s2_1, accelerometer_m_s2_2)
         return message

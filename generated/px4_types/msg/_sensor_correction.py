@@ -250,9 +250,9 @@ class SensorCorrection(_cdr.Message):
                 message.baro_offset_1, message.baro_offset_2, message.baro_offset_3,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorCorrection, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorCorrection, cls, data, allow_surplus)
         message.accel_device_ids = (accel_device_ids_0, accel_device_ids_1, accel_device_ids_2, accel_device_ids_3)
         message.accel_temperature = (
             accel_temperature_0, accel_temperature_1, accel_temperature_2, accel_temperature_3,

@@ -192,9 +192,9 @@ class SensorGnssRelative(_cdr.Message):
                 message.relative_position_normalized,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorGnssRelative, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (90, 91, 92, 93):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorGnssRelative, cls, data, allow_surplus)
         message.position = (position_0, position_1, position_2)
         message.position_accuracy = (position_accuracy_0, position_accuracy_1, position_accuracy_2)
         return message

@@ -96,9 +96,9 @@ class SensorGnssStatus(_cdr.Message):
                 message.quality_post_processing,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorGnssStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (21, 22, 23, 24):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorGnssStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

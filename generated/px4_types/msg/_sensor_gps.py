@@ -333,9 +333,9 @@ class SensorGps(_cdr.Message):
                 message.selected_rtcm_instance, message.rtcm_crc_failed, message.rtcm_msg_used,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorGps, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (167, 168, 169, 170):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorGps, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -129,9 +129,9 @@ class SensorGyroFft(_cdr.Message):
                 peak_snr_z_0, peak_snr_z_1, peak_snr_z_2,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorGyroFft, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorGyroFft, cls, data, allow_surplus)
         message.peak_frequencies_x = (peak_frequencies_x_0, peak_frequencies_x_1, peak_frequencies_x_2)
         message.peak_frequencies_y = (peak_frequencies_y_0, peak_frequencies_y_1, peak_frequencies_y_2)
         message.peak_frequencies_z = (peak_frequencies_z_0, peak_frequencies_z_1, peak_frequencies_z_2)

@@ -106,9 +106,9 @@ class SensorGyroFifo(_cdr.Message):
                 message.scale, message.samples, x_raw, y_raw, z_raw,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorGyroFifo, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (226, 227, 228, 229):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorGyroFifo, cls, data, allow_surplus)
         message.x = _from_raw("h", x_raw)
         message.y = _from_raw("h", y_raw)
         message.z = _from_raw("h", z_raw)

@@ -156,9 +156,9 @@ class SensorOpticalFlow(_cdr.Message):
                 message.max_ground_distance, message.mode,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorOpticalFlow, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (81, 82, 83, 84):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorOpticalFlow, cls, data, allow_surplus)
         message.pixel_flow = (pixel_flow_0, pixel_flow_1)
         message.delta_angle = (delta_angle_0, delta_angle_1, delta_angle_2)
         return message

@@ -114,9 +114,9 @@ class SensorsStatus(_cdr.Message):
                 enabled_1, enabled_2, enabled_3, external_0, external_1, external_2, external_3,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorsStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorsStatus, cls, data, allow_surplus)
         message.device_ids = (device_ids_0, device_ids_1, device_ids_2, device_ids_3)
         message.inconsistency = (inconsistency_0, inconsistency_1, inconsistency_2, inconsistency_3)
         message.healthy = (healthy_0, healthy_1, healthy_2, healthy_3)

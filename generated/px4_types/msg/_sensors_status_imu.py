@@ -151,9 +151,9 @@ class SensorsStatusImu(_cdr.Message):
                 gyro_healthy_2, gyro_healthy_3, message.gyro_priority,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorsStatusImu, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SensorsStatusImu, cls, data, allow_surplus)
         message.accel_device_ids = (accel_device_ids_0, accel_device_ids_1, accel_device_ids_2, accel_device_ids_3)
         message.accel_inconsistency_m_s_s = (
             accel_inconsistency_m_s_s_0, accel_inconsistency_m_s_s_1, accel_inconsistency_m_s_s_2,

@@ -147,9 +147,9 @@ class SystemPower(_cdr.Message):
                 message.payload_v_valid,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SystemPower, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (46, 47, 48, 49):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(SystemPower, cls, data, allow_surplus)
         message.sensors3v3 = (sensors3v3_0, sensors3v3_1, sensors3v3_2, sensors3v3_3)
         return message
 

@@ -66,9 +66,9 @@ class TaskStackInfo(_cdr.Message):
         try:
             (header, message.timestamp, message.stack_free, message.task_name) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TaskStackInfo, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (38, 39, 40, 41):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TaskStackInfo, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

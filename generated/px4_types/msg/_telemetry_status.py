@@ -318,9 +318,9 @@ class TelemetryStatus(_cdr.Message):
                 message.open_drone_id_system_healthy, message.parachute_system_healthy,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TelemetryStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (89, 90, 91, 92):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TelemetryStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -105,9 +105,9 @@ class TrajectorySetpoint(_cdr.Message):
                 message.yaw, message.yawspeed,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TrajectorySetpoint, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TrajectorySetpoint, cls, data, allow_surplus)
         message.position = (position_0, position_1, position_2)
         message.velocity = (velocity_0, velocity_1, velocity_2)
         message.acceleration = (acceleration_0, acceleration_1, acceleration_2)

@@ -101,9 +101,9 @@ class TrajectorySetpoint6dof(_cdr.Message):
                 angular_velocity_1, angular_velocity_2,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TrajectorySetpoint6dof, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TrajectorySetpoint6dof, cls, data, allow_surplus)
         message.position = (position_0, position_1, position_2)
         message.velocity = (velocity_0, velocity_1, velocity_2)
         message.acceleration = (acceleration_0, acceleration_1, acceleration_2)

@@ -182,9 +182,9 @@ class TransponderReport(_cdr.Message):
                 message.squawk, message.uas_id,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TransponderReport, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (90, 91, 92, 93):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TransponderReport, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

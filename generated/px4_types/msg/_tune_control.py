@@ -120,9 +120,9 @@ class TuneControl(_cdr.Message):
                 message.duration, message.silence, message.volume,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TuneControl, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (25, 26, 27, 28):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(TuneControl, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

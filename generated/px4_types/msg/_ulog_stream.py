@@ -90,9 +90,9 @@ class UlogStream(_cdr.Message):
                 message.flags, message.data,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(UlogStream, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (266, 267, 268, 269):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(UlogStream, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

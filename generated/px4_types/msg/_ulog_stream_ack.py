@@ -63,9 +63,9 @@ class UlogStreamAck(_cdr.Message):
         try:
             (header, message.timestamp, message.msg_sequence) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(UlogStreamAck, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (14, 15, 16, 17):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(UlogStreamAck, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -105,9 +105,9 @@ class VehicleAirData(_cdr.Message):
                 message.temperature_source, message.rho, message.calibration_count,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleAirData, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (45, 46, 47, 48):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleAirData, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

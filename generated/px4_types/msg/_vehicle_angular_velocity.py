@@ -77,9 +77,9 @@ class VehicleAngularVelocity(_cdr.Message):
                 xyz_derivative_1, xyz_derivative_2,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleAngularVelocity, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleAngularVelocity, cls, data, allow_surplus)
         message.xyz = (xyz_0, xyz_1, xyz_2)
         message.xyz_derivative = (xyz_derivative_0, xyz_derivative_1, xyz_derivative_2)
         return message

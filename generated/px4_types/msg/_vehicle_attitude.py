@@ -83,9 +83,9 @@ class VehicleAttitude(_cdr.Message):
                 delta_q_reset_1, delta_q_reset_2, delta_q_reset_3, message.quat_reset_counter,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleAttitude, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (53, 54, 55, 56):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleAttitude, cls, data, allow_surplus)
         message.q = (q_0, q_1, q_2, q_3)
         message.delta_q_reset = (delta_q_reset_0, delta_q_reset_1, delta_q_reset_2, delta_q_reset_3)
         return message

@@ -81,9 +81,9 @@ class VehicleAttitudeSetpoint(_cdr.Message):
                 thrust_body_0, thrust_body_1, thrust_body_2,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleAttitudeSetpoint, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleAttitudeSetpoint, cls, data, allow_surplus)
         message.q_d = (q_d_0, q_d_1, q_d_2, q_d_3)
         message.thrust_body = (thrust_body_0, thrust_body_1, thrust_body_2)
         return message

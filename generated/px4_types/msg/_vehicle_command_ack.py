@@ -135,9 +135,9 @@ class VehicleCommandAck(_cdr.Message):
                 message.result_param2, message.target_system, message.target_component, message.from_external,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleCommandAck, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (29, 30, 31, 32):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleCommandAck, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -69,9 +69,9 @@ class VehicleConstraints(_cdr.Message):
                 header, message.timestamp, message.speed_up, message.speed_down, message.want_takeoff,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleConstraints, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (21, 22, 23, 24):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleConstraints, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -173,9 +173,9 @@ class VehicleControlMode(_cdr.Message):
                 message.flag_control_termination_enabled, message.source_id,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleControlMode, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (27, 28, 29, 30):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleControlMode, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -164,9 +164,9 @@ class VehicleGlobalPosition(_cdr.Message):
                 message.terrain_alt_valid, message.dead_reckoning,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleGlobalPosition, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (74, 75, 76, 77):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleGlobalPosition, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

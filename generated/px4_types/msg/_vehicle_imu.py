@@ -134,9 +134,9 @@ class VehicleImu(_cdr.Message):
                 message.accel_calibration_count, message.gyro_calibration_count,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleImu, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleImu, cls, data, allow_surplus)
         message.delta_angle = (delta_angle_0, delta_angle_1, delta_angle_2)
         message.delta_velocity = (delta_velocity_0, delta_velocity_1, delta_velocity_2)
         return message

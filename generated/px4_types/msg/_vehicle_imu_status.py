@@ -182,9 +182,9 @@ class VehicleImuStatus(_cdr.Message):
                 var_gyro_2, message.temperature_accel, message.temperature_gyro,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleImuStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleImuStatus, cls, data, allow_surplus)
         message.accel_clipping = (accel_clipping_0, accel_clipping_1, accel_clipping_2)
         message.gyro_clipping = (gyro_clipping_0, gyro_clipping_1, gyro_clipping_2)
         message.mean_accel = (mean_accel_0, mean_accel_1, mean_accel_2)

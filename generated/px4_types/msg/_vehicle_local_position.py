@@ -385,9 +385,9 @@ class VehicleLocalPosition(_cdr.Message):
                 message.hagl_max_xy,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleLocalPosition, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleLocalPosition, cls, data, allow_surplus)
         message.delta_xy = (delta_xy_0, delta_xy_1)
         message.delta_vxy = (delta_vxy_0, delta_vxy_1)
         return message

@@ -114,9 +114,9 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
                 message.yaw, message.yawspeed,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleLocalPositionSetpoint, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleLocalPositionSetpoint, cls, data, allow_surplus)
         message.acceleration = (acceleration_0, acceleration_1, acceleration_2)
         message.thrust = (thrust_0, thrust_1, thrust_2)
         return message

@@ -81,9 +81,9 @@ class VehicleMagnetometer(_cdr.Message):
                 magnetometer_ga_1, magnetometer_ga_2, message.calibration_count,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleMagnetometer, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (37, 38, 39, 40):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleMagnetometer, cls, data, allow_surplus)
         message.magnetometer_ga = (magnetometer_ga_0, magnetometer_ga_1, magnetometer_ga_2)
         return message
 

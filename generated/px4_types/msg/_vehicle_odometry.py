@@ -179,9 +179,9 @@ class VehicleOdometry(_cdr.Message):
                 message.reset_counter, message.quality,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleOdometry, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (118, 119, 120, 121):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleOdometry, cls, data, allow_surplus)
         message.position = (position_0, position_1, position_2)
         message.q = (q_0, q_1, q_2, q_3)
         message.velocity = (velocity_0, velocity_1, velocity_2)

@@ -129,9 +129,9 @@ class VehicleOpticalFlowVel(_cdr.Message):
                 gyro_bias_2, ref_gyro_0, ref_gyro_1, ref_gyro_2,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleOpticalFlowVel, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleOpticalFlowVel, cls, data, allow_surplus)
         message.vel_body = (vel_body_0, vel_body_1)
         message.vel_ne = (vel_ne_0, vel_ne_1)
         message.vel_body_filtered = (vel_body_filtered_0, vel_body_filtered_1)

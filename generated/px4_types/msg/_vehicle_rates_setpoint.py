@@ -90,9 +90,9 @@ class VehicleRatesSetpoint(_cdr.Message):
                 thrust_body_1, thrust_body_2, message.reset_integral,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleRatesSetpoint, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (37, 38, 39, 40):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleRatesSetpoint, cls, data, allow_surplus)
         message.thrust_body = (thrust_body_0, thrust_body_1, thrust_body_2)
         return message
 

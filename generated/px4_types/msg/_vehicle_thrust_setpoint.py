@@ -63,9 +63,9 @@ class VehicleThrustSetpoint(_cdr.Message):
         try:
             (header, message.timestamp, message.timestamp_sample, xyz_0, xyz_1, xyz_2) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleThrustSetpoint, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleThrustSetpoint, cls, data, allow_surplus)
         message.xyz = (xyz_0, xyz_1, xyz_2)
         return message
 

@@ -69,9 +69,9 @@ class VelocityLimits(_cdr.Message):
                 message.yaw_rate,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VelocityLimits, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VelocityLimits, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

@@ -87,9 +87,9 @@ class VtolVehicleStatus(_cdr.Message):
                 header, message.timestamp, message.vehicle_vtol_state, message.fixed_wing_system_failure,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VtolVehicleStatus, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (14, 15, 16, 17):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VtolVehicleStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT

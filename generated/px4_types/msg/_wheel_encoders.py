@@ -66,9 +66,9 @@ class WheelEncoders(_cdr.Message):
                 header, message.timestamp, wheel_speed_0, wheel_speed_1, wheel_angle_0, wheel_angle_1,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(WheelEncoders, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(WheelEncoders, cls, data, allow_surplus)
         message.wheel_speed = (wheel_speed_0, wheel_speed_1)
         message.wheel_angle = (wheel_angle_0, wheel_angle_1)
         return message

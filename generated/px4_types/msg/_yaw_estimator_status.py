@@ -113,9 +113,9 @@ class YawEstimatorStatus(_cdr.Message):
                 innov_ve_2, innov_ve_3, innov_ve_4, weight_0, weight_1, weight_2, weight_3, weight_4,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(YawEstimatorStatus, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(YawEstimatorStatus, cls, data, allow_surplus)
         message.yaw = (yaw_0, yaw_1, yaw_2, yaw_3, yaw_4)
         message.innov_vn = (innov_vn_0, innov_vn_1, innov_vn_2, innov_vn_3, innov_vn_4)
         message.innov_ve = (innov_ve_0, innov_ve_1, innov_ve_2, innov_ve_3, innov_ve_4)

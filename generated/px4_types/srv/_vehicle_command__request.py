@@ -64,9 +64,9 @@ class VehicleCommand_Request(_cdr.Message):
                 request.confirmation, request.from_external,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleCommand_Request, cls, data, allow_surplus)
         if header != _USUAL:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleCommand_Request, cls, data, allow_surplus)
         message.request = request
         return message
 

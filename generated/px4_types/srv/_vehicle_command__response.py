@@ -60,9 +60,9 @@ class VehicleCommand_Response(_cdr.Message):
                 reply.result_param2, reply.target_system, reply.target_component, reply.from_external,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleCommand_Response, cls, data, allow_surplus)
         if header != _USUAL or len(data) not in (29, 30, 31, 32):
-            return cls.decode(_cdr.canonical(cls, data, allow_surplus))
+            return _cdr.decode_other(VehicleCommand_Response, cls, data, allow_surplus)
         message.reply = reply
         return message
 
