@@ -14,7 +14,7 @@ from msggen.model import DEFAULT_PACKAGE, Catalog, Message, Service
 from msggen.resources import resource
 
 _EXAMPLE = "SensorCombined"
-_COPIED = ("arrays.py", "batch.py", "cdr.py", "lazy.py", "places.py", "registry.py")
+_COPIED = ("arrays.py", "batch.py", "cdr.py", "lazy.py", "places.py", "records.py", "registry.py")
 """The files that are the same in every package."""
 
 
