@@ -40,14 +40,14 @@ def decode_batch(cls: type[Message], payloads: Any) -> Rows:
     samples = _samples(record, payloads)
     if len(samples) == 0:
         return numpy.zeros(0, record.dtype)
-    if record.in_place and samples[0, :2].tobytes() == HEADER[:2]:
-        array = numpy.ndarray((len(samples),), record.dtype, samples, 0, samples.strides[:1])
-    else:
-        array = _converted(record, samples)
-    if _has_odd_bools(record, samples):
-        array = _converted(record, samples)
-        flags = _octets(array)[:, record.bools]
-        _octets(array)[:, record.bools] = flags != 0
+    is_usual = samples[0, :2].tobytes() == HEADER[:2]
+    if is_usual and record.in_place and not _has_odd_bools(record, samples):
+        return numpy.ndarray((len(samples),), record.dtype, samples, 0, samples.strides[:1])
+    array = numpy.zeros(len(samples), record.dtype)
+    octets = _octets(array)
+    octets[:, : len(HEADER)] = numpy.frombuffer(HEADER, numpy.uint8)
+    octets[:, record.octets] = samples[:, record.wire_of(samples[0, :2].tobytes()).octets]
+    octets[:, record.bools] = octets[:, record.bools] != 0
     return array
 
 
@@ -257,25 +257,15 @@ def _refuse(record: Record, number: int, sample: bytes, first: bytes = b"") -> N
 
 
 def _has_odd_bools(record: Record, rows: Octets) -> bool:
-    """Whether a bool is neither 0 nor 1: numpy would count it for its value."""
+    """Whether a bool is neither 0 nor 1, in rows of the usual encapsulation: numpy would count it for its value."""
     if rows.shape[1] < 8:
-        return bool((rows[:, record.wire.bools] > 1).any())
-    masks = record.wire_of(rows[0, :2].tobytes()).bool_masks
-    return any(int(numpy.bitwise_or.reduce(_numbers(rows, "<u8", offset))) & mask for offset, mask in masks)
+        return bool((rows[:, record.bools] > 1).any())
+    return any(int(numpy.bitwise_or.reduce(_numbers(rows, "<u8", offset))) & mask for offset, mask in record.bool_masks)
 
 
 def _numbers(rows: Octets, code: str, offset: int) -> Any:
     """Return the number that every row has at an offset, as a view."""
     return numpy.ndarray(len(rows), code, rows, offset, rows.strides[:1])
-
-
-def _converted(record: Record, rows: Octets) -> Rows:
-    """Return a copy of rows in the array's own layout."""
-    array = numpy.zeros(len(rows), record.dtype)
-    octets = _octets(array)
-    octets[:, : len(HEADER)] = numpy.frombuffer(HEADER, numpy.uint8)
-    octets[:, record.octets] = rows[:, record.wire_of(rows[0, :2].tobytes()).octets]
-    return array
 
 
 def _octets(array: Rows) -> Octets:

@@ -31,7 +31,6 @@ class Wire:
         self.octets = _positions(self.values, swapped=order == ">")
         """The position of every byte of the values, in little-endian order."""
         self.bools = _bools(parts_of(cls, self.values))
-        self.bool_masks = list(_bool_masks(self.bools, self.size))
         self.delimiters = [(len(HEADER) + offset, size) for offset, size in layout.delimiters if version == 2]
         self.order = order
 
@@ -67,6 +66,7 @@ class Record:
         self.dtype = _dtype(parts, 0, values[-1].end)
         self.octets = _positions(values, swapped=False)
         self.bools = _bools(parts)
+        self.bool_masks = list(_bool_masks(self.bools, self.dtype.itemsize))
         self.mask = numpy.zeros(self.dtype.itemsize, numpy.uint8)
         self.mask[self.octets] = 0xFF
 
