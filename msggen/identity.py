@@ -88,7 +88,7 @@ class UorbTopic(NamedTuple):
 
 def uorb_topics(catalog: Catalog) -> tuple[UorbTopic, ...]:
     """Return all topics in the order of their ids: that of their sorted names, over the whole set."""
-    owners = {topic: message for message in catalog.messages.values() for topic in message.topic_names}
+    owners = {topic: message for message in catalog.uorb_messages for topic in message.topic_names}
     return tuple(UorbTopic(name, index, owners[name]) for index, name in enumerate(sorted(owners)))
 
 
@@ -136,7 +136,7 @@ class Endpoint(NamedTuple):
 
 def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
     """Return the endpoints of the bridge in the YAML's order: publications, subscriptions, subscriptions_multi."""
-    by_name = {message.name: message for message in catalog.messages.values()}
+    by_name = {message.name: message for message in catalog.uorb_messages}
     orb_ids = {topic.name: topic.orb_id for topic in uorb_topics(catalog)}
     found = []
     subscriptions = 0

@@ -72,6 +72,18 @@ class Layout(NamedTuple):
         return extents
 
 
+def is_static(catalog: Catalog, message: Message) -> bool:
+    """Whether every sample of `message` has the same layout: no strings or sequences, and no message without fields.
+
+    ROS 2 gives a message without fields one byte that holds no value; `lay_out` has no place for that.
+    """
+    return bool(message.fields) and all(
+        field.type.is_fixed_size
+        and (field.type.is_primitive or is_static(catalog, catalog.nested(message, field.type)))
+        for field in message.fields
+    )
+
+
 def check_fixed_size(messages: Iterable[Message]) -> None:
     """Raise InputError, with every field at fault, unless all `messages` have a fixed size."""
     faults = []

@@ -271,12 +271,21 @@ class Conventions(NamedTuple):
 
 
 class Catalog(NamedTuple):
-    """A whole set of definitions that fit together: every nested type is found, every name unique."""
+    """A whole set of definitions that fit together: every nested type is found, every name unique in its package.
+
+    The messages of `package` are uORB's, and have topics; those of other packages only ROS 2 knows.
+    """
 
     messages: Mapping[str, Message]
     services: tuple[Service, ...]
     bridge: tuple[BridgeEntry, ...]
     conventions: Conventions
+    package: str = DEFAULT_PACKAGE
+
+    @property
+    def uorb_messages(self) -> tuple[Message, ...]:
+        """The messages that uORB carries, by name."""
+        return tuple(message for message in self.messages.values() if message.package == self.package)
 
     def nested(self, outer: Message, type_: FieldType) -> Message:
         """Return the message that a nested field of `outer` holds."""

@@ -61,7 +61,8 @@ def read_catalog(
     bridge = tuple(entry for entry in bridge if entry.message_name in names and entry.uorb_topic in topics)
     by_key = {message.key: message for message in sorted(messages, key=lambda message: message.key)}
     services.sort(key=lambda service: service.name)
-    return Catalog(MappingProxyType(by_key), tuple(services), bridge, _conventions(sources, everything, bridge))
+    conventions = _conventions(sources, everything, bridge)
+    return Catalog(MappingProxyType(by_key), tuple(services), bridge, conventions, reader.package)
 
 
 def bridged_names(*sides: Sources) -> set[str]:
