@@ -1,20 +1,11 @@
-"""A message as the Python templates see it: every expression they need, with a name.
-
-How a value is held in Python, and why (docs/design.md has the measurements):
-
-- one number or bool: itself
-- `uint8[N]`, `char[N]`, `byte[N]`: bytes
-- up to 15 numbers, and bools: a tuple; its values are unpacked through locals, because `pack(*values)` would
-  silently take a 4 and a 2 for two arrays of 3
-- 16 numbers and more: array.array, copied as a block
-- nested messages: unfolded into the one `struct` format of the outer message
-"""
+"""A message as the Python templates see it: every expression they need, with a name."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from msggen.generate.codec import CODES, Codec, as_tuple, is_bytes, is_large
 from msggen.generate.source import documentation, literal, wrapped
 from msggen.identity import message_hash, type_hash
 from msggen.layout import (
@@ -27,33 +18,10 @@ from msggen.layout import (
 )
 from msggen.model import FLOATS, ArrayKind, Catalog, Comment, Field, FieldType, Message, snake_case
 
-ARRAY_FROM = 16
-"""Arrays of numbers are tuples below this length."""
-
 SPELLED_OUT_TO = 4
 """Tuples up to this length are spelled out in annotations."""
 
-_CODES = {
-    "bool": "?",
-    "byte": "B",
-    "char": "B",
-    "int8": "b",
-    "uint8": "B",
-    "int16": "h",
-    "uint16": "H",
-    "int32": "i",
-    "uint32": "I",
-    "int64": "q",
-    "uint64": "Q",
-    "float32": "f",
-    "float64": "d",
-}
 _UNSIGNED = {1: "B", 2: "H", 4: "I", 8: "Q"}
-_BYTES = ("byte", "char", "uint8")
-_CODEC_LOCALS = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error", "len"})
-_LARGEST_GROUP = 100
-"""Python compiles longer chains of operators by ever deeper recursion."""
-
 _SHADOWING = frozenset({"int", "float", "bool", "bytes", "tuple"})
 
 
@@ -284,25 +252,14 @@ def _fresh(field: Field) -> str:
             return f"{type_.name}()"
         spelled_out = type_.length <= SPELLED_OUT_TO
         return (
-            _tuple([f"{type_.name}()"] * type_.length) if spelled_out else f"_cdr.fresh({type_.name}, {type_.length})"
+            as_tuple([f"{type_.name}()"] * type_.length) if spelled_out else f"_cdr.fresh({type_.name}, {type_.length})"
         )
-    code = literal(_CODES[type_.name])
+    code = literal(CODES[type_.name])
     return (
         f"_arrays.array({code}, {literal(field.default)})"
         if field.default
         else f"_arrays.zeros({code}, {type_.length})"
     )
-
-
-def is_bytes(type_: FieldType) -> bool:
-    """Whether an array of this type is held as bytes."""
-    return type_.is_primitive and type_.name in _BYTES
-
-
-def is_large(type_: FieldType) -> bool:
-    """Whether the array is held as array.array."""
-    numeric = type_.is_primitive and type_.name not in (*_BYTES, "bool")
-    return numeric and type_.array is ArrayKind.FIXED and type_.length >= ARRAY_FROM
 
 
 def _layout_arguments(xcdr1: Layout, xcdr2: Layout) -> Iterator[str]:
@@ -324,7 +281,7 @@ def _values(leaves: tuple[Leaf, ...]) -> Iterator[tuple[int, int, str]]:
         if leaf.type.array is ArrayKind.FIXED and (is_bytes(leaf.type) or is_large(leaf.type)):
             yield leaf.padding, leaf.count * leaf.size, "s"
         else:
-            yield leaf.padding, leaf.count, _CODES[leaf.type.name]
+            yield leaf.padding, leaf.count, CODES[leaf.type.name]
 
 
 def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:
@@ -334,92 +291,3 @@ def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:
             yield item.padding, item.count, "s" if is_block else _UNSIGNED[item.size]
         else:
             yield item.padding + 4, 0, "x"
-
-
-class Codec:
-    """The statements of `encode` and `decode`, as expressions in the order of the wire."""
-
-    def __init__(self) -> None:
-        self.targets: list[str] = []
-        """What `decode` unpacks to."""
-        self.values: list[str] = []
-        """What `encode` packs."""
-        self.created: list[tuple[str, str]] = []
-        """Local and class of the nested messages that `decode` makes."""
-        self.assigned: list[tuple[str, str]] = []
-        """Attribute and value of what `decode` puts together afterwards."""
-        self.unpacked: list[tuple[str, str]] = []
-        """Locals and attribute of what `encode` takes apart before."""
-        self.lengths: list[tuple[str, int]] = []
-        """Attributes of bytes, and how many there must be: `struct` would pad or cut them."""
-        self.bools: list[str] = []
-        """What must be a bool: `struct` would take any object for one."""
-        self._locals: set[str] = set(_CODEC_LOCALS)
-
-    def groups_of_bools(self) -> list[list[str]]:
-        """Return the bools in groups that are joined by an operator, `False` first: alone it would not be applied."""
-        groups = (self.bools[index : index + _LARGEST_GROUP] for index in range(0, len(self.bools), _LARGEST_GROUP))
-        return [["False", *group] for group in groups]
-
-    @classmethod
-    def of(cls, catalog: Catalog, message: Message) -> Codec:
-        """Return the statements for `message`, with all it nests unfolded."""
-        codec = cls()
-        codec._message(catalog, message, "message", "self", "")
-        return codec
-
-    def _message(self, catalog: Catalog, message: Message, decoded: str, encoded: str, stem: str) -> None:
-        for inner in message.fields:
-            here, there = f"{decoded}.{inner.name}", f"{encoded}.{inner.name}"
-            if inner.type.is_primitive:
-                self._primitive(inner.type, here, there, stem + inner.name)
-            else:
-                self._nested(catalog, catalog.nested(message, inner.type), inner.type, (here, there), stem + inner.name)
-
-    def _primitive(self, type_: FieldType, here: str, there: str, stem: str) -> None:
-        if type_.array is ArrayKind.SCALAR:
-            self.targets.append(here)
-            self.values.append(there)
-            self.bools += [there] if type_.name == "bool" else []
-        elif is_bytes(type_):
-            self.targets.append(here)
-            self.values.append(there)
-            self.lengths.append((there, type_.length))
-        elif is_large(type_):
-            code = _CODES[type_.name]
-            raw = self._name(f"{stem}_raw")
-            self.targets.append(raw)
-            self.assigned.append((here, f"_from_raw({literal(code)}, {raw})"))
-            self.values.append(f"_to_raw({literal(code)}, {type_.length}, {there})")
-        else:
-            names = self._names(stem, type_.length)
-            self.targets += names
-            self.assigned.append((here, _tuple(names)))
-            self.unpacked.append((_tuple(names), there))
-            self.values += names
-            self.bools += names if type_.name == "bool" else []
-
-    def _nested(
-        self, catalog: Catalog, message: Message, type_: FieldType, attributes: tuple[str, str], stem: str
-    ) -> None:
-        here, there = attributes
-        is_array = type_.array is ArrayKind.FIXED
-        names = self._names(stem, type_.length) if is_array else [self._name(stem)]
-        self.unpacked.append((_tuple(names) if is_array else names[0], there))
-        self.created += [(name, message.name) for name in names]
-        for name in names:
-            self._message(catalog, message, name, name, f"{name}_")
-        self.assigned.append((here, _tuple(names) if is_array else names[0]))
-
-    def _names(self, stem: str, count: int) -> list[str]:
-        return [self._name(f"{stem}_{index}") for index in range(count)]
-
-    def _name(self, name: str) -> str:
-        while name in self._locals:
-            name += "_"
-        self._locals.add(name)
-        return name
-
-
-def _tuple(names: list[str]) -> str:
-    return f"({', '.join(names)}{',' if len(names) == 1 else ''})"
