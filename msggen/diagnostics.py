@@ -24,7 +24,7 @@ CODES: dict[str, str] = {
     "M303": "an array length or string bound that cannot be",
     "M304": "a message that is too large",
     "M305": "a value that its type cannot hold",
-    "M306": "no fixed size: not yet",
+    "M306": "no fixed size, in uORB",
     "M401": "a uORB message without `uint64 timestamp`",
     "M402": "a `# TOPICS` line that the firmware would misread",
     "M403": "a uORB topic declared twice",

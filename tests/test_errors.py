@@ -48,6 +48,12 @@ def line(code: str, column: int, fragment: str, text: str) -> Fault:
     return Fault(code, f"{FOO}:2:{column}", fragment, {FOO: f"{STAMP}{text}\n"})
 
 
+def in_a_tree(code: str, fragment: str, text: str) -> Fault:
+    """Return a fault on the second line of a message of the firmware's own tree."""
+    files: dict[str, str | bytes] = {FOO: f"{STAMP}{text}\n", "in/src/modules/README": ""}
+    return Fault(code, f"{FOO}:2:1", fragment, files)
+
+
 def bridge(code: str, place: str, fragment: str, text: str) -> Fault:
     """Return a fault in the YAML, beside two sound messages."""
     return Fault(code, f"{YAML}:{place}", fragment, {FOO: STAMP, BAR: STAMP, YAML: text})
@@ -117,10 +123,9 @@ FAULTS = [
     line("M305", 12, "expected 2 values, found 3", "uint8[2] x [1, 2, 3]"),
     line("M305", 10, "expected true, false, 1 or 0", "bool A = maybe"),
     line("M305", 15, "up to 3 characters, found 4", "string<=3 A = four"),
-    line("M306", 1, "not yet: 'string x' has no fixed size", "string x"),
-    line("M306", 1, "not yet: 'uint8[] x' has no fixed size", "uint8[] x"),
-    line("M306", 1, "not yet: 'float32[<=3] x' has no fixed size", "float32[<=3] x"),
-    Fault("M306", f"{SERVICE}:1:1", "'Ask_Response' has no fields", {FOO: STAMP, SERVICE: "uint8 a\n---\n"}),
+    in_a_tree("M306", "as 'char[32]', found 'string x'", "string x"),
+    in_a_tree("M306", "as 'uint8[32]', found 'uint8[] x'", "uint8[] x"),
+    in_a_tree("M306", "as 'float32[32]', found 'float32[<=3] x'", "float32[<=3] x"),
     # uORB
     Fault("M401", f"{FOO}:1:1", "expects a field 'uint64 timestamp'", {FOO: "uint8 x\n"}),
     Fault("M401", f"{FOO}:2:1", "found 'uint32 timestamp'", {FOO: "uint8 x\nuint32 timestamp\n"}),

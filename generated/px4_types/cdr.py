@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from typing_extensions import Buffer, Self
 
     MessageType = TypeVar("MessageType", bound="Message")
+    Read = Callable[[Any, bytes, int, int], int]
+    """Reads a message from a sample, at an offset and as its encoding has it; returns the offset behind it."""
+    Write = Callable[[Any, list[bytes], int, int], int]
+    """Adds the bytes of a message that begins at an offset; returns the offset behind it."""
 else:
 
     class ClassVar:
@@ -121,9 +125,9 @@ class Field(Frozen):
     type: str
     """As the definition spells it: `float32[3]`."""
     offset: int
-    """Where its first byte lies in XCDR1, counted from the end of the header."""
+    """Where its first byte lies in XCDR1, counted from the end of the header; -1 where that differs by sample."""
     size: int
-    """Bytes from its first to its last."""
+    """Bytes from its first to its last; 0 where that differs by sample."""
     unit: str
     range: str
     enum: str
@@ -157,14 +161,25 @@ class Field(Frozen):
 
     @property
     def base(self) -> str:
-        """The type of one value: `float32`."""
+        """The type of one value: `float32`, `string<=10`."""
         return self.type.partition("[")[0]
 
     @property
     def length(self) -> int | None:
-        """How many values an array has, or None where there is one alone."""
-        length = self.type.partition("[")[2]
-        return int(length[:-1]) if length else None
+        """How many values an array has; None where there is one alone, or a sequence."""
+        length = self.type.partition("[")[2][:-1]
+        return int(length) if length.isdecimal() else None
+
+    @property
+    def is_sequence(self) -> bool:
+        """Whether it is `T[]` or `T[<=N]`: as many values as there are."""
+        return self.type.endswith("]") and self.length is None
+
+    @property
+    def most(self) -> int | None:
+        """How many values there may be in a bounded sequence, `T[<=N]`."""
+        bound = self.type.partition("[<=")[2]
+        return int(bound[:-1]) if bound else None
 
 
 class MessageInfo(Frozen):
@@ -187,9 +202,9 @@ class MessageInfo(Frozen):
     ros_type: str
     dds_type: str
     cdr_size: int
-    """Bytes of a sample without its header."""
+    """Bytes of a sample without its header; 0 where that differs by sample."""
     struct_size: int
-    """Bytes of the firmware's struct, without padding at its end."""
+    """Bytes of the firmware's struct, without padding at its end; 0 where uORB cannot carry the message."""
     message_hash: int
     """What the firmware's compatibility check compares."""
     type_hash: str
@@ -305,7 +320,7 @@ class _Fresh:
 def _is_mutable(value: Any) -> bool:
     if value.__class__ is tuple:
         return any(map(_is_mutable, value))
-    return value.__class__ not in (bool, int, float, bytes)
+    return value.__class__ not in (bool, int, float, bytes, str)
 
 
 class _ViewMaker(staticmethod):  # type: ignore[type-arg]
@@ -325,6 +340,7 @@ class Message:
     if TYPE_CHECKING:
         __msg__: ClassVar[MessageInfo]
         __layout__: ClassVar[Layout]
+        __stream__: ClassVar[tuple[Read, Write]]
         __dataclass_fields__: ClassVar[dict[str, DataclassField[Any]]]
         __hash__: ClassVar[None]  # type: ignore[assignment]
     else:
@@ -472,12 +488,42 @@ def fresh(cls: type[MessageType], count: int) -> tuple[MessageType, ...]:
     return tuple([cls() for _ in range(count)])
 
 
+def layout_of(cls: type[Message]) -> Layout:
+    """Return the layout that all samples of `cls` have.
+
+    Raises TypeError where there is none: strings and sequences differ by sample.
+    """
+    layout: Layout | None = getattr(cls, "__layout__", None)
+    if layout is None:
+        raise TypeError(f"{cls.__msg__.name} has no views and no batches, as its samples differ in layout: see decode")
+    return layout
+
+
+def encode_as(message: Message, encapsulation: bytes) -> bytes:
+    """Return `message` as a sample with another encapsulation than `encode` writes: one of the keys of ENCODINGS.
+
+    Raises EncodeError, and KeyError for an encapsulation that is none of them.
+    """
+    order, version = ENCODINGS[encapsulation]
+    header = encapsulation + HEADER[2:]
+    if hasattr(message, "__stream__"):
+        from .stream import encode
+
+        return encode(message, header)
+    layout = message.__layout__
+    values = struct.unpack_from("<" + layout.words, message.encode(), len(HEADER))
+    body = bytearray(struct.pack(order + (layout.words if version == 1 else layout.xcdr2), *values))
+    for offset, size in layout.delimiters if version == 2 else ():
+        struct.pack_into(f"{order}I", body, offset, size)
+    return header + body
+
+
 def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes:
     """Return the sample in `data`, whatever its encoding, as `encode` would have written it.
 
     Raises DecodeError where there is no sample of `cls` in it.
     """
-    name, layout = cls.__msg__.name, cls.__layout__
+    name, layout = cls.__msg__.name, layout_of(cls)
     view = memoryview(data).tobytes()
     if len(view) < len(HEADER):
         raise DecodeError(f"{name}: expected an encapsulation header of 4 bytes, got {len(view)} in all")
@@ -545,24 +591,49 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
         value = getattr(message, field.name)
     except AttributeError:
         return f"{path}: expected {field.type}, it is not set"
-    if field.length is None:
+    if field.length is None and not field.is_sequence:
         return _value_problem(field.base, value, path)
     if field.base in ("uint8", "char", "byte"):
-        if isinstance(value, (bytes, bytearray)) and len(value) == field.length:
-            return ""
-        given = str(len(value)) if isinstance(value, (bytes, bytearray)) else _given(value)
-        return f"{path}: expected {field.length} bytes, got {given}"
-    try:
-        items = list(value)
-    except TypeError:
-        return f"{path}: expected {field.length} values, got one: {_given(value)}"
-    if len(items) != field.length:
-        return f"{path}: expected {field.length} values, got {len(items)}"
+        if isinstance(value, (bytes, bytearray)):
+            return _number_problem(field, len(value), path, "bytes")
+        return f"{path}: expected {_expected(field, 'bytes')}, got {_given(value)}"
+    if isinstance(value, str) or not hasattr(value, "__len__") or not hasattr(value, "__iter__"):
+        return f"{path}: expected {_expected(field, 'values')}, got one: {_given(value)}"
+    items = list(value)
+    problem = _number_problem(field, len(items), path, "values")
+    if problem:
+        return problem
     problems = (_value_problem(field.base, item, f"{path}[{index}]") for index, item in enumerate(items))
     return next(filter(None, problems), "")
 
 
+def _expected(field: Field, noun: str) -> str:
+    if field.length is not None:
+        return f"{field.length} {noun}"
+    return noun if field.most is None else f"up to {field.most} {noun}"
+
+
+def _number_problem(field: Field, given: int, path: str, noun: str) -> str:
+    fits = given == field.length if field.length is not None else field.most is None or given <= field.most
+    return "" if fits else f"{path}: expected {_expected(field, noun)}, got {given}"
+
+
+def _text_problem(base: str, value: Any, path: str) -> str:
+    bound = base.partition("<=")[2]
+    if not isinstance(value, str):
+        return f"{path}: expected a str, got {_given(value)}"
+    if bound and len(value) > int(bound):
+        return f"{path}: expected up to {bound} characters, got {len(value)}"
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        return f"{path}: expected text, got half a character at {error.start}"
+    return ""
+
+
 def _value_problem(base: str, value: Any, path: str) -> str:
+    if base.partition("<=")[0] in ("string", "wstring"):
+        return _text_problem(base, value, path)
     if base == "bool":
         return "" if _is_bool(value) else f"{path}: expected a bool, got {_given(value)}"
     if base in _LARGEST:

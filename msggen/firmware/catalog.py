@@ -6,7 +6,14 @@ from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
-from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_timestamps, check_topics
+from msggen.firmware.consistency import (
+    check_bridge,
+    check_fixed_sizes,
+    check_names,
+    check_nesting,
+    check_timestamps,
+    check_topics,
+)
 from msggen.firmware.manifest import package_name
 from msggen.firmware.release import CONVENTIONS, recognise
 from msggen.firmware.source import File, Sources, read_file, read_files
@@ -51,6 +58,7 @@ def read_catalog(
         *check_nesting(messages, services),
         *check_timestamps(message for message in messages if message.location.path not in unread),
         *check_topics(message for message in messages if message.location.path not in misread_topics),
+        *(check_fixed_sizes(messages) if sources.is_tree else ()),
         *check_bridge(bridge, everything),
     ]
     faults = [found for found in faults if found.code not in tolerated]

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from msggen.diagnostics import Diagnostic, suggestion
 from msggen.location import Location
-from msggen.model import PRIMITIVES, SIZES, BridgeEntry, Field, Message, Service, snake_case
+from msggen.model import PRIMITIVES, SIZES, STRINGS, BridgeEntry, Field, Message, Service, snake_case
 
 MAX_SIZE = 2**16 - 1
 """uORB keeps the size of a message in 16 bits."""
@@ -73,6 +73,16 @@ def check_timestamps(messages: Iterable[Message]) -> Iterator[Diagnostic]:
         elif str(stamps[0].type) != "uint64":
             text = f"uORB expects 'uint64 timestamp', found '{stamps[0].type} timestamp'"
             yield Diagnostic(stamps[0].location, "M401", text)
+
+
+def check_fixed_sizes(messages: Iterable[Message]) -> Iterator[Diagnostic]:
+    """No strings and no sequences: uORB copies messages of one size, and the firmware's build fails on others."""
+    for message in messages:
+        for field in message.fields:
+            if not field.type.is_fixed_size:
+                example = f"{'char' if field.type.name in STRINGS else field.type.base}[32]"
+                text = f"uORB carries values of fixed size, as '{example}', found '{field.type} {field.name}'"
+                yield Diagnostic(field.location, "M306", text)
 
 
 def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message]) -> Iterator[Diagnostic]:

@@ -53,6 +53,12 @@ def is_large(type_: FieldType) -> bool:
     return numeric and type_.array is ArrayKind.FIXED and type_.length >= ARRAY_FROM
 
 
+def is_held_as_array(type_: FieldType) -> bool:
+    """Whether the values are held as array.array: large arrays, and sequences, of numbers."""
+    is_sequence = type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED)
+    return is_large(type_) or (is_sequence and type_.name in CODES and type_.name not in (*_BYTES, "bool"))
+
+
 class Names:
     """Names of locals, each given once."""
 

@@ -9,7 +9,7 @@ from msggen.generate.environment import environment
 from msggen.generate.python import message_view, module_name
 from msggen.generate.source import literal
 from msggen.identity import UorbTopic, endpoints, uorb_topics
-from msggen.layout import check_fixed_size
+from msggen.layout import is_static
 from msggen.model import DEFAULT_PACKAGE, Catalog, Message, Service
 from msggen.resources import resource
 
@@ -17,11 +17,13 @@ _EXAMPLE = "SensorCombined"
 _COPIED = ("arrays.py", "batch.py", "cdr.py", "lazy.py", "places.py", "records.py", "registry.py")
 """The files that are the same in every package."""
 
+_STREAM = "stream.py"
+"""And the one that only packages have with messages whose samples differ in layout."""
+
 
 def list_package(catalog: Catalog) -> tuple[str, ...]:
     """Return the names of the files that `render_package` makes, sorted. Raises InputError as that does."""
-    check_fixed_size(_definitions(catalog))
-    names = ["__init__.py", *_COPIED, "orb_id.py", "py.typed", "topics.py", "msg/__init__.py"]
+    names = ["__init__.py", *_copied_files(catalog), "orb_id.py", "py.typed", "topics.py", "msg/__init__.py"]
     names += [f"msg/{module_name(message.name)}.py" for message in catalog.messages.values()]
     if catalog.services:
         names.append("srv/__init__.py")
@@ -36,7 +38,6 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
     Raises InputError where a message has no fixed size.
     """
     definitions = _definitions(catalog)
-    check_fixed_size(definitions)
     messages, halves = definitions[: len(catalog.messages)], definitions[len(catalog.messages) :]
     made = environment()
 
@@ -46,11 +47,17 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
     package = next((definition.package for definition in definitions), DEFAULT_PACKAGE)
     names = [message.name for message in messages]
     example = _EXAMPLE if _EXAMPLE in names else "".join(names[:1])
-    about = {"name": name, "package": package, "messages": messages, "services": catalog.services}
+    about = {
+        "name": name,
+        "package": package,
+        "messages": messages,
+        "services": catalog.services,
+        "has_streams": _STREAM in _copied_files(catalog),
+    }
     topics = [_topic(topic) for topic in uorb_topics(catalog)]
     files = {
         "__init__.py": render("package", **about, example=example),
-        **{file: _copied(file) for file in _COPIED},
+        **{file: _copied(file) for file in _copied_files(catalog)},
         "py.typed": "",
         "orb_id.py": render("orb_id", topics=topics),
         "topics.py": render("topics", topics=topics, endpoints=endpoints(catalog)),
@@ -78,6 +85,11 @@ def _definitions(catalog: Catalog) -> list[Message]:
     """Return the messages, then both halves of each service."""
     halves = [half for service in catalog.services for half in (service.request, service.response)]
     return [*catalog.messages.values(), *halves]
+
+
+def _copied_files(catalog: Catalog) -> tuple[str, ...]:
+    all_static = all(is_static(catalog, message) for message in _definitions(catalog))
+    return _COPIED if all_static else (*_COPIED, _STREAM)
 
 
 def _copied(name: str) -> str:

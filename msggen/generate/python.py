@@ -2,27 +2,48 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from msggen.generate.codec import CODES, Codec, as_tuple, is_bytes, is_large
+from msggen.generate.codec import CODES, Codec, as_tuple, is_bytes, is_held_as_array, is_large
 from msggen.generate.source import documentation, literal, wrapped
+from msggen.generate.stream import Function, functions_of
 from msggen.identity import message_hash, type_hash
 from msggen.layout import (
     Encoding,
     Layout,
     Leaf,
+    is_static,
     lay_out,
     struct_format,
     struct_size,
 )
-from msggen.model import FLOATS, ArrayKind, Catalog, Comment, Field, FieldType, Message, snake_case
+from msggen.model import (
+    FLOATS,
+    INTEGER_RANGES,
+    STRINGS,
+    ArrayKind,
+    Catalog,
+    Comment,
+    Field,
+    FieldType,
+    Message,
+    snake_case,
+)
 
 SPELLED_OUT_TO = 4
 """Tuples up to this length are spelled out in annotations."""
 
 _UNSIGNED = {1: "B", 2: "H", 4: "I", 8: "Q"}
-_SHADOWING = frozenset({"int", "float", "bool", "bytes", "tuple"})
+_SHADOWING = frozenset({"int", "float", "bool", "bytes", "list", "str", "tuple"})
+_PYTHON_TYPES = {
+    **dict.fromkeys(INTEGER_RANGES, "int"),
+    **dict.fromkeys(FLOATS, "float"),
+    **dict.fromkeys(STRINGS, "str"),
+    "bool": "bool",
+}
+_ZEROS = {"bool": "False", "int": "0", "float": "0.0", "str": '""'}
 
 
 def module_name(name: str) -> str:
@@ -80,7 +101,9 @@ class MessageView(NamedTuple):
     message: Message
     constants: tuple[ConstantView, ...]
     fields: tuple[FieldView, ...]
-    codec: Codec
+    codec: Codec | None
+    """For a static layout; else `functions` has something."""
+    functions: tuple[Function, ...]
     cdr_size: int
     struct_size: int
     message_hash: int
@@ -90,8 +113,8 @@ class MessageView(NamedTuple):
     """Module and name of the messages it nests."""
     builtins: str
     """What stands before the names of built-in types: nothing, unless a field hides them."""
-    has_large_arrays: bool
-    """Its own, or in what it nests: the codec unfolds that."""
+    uses_arrays: bool
+    """Whether it has values in array.array, of its own or in what it nests: the codec unfolds that."""
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -153,7 +176,7 @@ class MessageView(NamedTuple):
     def units(self) -> str:
         """The fields with their units, for its docstring."""
         fields = [f"{field.name} [{field.comment.unit}]" if field.comment.unit else field.name for field in self.fields]
-        return f"Fields: {', '.join(fields)}."
+        return f"Fields: {', '.join(fields)}." if fields else "No fields."
 
     @property
     def summary(self) -> str:
@@ -161,30 +184,49 @@ class MessageView(NamedTuple):
         names = self._topic_names
         topics = f"uORB topic{'s' if len(names) > 1 else ''}: {', '.join(names)}. " if names else ""
         version = f"Version {self.message.message_version}, " if self.message.message_version else ""
-        return f"{topics}{version}{self.cdr_size} bytes."
+        size = "Samples differ in size." if self.functions else f"{self.cdr_size} bytes."
+        return f"{topics}{version}{size}"
 
 
 def message_view(catalog: Catalog, message: Message) -> MessageView:
     """Return what the class of `message` is made of."""
-    layout = lay_out(catalog, message)
     shadowed = {field.name for field in message.fields} & _SHADOWING
     prefix = "builtins." if shadowed else ""
-    extents = layout.extents()
-    fields = tuple(_field_view(field, *extents[field.name], prefix) for field in message.fields)
-    return MessageView(
+    extents = _extents(catalog, message)
+    view = MessageView(
         message,
         tuple(_constants(message)),
-        fields,
-        Codec.of(catalog, message),
-        layout.size,
-        struct_size(catalog, message),
+        tuple(_field_view(field, *extents.get(field.name, _NO_EXTENT), prefix) for field in message.fields),
+        None,
+        (),
+        0,
+        0,
         message_hash(catalog, message),
         type_hash(catalog, message),
-        tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
+        (),
         tuple(_nested_imports(catalog, message)),
         prefix,
-        any(is_large(leaf.type) for leaf in layout.leaves),
+        any(is_held_as_array(field.type) for field in message.fields),
     )
+    if not is_static(catalog, message):
+        return view._replace(functions=functions_of(catalog, message, lambda nested: nested.name))
+    layout = lay_out(catalog, message)
+    return view._replace(
+        codec=Codec.of(catalog, message),
+        cdr_size=layout.size,
+        struct_size=struct_size(catalog, message),
+        layout_arguments=tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
+        uses_arrays=any(is_large(leaf.type) for leaf in layout.leaves),
+    )
+
+
+_NO_EXTENT = (-1, 0)
+
+
+def _extents(catalog: Catalog, message: Message) -> dict[str, tuple[int, int]]:
+    """Return offset and size of the fields that have the same in every sample: those before the first that differs."""
+    static = itertools.takewhile(lambda field: is_static(catalog, message._replace(fields=(field,))), message.fields)
+    return lay_out(catalog, message._replace(fields=tuple(static))).extents()
 
 
 def _constants(message: Message) -> Iterator[ConstantView]:
@@ -210,17 +252,12 @@ def _field_view(field: Field, offset: int, size: int, prefix: str) -> FieldView:
 
 
 def _annotation(type_: FieldType, prefix: str) -> str:
-    if type_.array is ArrayKind.FIXED and is_bytes(type_):
+    if type_.array is not ArrayKind.SCALAR and is_bytes(type_):
         return f"{prefix}bytes"
-    if not type_.is_primitive:
-        item = type_.name
-    elif type_.name == "bool":
-        item = f"{prefix}bool"
-    else:
-        item = f"{prefix}float" if type_.name in FLOATS else f"{prefix}int"
+    item = f"{prefix}{_PYTHON_TYPES[type_.name]}" if type_.is_primitive else type_.name
     if type_.array is ArrayKind.SCALAR:
         return item
-    if is_large(type_):
+    if is_large(type_) or type_.array is not ArrayKind.FIXED:
         return f"_arrays.Sequence[{item}]"
     if type_.length <= SPELLED_OUT_TO:
         return f"{prefix}tuple[{', '.join([item] * type_.length)}]"
@@ -230,18 +267,26 @@ def _annotation(type_: FieldType, prefix: str) -> str:
 def _initial(field: Field, prefix: str) -> tuple[str, str]:
     """Return the default of the parameter, and what the attribute is set to."""
     name, type_ = field.name, field.type
-    if not type_.is_primitive or is_large(type_):
+    if is_held_as_array(type_) or (not type_.is_primitive and type_.array in (ArrayKind.SCALAR, ArrayKind.FIXED)):
         return "None", f"{_fresh(field)} if {name} is None else {name}"
-    if type_.array is ArrayKind.FIXED and is_bytes(type_):
-        return f"{prefix}bytes({field.default or type_.length!r})", name
-    if field.default is not None:
-        return literal(field.default), name
-    zero = "False" if type_.name == "bool" else "0.0" if type_.name in FLOATS else "0"
+    if field.default is None:
+        return _zero(type_, prefix), name
+    is_block = type_.array is not ArrayKind.SCALAR and is_bytes(type_)
+    return f"{prefix}bytes({field.default})" if is_block else literal(field.default), name
+
+
+def _zero(type_: FieldType, prefix: str) -> str:
+    """Return the default of a value that cannot be changed."""
+    if type_.array is not ArrayKind.SCALAR and is_bytes(type_):
+        return f"{prefix}bytes({type_.length})" if type_.array is ArrayKind.FIXED else 'b""'
+    if type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED):
+        return "()"
+    zero = _ZEROS[_PYTHON_TYPES[type_.name]]
     if type_.array is ArrayKind.SCALAR:
-        return zero, name
+        return zero
     if type_.length <= SPELLED_OUT_TO:
-        return f"({', '.join([zero] * type_.length)}{',' if type_.length == 1 else ''})", name
-    return f"({zero},) * {type_.length}", name
+        return f"({', '.join([zero] * type_.length)}{',' if type_.length == 1 else ''})"
+    return f"({zero},) * {type_.length}"
 
 
 def _fresh(field: Field) -> str:
@@ -255,11 +300,9 @@ def _fresh(field: Field) -> str:
             as_tuple([f"{type_.name}()"] * type_.length) if spelled_out else f"_cdr.fresh({type_.name}, {type_.length})"
         )
     code = literal(CODES[type_.name])
-    return (
-        f"_arrays.array({code}, {literal(field.default)})"
-        if field.default
-        else f"_arrays.zeros({code}, {type_.length})"
-    )
+    if field.default:
+        return f"_arrays.array({code}, {literal(field.default)})"
+    return f"_arrays.zeros({code}, {type_.length})" if type_.array is ArrayKind.FIXED else f"_arrays.array({code})"
 
 
 def _layout_arguments(xcdr1: Layout, xcdr2: Layout) -> Iterator[str]:
