@@ -64,7 +64,10 @@ UNUSUAL = {
     "msg/Final.msg": "uint64 timestamp\nuint8 A = 1\nbool[3] flags\n",
     "msg/Sequence.msg": "uint64 timestamp\nuint16[20] values\nuint8[4] bytes\nint8 int\n",
     "msg/Outer.msg": "uint64 timestamp\nInner one\nInner[1] single\nInner[3] few\nInner[7] many\nFinal f\nSequence s\n",
+    "msg/Words.msg": "uint64 timestamp\nstring str\nstring[2] bytes\nwstring<=9[<=3] list\nuint8[] tuple\nint8[] int\n",
+    "msg/Locals.msg": "uint64 timestamp\nstring data\nuint16[20] at\nWords[2] wire\nInner[<=3] run\nbool[] parts\n",
     "srv/Ask.srv": "Inner[2] pair\n---\nbool done\n",
+    "srv/Tell.srv": "---\nstring message\n",
 }
 
 

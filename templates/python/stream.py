@@ -22,14 +22,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable
     from typing import Any, TypeVar
 
-    from .cdr import BytesLike
+    from .cdr import BytesLike, Read, Write
 
     Element = TypeVar("Element")
     MessageType = TypeVar("MessageType", bound=Message)
-    Read = Callable[[Any, bytes, int, int], int]
-    """Reads a message from a sample, at an offset and as the wire has it; returns the offset behind it."""
-    Write = Callable[[Any, list[bytes], int, int], int]
-    """Adds the bytes of a message that begins at an offset; returns the offset behind it."""
 
 BIG = 8
 """Of a wire: the most significant byte comes first."""
@@ -37,12 +33,16 @@ XCDR2 = 16
 """Of a wire: nothing is aligned to more than 4, and what is no primitive has a delimiter header before its elements."""
 
 WIRES = {
-    header: (BIG if order == ">" else 0) + (XCDR2 if version == 2 else 0) for header, (order, version) in ENCODINGS.items()
+    header: (BIG if order == ">" else 0) + (XCDR2 if version == 2 else 0)
+    for header, (order, version) in ENCODINGS.items()
 }
 """The wire of each encapsulation."""
 
 _COUNT = 4
 """Bytes of a count, and of a delimiter header."""
+
+_NATIVE = BIG if sys.byteorder == "big" else 0
+_SIZES = {code: array(code).itemsize for code in "bhiqBHIQfd"}
 
 _ITEMS = re.compile(r"(\d*)(\D)")
 _FIELDS: dict[struct.Struct, str] = {}
@@ -87,7 +87,7 @@ class Run(dict[int, struct.Struct]):
 
 def decode(cls: type[MessageType], data: BytesLike, allow_surplus: bool) -> MessageType:
     """Return the message in a sample of any encoding. Raises DecodeError."""
-    sample = data if data.__class__ is bytes else memoryview(data).tobytes()
+    sample = data if isinstance(data, bytes) else memoryview(data).tobytes()
     wire = WIRES.get(sample[:2])
     if wire is None or len(sample) < len(HEADER):
         raise _no_header(cls, sample)
@@ -140,7 +140,7 @@ def _check_count(count: int, most: int, left: int, path: str) -> None:
     if most and count > most:
         raise Fault(f"{path}: expected up to {most} values, got {count}")
     if count > left:
-        raise Fault(f"{path}: expected {count} values, got {max(left, 0)} bytes")
+        raise Fault(f"{path}: expected {count} values, got {max(left, 0)}")
 
 
 def octets(data: bytes, at: int, count: int, wire: int, path: str, most: int = 0) -> tuple[bytes, int]:
@@ -159,29 +159,36 @@ def numbers(
     data: bytes, at: int, count: int, wire: int, path: str, code: str, most: int = 0
 ) -> tuple[array[Any], int]:
     """Read numbers; only if there are any is the first of them aligned."""
-    values = array(code)
     if not count:
-        return values, at
-    at += _padding(at, wire, values.itemsize)
-    _check_count(count, most, (len(data) - at) // values.itemsize, path)
-    end = at + count * values.itemsize
-    values.frombytes(_taken(data, at, end - at, path))
-    if _is_foreign(wire):
+        return array(code), at
+    size = _SIZES[code]
+    at += (len(HEADER) - at) & (size - 1) & (3 if wire & XCDR2 else 7)
+    end = at + count * size
+    raw = data[at:end]
+    if len(raw) != end - at or most:
+        _check_count(count, most, len(raw) // size, path)
+    values: array[Any] = array(code, raw)
+    if wire & BIG != _NATIVE:
         values.byteswap()
     return values, end
 
 
 def text(data: bytes, at: int, count: int, wire: int, path: str, bound: int = -1) -> tuple[str, int]:
     """Read a string: UTF-8 and a NUL, which the count includes. A count of 0 is what some write for no text."""
-    raw = _taken(data, at, count, path)
-    if raw[-1:] != b"\0" and count:
-        raise Fault(f"{path}: expected a text that ends in a NUL, got {raw[-1:]!r}")
+    end = at + count
     try:
-        value = raw[:-1].decode()
-    except UnicodeDecodeError as error:
-        raise Fault(f"{path}: expected UTF-8, got {raw[error.start : error.start + 1]!r}") from None
-    _check_bound(value, bound, path)
-    return value, at + count
+        if count and data[end - 1] == 0:
+            value = data[at : end - 1].decode()
+            if bound >= 0:
+                _check_bound(value, bound, path)
+            return value, end
+    except (IndexError, UnicodeDecodeError):
+        pass
+    if not count:
+        return "", at
+    raw = _taken(data, at, count, path)
+    wanted = "UTF-8" if raw[-1] == 0 else "a NUL at the end of a text"
+    raise Fault(f"{path}: expected {wanted}, got {raw[:40]!r}")
 
 
 def wide_text(data: bytes, at: int, count: int, wire: int, path: str, bound: int = -1) -> tuple[str, int]:
@@ -203,14 +210,14 @@ def _check_bound(value: str, bound: int, path: str) -> None:
 
 def texts(
     data: bytes, at: int, count: int, wire: int, path: str, lead: int, bound: int = -1, most: int = 0
-) -> tuple[tuple[str, ...], int]:
+) -> tuple[tuple[Any, ...], int]:
     """Read strings; `lead` is how many bytes before them XCDR2 has its delimiter header."""
     return _texts(text, data, at, count, wire, path, lead, bound, most)
 
 
 def wide_texts(
     data: bytes, at: int, count: int, wire: int, path: str, lead: int, bound: int = -1, most: int = 0
-) -> tuple[tuple[str, ...], int]:
+) -> tuple[tuple[Any, ...], int]:
     """Read wstrings; `lead` is how many bytes before them XCDR2 has its delimiter header."""
     return _texts(wide_text, data, at, count, wire, path, lead, bound, most)
 
@@ -225,15 +232,16 @@ def _texts(
     lead: int,
     bound: int,
     most: int,
-) -> tuple[tuple[str, ...], int]:
+) -> tuple[tuple[Any, ...], int]:
     start = at - lead
     _check_count(count, most, (len(data) - at) // _COUNT, path)
     values: list[str] = []
+    unpack = struct.Struct(f"{_order(wire)}I").unpack
     for index in range(count):
         at += -at & 3
         element = f"{path}[{index}]"
-        size = int.from_bytes(_taken(data, at, _COUNT, element), _order_name(wire))
-        value, at = read(data, at + _COUNT, size, wire, element, bound)
+        (units,) = unpack(_taken(data, at, _COUNT, element))
+        value, at = read(data, at + _COUNT, units, wire, element, bound)
         values.append(value)
     if wire & XCDR2:
         _check_delimiter(data, start, at, wire, path)
@@ -250,10 +258,10 @@ def messages(
     cls: type[MessageType],
     read: Read,
     most: int = 0,
-) -> tuple[tuple[MessageType, ...], int]:
+) -> tuple[tuple[Any, ...], int]:
     """Read messages; `lead` is how many bytes before them XCDR2 has its delimiter header."""
     start = at - lead
-    _check_count(count, most, len(data) - at, path)
+    _check_count(count, most, len(data) - at, path)  # each has a byte at least
     values: list[MessageType] = []
     for _ in range(count):
         value = new(cls)
@@ -282,11 +290,11 @@ def elements(values: Collection[Element], wire: int, exactly: int = -1, most: in
     return values
 
 
-def octets_bytes(value: bytes, wire: int, most: int = 0) -> bytes:
+def octets_bytes(value: Collection[int], wire: int, most: int = 0) -> bytes:
     """Return bytes whose number is right. Raises Refused."""
-    if value.__class__ not in (bytes, bytearray) or (most and len(value) > most):
+    if not isinstance(value, (bytes, bytearray)) or (most and len(value) > most):
         raise Refused
-    return value
+    return bytes(value)
 
 
 def bools_bytes(values: Collection[Any], wire: int, most: int = 0) -> bytes:
@@ -299,10 +307,8 @@ def bools_bytes(values: Collection[Any], wire: int, most: int = 0) -> bytes:
 def number_bytes(values: Collection[Any], wire: int, code: str, exactly: int = -1, most: int = 0) -> bytes:
     """Return numbers as bytes. Raises one of ENCODE_FAILURES."""
     elements(values, wire, exactly, most)
-    if values.__class__ is array and values.typecode == code:  # type: ignore[attr-defined]
-        if not _is_foreign(wire):
-            raw: bytes = values.tobytes()  # type: ignore[attr-defined]
-            return raw
+    if isinstance(values, array) and values.typecode == code and wire & BIG == _NATIVE:
+        return values.tobytes()
     return struct.pack(f"{_order(wire)}{len(values)}{code}", *values)
 
 
@@ -403,8 +409,3 @@ def _order(wire: int) -> str:
 
 def _order_name(wire: int) -> Any:
     return "big" if wire & BIG else "little"
-
-
-def _is_foreign(wire: int) -> bool:
-    """Whether the bytes of a number stand the other way round than on this machine."""
-    return (sys.byteorder == "big") != bool(wire & BIG)
