@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     from typing_extensions import Buffer, Self
 
     MessageType = TypeVar("MessageType", bound="Message")
-    Read = Callable[[Any, bytes, int, int], int]
-    """Reads a message from a sample, at an offset and as its encoding has it; returns the offset behind it."""
-    Write = Callable[[Any, list[bytes], int, int], int]
-    """Adds the bytes of a message that begins at an offset; returns the offset behind it."""
 else:
 
     class ClassVar:
@@ -41,6 +37,12 @@ if TYPE_CHECKING:
         """Bytes in memory: bytes, bytearray, memoryview, a memory map, an array of them."""
 
         def __len__(self) -> int: ...
+
+    class Stream(Protocol):
+        """The codec of a message whose samples differ in layout."""
+
+        def encode(self, message: Any, header: bytes) -> bytes: ...
+
 else:
     BytesLike = bytes | bytearray | memoryview
 
@@ -340,7 +342,7 @@ class Message:
     if TYPE_CHECKING:
         __msg__: ClassVar[MessageInfo]
         __layout__: ClassVar[Layout]
-        __stream__: ClassVar[tuple[Read, Write]]
+        __stream__: ClassVar[Stream]
         __dataclass_fields__: ClassVar[dict[str, DataclassField[Any]]]
         __hash__: ClassVar[None]  # type: ignore[assignment]
     else:
@@ -507,9 +509,7 @@ def encode_as(message: Message, encapsulation: bytes) -> bytes:
     order, version = ENCODINGS[encapsulation]
     header = encapsulation + HEADER[2:]
     if hasattr(message, "__stream__"):
-        from .stream import encode
-
-        return encode(message, header)
+        return message.__stream__.encode(message, header)
     layout = message.__layout__
     values = struct.unpack_from("<" + layout.words, message.encode(), len(HEADER))
     body = bytearray(struct.pack(order + (layout.words if version == 1 else layout.xcdr2), *values))

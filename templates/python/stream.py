@@ -22,10 +22,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable
     from typing import Any, TypeVar
 
-    from .cdr import BytesLike, Read, Write
+    from .cdr import BytesLike
 
     Element = TypeVar("Element")
     MessageType = TypeVar("MessageType", bound=Message)
+    Read = Callable[[Any, bytes, int, int], int]
+    """Reads a message from a sample, at an offset and as the wire has it; returns the offset behind it."""
+    Write = Callable[[Any, list[bytes], int, int], int]
+    """Adds the bytes of a message that begins at an offset; returns the offset behind it."""
 
 BIG = 8
 """Of a wire: the most significant byte comes first."""
@@ -85,18 +89,33 @@ class Run(dict[int, struct.Struct]):
         return made
 
 
-def decode(cls: type[MessageType], data: BytesLike, allow_surplus: bool) -> MessageType:
-    """Return the message in a sample of any encoding. Raises DecodeError."""
-    sample = data if isinstance(data, bytes) else memoryview(data).tobytes()
-    wire = WIRES.get(sample[:2])
-    if wire is None or len(sample) < len(HEADER):
-        raise _no_header(cls, sample)
-    message = new(cls)
-    end = cls.__stream__[0](message, sample, len(HEADER), wire)
-    if len(sample) - end > SURPLUS and not allow_surplus:
-        name, size, given = cls.__msg__.name, end - len(HEADER), len(sample) - len(HEADER)
-        raise DecodeError(f"{name}: expected {size} bytes after the header, got {given}: another definition?")
-    return message
+class Stream:
+    """The codec of one message: what reads it, and what writes it."""
+
+    def __init__(self, read: Read, write: Write) -> None:
+        self.read, self.write = read, write
+
+    def decode(self, cls: type[MessageType], data: BytesLike, allow_surplus: bool) -> MessageType:
+        """Return the message in a sample of any encoding. Raises DecodeError."""
+        sample = data if isinstance(data, bytes) else memoryview(data).tobytes()
+        wire = WIRES.get(sample[:2])
+        if wire is None or len(sample) < len(HEADER):
+            raise _no_header(cls, sample)
+        message = new(cls)
+        end = self.read(message, sample, len(HEADER), wire)
+        if len(sample) - end > SURPLUS and not allow_surplus:
+            name, size, given = cls.__msg__.name, end - len(HEADER), len(sample) - len(HEADER)
+            raise DecodeError(f"{name}: expected {size} bytes after the header, got {given}: another definition?")
+        return message
+
+    def encode(self, message: Message, header: bytes = HEADER) -> bytes:
+        """Return a message as a sample with this header. Raises EncodeError."""
+        parts = [header]
+        try:
+            self.write(message, parts, len(header), WIRES[header[:2]])
+        except ENCODE_FAILURES as error:
+            raise encode_error(message, error) from None
+        return b"".join(parts)
 
 
 def _no_header(cls: type[Message], sample: bytes) -> DecodeError:
@@ -105,16 +124,6 @@ def _no_header(cls: type[Message], sample: bytes) -> DecodeError:
         return DecodeError(f"{name}: expected an encapsulation header of 4 bytes, got {len(sample)} in all")
     given = sample[:2].hex(" ")
     return DecodeError(f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {given}")
-
-
-def encode(message: Message, header: bytes = HEADER) -> bytes:
-    """Return a message as a sample with this header. Raises EncodeError."""
-    parts = [header]
-    try:
-        message.__stream__[1](message, parts, len(header), WIRES[header[:2]])
-    except ENCODE_FAILURES as error:
-        raise encode_error(message, error) from None
-    return b"".join(parts)
 
 
 def decode_error(name: str, run: struct.Struct, at: int, data: bytes, error: Exception) -> DecodeError:
