@@ -68,6 +68,7 @@ CODES: dict[str, str] = {
     "T103": "EmPy markup that is wrong",
     "T104": "code in a template that is not Python",
     "T105": "a template that raises an exception",
+    "T106": "a definition that the firmware's templates do not know",
 }
 """Every code, and what it stands for. docs/errors.md shows each with an example."""
 
