@@ -63,6 +63,12 @@ CODES: dict[str, str] = {
     "C102": "an unknown setting",
     "C103": "a setting of the wrong kind",
     "C104": "an unknown rule",
+    "T101": "EmPy is not there, or is another version",
+    "T102": "a template that cannot be read",
+    "T103": "EmPy markup that is wrong",
+    "T104": "code in a template that is not Python",
+    "T105": "a template that raises an exception",
+    "T106": "a definition that the firmware's templates do not know",
 }
 """Every code, and what it stands for. docs/errors.md shows each with an example."""
 
