@@ -49,7 +49,7 @@ def is_bytes(type_: FieldType) -> bool:
 
 def is_large(type_: FieldType) -> bool:
     """Whether the array is held as array.array."""
-    numeric = type_.is_primitive and type_.name not in (*_BYTES, "bool")
+    numeric = type_.name in CODES and type_.name not in (*_BYTES, "bool")
     return numeric and type_.array is ArrayKind.FIXED and type_.length >= ARRAY_FROM
 
 
