@@ -172,9 +172,9 @@ FAULTS = [
     Fault(
         "S106",
         "other/package.xml",
-        "the ROS package 'other' beside those of 'px4_msgs'",
+        "this is the package 'other', called 'another' in 'another=other'",
         {FOO: STAMP, "other/package.xml": "<package><name>other</name></package>", "other/msg/Baz.msg": STAMP},
-        (*TREE, "--msg-dir", "other"),
+        (*TREE, "--msg-dir", "another=other"),
     ),
     Fault("S107", "in/package.xml:1:10", "not XML", {FOO: STAMP, "in/package.xml": "<package>"}),
     Fault("S107", "in/package.xml", "'a b' is no name", {FOO: STAMP, "in/package.xml": "<p><name>a b</name></p>"}),
@@ -204,7 +204,7 @@ def files_below(folder: Path) -> dict[str, bytes]:
 
 def faults_in(message: bytes, yaml: bytes = b"", service: bytes = b"---") -> tuple[Diagnostic, ...]:
     """Return what is wrong with three files; any exception but InputError goes through."""
-    sources = Sources((File(FOO, FOO),), (File(SERVICE, SERVICE),), File(YAML, YAML), None, (), release=None, own=1)
+    sources = Sources((File(FOO, FOO),), (File(SERVICE, SERVICE),), File(YAML, YAML), own=1)
     try:
         read_catalog(sources, {FOO: message, YAML: yaml, SERVICE: service})
     except InputError as error:
@@ -273,7 +273,7 @@ def test_both_missing_keys_of_an_entry_are_told() -> None:
 def test_two_cycles_are_both_found() -> None:
     names = {"A": "B", "B": "A", "C": "D", "D": "E", "E": "C"}
     files = {f"{name}.msg": f"{STAMP}{inner} x\n" for name, inner in names.items()}
-    sources = Sources(tuple(File(name, name) for name in files), (), None, None, (), None, own=0)
+    sources = Sources(tuple(File(name, name) for name in files), ())
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in files.items()})
     assert [fault.message.split(": ")[1] for fault in caught.value.diagnostics] == ["A > B > A", "C > D > E > C"]
@@ -432,7 +432,7 @@ def test_a_yaml_that_nests_without_end_is_refused() -> None:
 def test_a_long_chain_of_nested_messages_is_an_error_not_a_crash() -> None:
     length = 1000
     texts = {f"M{index}.msg": f"{STAMP}M{index + 1} inner\n" for index in range(length)} | {f"M{length}.msg": STAMP}
-    sources = Sources(tuple(File(name, name) for name in texts), (), None, None, (), None, own=0)
+    sources = Sources(tuple(File(name, name) for name in texts), ())
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in texts.items()})
     assert {fault.code for fault in caught.value.diagnostics} == {"M302"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from msggen.generate.codec import CODES, Codec, as_tuple, is_bytes, is_held_as_array, is_large
@@ -95,10 +95,27 @@ class FieldView(NamedTuple):
         return f"_cdr.Field({wrapped(items, 16)})"
 
 
+class Import(NamedTuple):
+    """A class of a nested message: where it is, what it is called there, and here."""
+
+    module: str
+    name: str
+    here: str
+
+    @property
+    def text(self) -> str:
+        """What stands behind `import`."""
+        return self.name if self.name == self.here else f"{self.name} as {self.here}"
+
+
 class MessageView(NamedTuple):
     """One class."""
 
     message: Message
+    root: str
+    """The generated package, as a relative import names it."""
+    topic_names: tuple[str, ...]
+    """The uORB topics of the message; halves of services have none, nor have messages of other packages."""
     constants: tuple[ConstantView, ...]
     fields: tuple[FieldView, ...]
     codec: Codec | None
@@ -109,8 +126,8 @@ class MessageView(NamedTuple):
     message_hash: int
     type_hash: str
     layout_arguments: tuple[str, ...]
-    nested: tuple[tuple[str, str], ...]
-    """Module and name of the messages it nests."""
+    nested: tuple[Import, ...]
+    """The messages it nests, at any depth."""
     builtins: str
     """What stands before the names of built-in types: nothing, unless a field hides them."""
     uses_arrays: bool
@@ -118,8 +135,8 @@ class MessageView(NamedTuple):
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The uORB topics of the message, as literals; halves of services have none."""
-        return tuple(map(literal, self._topic_names))
+        """The uORB topics of the message, as literals."""
+        return tuple(map(literal, self.topic_names))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -136,10 +153,6 @@ class MessageView(NamedTuple):
         """What `decode` asks of the length: nothing where `unpack` has."""
         lengths = ", ".join(str(self.cdr_size + 4 + surplus) for surplus in range(4))
         return f" or len(data) not in ({lengths})" if self.cdr_size % 4 else ""
-
-    @property
-    def _topic_names(self) -> tuple[str, ...]:
-        return self.message.topic_names if self.message.folder == "msg" else ()
 
     @property
     def attributes(self) -> list[tuple[str, str, str]]:
@@ -164,7 +177,7 @@ class MessageView(NamedTuple):
     @property
     def underscore(self) -> str:
         """What stands before names of typing: nothing, unless a message here has such a name."""
-        names = {self.message.name, *(name for _, name in self.nested)}
+        names = {self.message.name, *(nested.here for nested in self.nested)}
         return "_" if names & {"ClassVar", "Final"} else ""
 
     @property
@@ -181,7 +194,7 @@ class MessageView(NamedTuple):
     @property
     def summary(self) -> str:
         """Where the message comes from and goes to, for its docstring."""
-        names = self._topic_names
+        names = self.topic_names
         topics = f"uORB topic{'s' if len(names) > 1 else ''}: {', '.join(names)}. " if names else ""
         version = f"Version {self.message.message_version}, " if self.message.message_version else ""
         size = "Samples differ in size." if self.functions else f"{self.cdr_size} bytes."
@@ -193,10 +206,17 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
     shadowed = {field.name for field in message.fields} & _SHADOWING
     prefix = "builtins." if shadowed else ""
     extents = _extents(catalog, message)
+    names = _class_names(catalog, message)
+    is_own = message.package == catalog.package
     view = MessageView(
         message,
+        ".." if is_own else "...",
+        message.topic_names if is_own and message.folder == "msg" else (),
         tuple(_constants(message)),
-        tuple(_field_view(field, *extents.get(field.name, _NO_EXTENT), prefix) for field in message.fields),
+        tuple(
+            _field_view(field, _named(message, field, names), *extents.get(field.name, _NO_EXTENT), prefix)
+            for field in message.fields
+        ),
         None,
         (),
         0,
@@ -204,17 +224,17 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         message_hash(catalog, message),
         type_hash(catalog, message),
         (),
-        tuple(_nested_imports(catalog, message)),
+        tuple(_nested_imports(catalog, message, names)),
         prefix,
         any(is_held_as_array(field.type) for field in message.fields),
     )
     if not is_static(catalog, message):
-        return view._replace(functions=functions_of(catalog, message, lambda nested: nested.name))
+        return view._replace(functions=functions_of(catalog, message, lambda nested: names[nested.key]))
     layout = lay_out(catalog, message)
     return view._replace(
-        codec=Codec.of(catalog, message),
+        codec=Codec.of(catalog, message, lambda nested: names[nested.key]),
         cdr_size=layout.size,
-        struct_size=struct_size(catalog, message),
+        struct_size=struct_size(catalog, message) if is_own else 0,
         layout_arguments=tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
         uses_arrays=any(is_large(leaf.type) for leaf in layout.leaves),
     )
@@ -238,15 +258,41 @@ def _constants(message: Message) -> Iterator[ConstantView]:
         apart = bool(text)
 
 
-def _nested_imports(catalog: Catalog, message: Message) -> Iterator[tuple[str, str]]:
-    folder = "." if message.folder == "msg" else "..msg."
+def _class_names(catalog: Catalog, message: Message) -> dict[str, str]:
+    """Return what the module of `message` calls it and all that it nests, by key.
+
+    That is the name of each; with its package in front, `std_msgs_Header`, where several packages have that name.
+    """
+    every = (message, *catalog.nested_all(message))
+    names = [each.name for each in every]
+    return {
+        each.key: each.name
+        if each.package == message.package or names.count(each.name) == 1
+        else f"{each.package}_{each.name}"
+        for each in every
+    }
+
+
+def _nested_imports(catalog: Catalog, message: Message, names: Mapping[str, str]) -> Iterator[Import]:
     for inner in catalog.nested_all(message):
-        yield f"{folder}{module_name(inner.name)}", inner.name
+        if inner.package == message.package:
+            folder = "." if message.folder == "msg" else "..msg."
+        else:
+            root = ".." if message.package == catalog.package else "..."
+            folder = f"{root}msg." if inner.package == catalog.package else f"{root}{inner.package}.msg."
+        yield Import(f"{folder}{module_name(inner.name)}", inner.name, names[inner.key])
 
 
-def _field_view(field: Field, offset: int, size: int, prefix: str) -> FieldView:
-    annotation = _annotation(field.type, prefix)
-    default, initial = _initial(field, prefix)
+def _named(message: Message, field: Field, names: Mapping[str, str]) -> Field:
+    """Return a field of `message` with the type that its module has for it."""
+    if field.type.is_primitive:
+        return field
+    return field._replace(type=field.type._replace(name=names[message.key_of(field.type)], package=None))
+
+
+def _field_view(field: Field, named: Field, offset: int, size: int, prefix: str) -> FieldView:
+    annotation = _annotation(named.type, prefix)
+    default, initial = _initial(named, prefix)
     parameter = f"{field.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
     return FieldView(field.name, field.type, offset, size, field.comment, annotation, parameter, initial)
 

@@ -9,10 +9,9 @@ other numbers as array.array, of all else as tuples; and arrays as in messages w
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
-from msggen.generate.codec import CODES, Names, Values, is_bytes, is_large
+from msggen.generate.codec import CODES, ClassOf, Names, Values, is_bytes, is_large
 from msggen.generate.source import literal
 from msggen.model import SIZES, STRINGS, ArrayKind, Catalog, FieldType, Message, snake_case
 
@@ -20,9 +19,6 @@ _TAKEN = frozenset({"message", "data", "parts", "at", "wire", "run", "error", "l
 
 _DELIMITER, _COUNT, _NOTHING = "D", "I", "x"
 """Codes of a run, besides those of values: XCDR2's delimiter header, a count, the byte of a message without fields."""
-
-
-ClassOf = Callable[[Message], str]
 
 
 class Call(NamedTuple):
