@@ -131,7 +131,7 @@ class MessageView(NamedTuple):
     builtins: str
     """What stands before the names of built-in types: nothing, unless a field hides them."""
     uses_arrays: bool
-    """Whether it has values in array.array, of its own or in what it nests: the codec unfolds that."""
+    """Whether it needs the module of arrays, for itself or what it nests: the codec unfolds that."""
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -226,7 +226,7 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         (),
         tuple(_nested_imports(catalog, message, names)),
         prefix,
-        any(is_held_as_array(field.type) for field in message.fields),
+        any(_uses_arrays(field.type) for field in message.fields),
     )
     if not is_static(catalog, message):
         return view._replace(functions=functions_of(catalog, message, lambda nested: names[nested.key]))
@@ -308,6 +308,12 @@ def _annotation(type_: FieldType, prefix: str) -> str:
     if type_.length <= SPELLED_OUT_TO:
         return f"{prefix}tuple[{', '.join([item] * type_.length)}]"
     return f"{prefix}tuple[{item}, ...]"
+
+
+def _uses_arrays(type_: FieldType) -> bool:
+    """Whether the module of arrays is needed for a field of this type, for its values or its annotation."""
+    is_sequence = type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED)
+    return is_held_as_array(type_) or (is_sequence and not is_bytes(type_))
 
 
 def _initial(field: Field, prefix: str) -> tuple[str, str]:
