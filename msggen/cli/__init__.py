@@ -28,6 +28,7 @@ _MODULES = {
     "check": "check",
     "breaking": "breaking",
     "bump": "bump",
+    "render": "render",
     "rules": "rules",
     "explain": "rules",
 }
