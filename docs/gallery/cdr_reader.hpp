@@ -15,8 +15,9 @@ namespace cdr {
 class Reader {
  public:
   Reader(const std::uint8_t* sample, std::size_t size)
-      : data_(sample + 4), good_(size >= 4 && sample[0] == 0 && (sample[1] < 2 || sample[1] / 2 == 3)) {
+      : good_(size >= 4 && sample[0] == 0 && (sample[1] < 2 || sample[1] / 2 == 3)) {
     if (!good_) return;
+    data_ = sample + 4;
     size_ = size - 4;
     little_endian_ = sample[1] % 2 == 1;
     xcdr2_ = sample[1] / 2 == 3;
@@ -66,7 +67,7 @@ class Reader {
   }
 
  private:
-  const std::uint8_t* data_;
+  const std::uint8_t* data_ = nullptr;
   std::size_t size_ = 0;
   std::size_t position_ = 0;
   bool good_;
