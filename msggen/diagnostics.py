@@ -68,6 +68,7 @@ CODES: dict[str, str] = {
     "T103": "EmPy markup that is wrong",
     "T104": "code in a template that is not Python",
     "T105": "a template that raises an exception",
+    "T106": "a definition that the firmware's templates do not know",
     "T201": "a template that is not Jinja2",
     "T202": "a name in a template that is not there",
     "T203": "a template to include that is not there",

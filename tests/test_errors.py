@@ -418,7 +418,8 @@ def test_any_service_is_read_or_refused(data: bytes) -> None:
 
 def test_a_yaml_that_nests_without_end_is_refused() -> None:
     # In a process of its own: what overflows the stack takes the interpreter with it.
-    program = "from msggen.parse import parse_bridge; print(parse_bridge(b'[' * 100_000, 'topics.yaml')[1][0].code)"
+    code = "parse_bridge(b'[' * 100_000, 'topics.yaml')[1][0].code"
+    program = f"from msggen.parse.bridge import parse_bridge; print({code})"
     outcome = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert (outcome.returncode, outcome.stdout) == (0, "Y101\n")
 

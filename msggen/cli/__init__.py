@@ -29,6 +29,7 @@ _MODULES = {
     "breaking": "breaking",
     "bump": "bump",
     "render": "render",
+    "px4-generate": "px4_generate",
     "rules": "rules",
     "explain": "rules",
 }

@@ -20,7 +20,7 @@ import em
 Run: TypeAlias = "Callable[[Machine], None]"
 Block: TypeAlias = "list[tuple[int, Run]]"
 
-_BOOKKEEPING = re.compile(r"Hook|[cC]ontext|setName|setLine|identify|@[!?]")
+_BOOKKEEPING = re.compile(r"[hH]ooks?\b|(?:set|push|pop)Context|\.contexts?\b|set(?:Name|Line)\b|identify|@[!?]")
 """Templates that read or change what EmPy notes while it reads: they are left to EmPy as a whole."""
 
 _NAME = re.compile(r"\s*([_a-zA-Z][_a-zA-Z0-9]*)\s*")

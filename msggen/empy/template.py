@@ -37,14 +37,16 @@ class EmpyTemplate:
         from those folders are its own: no one else sees them, and they are kept for the next time.
         Raises InputError where the template, or what it calls, raises anything; that of another input is let through.
         """
-        with _surroundings(prepare_path, self._modules):
+        with importing_from(prepare_path, self._modules):
             try:
-                return self._program.run(dict(names))
+                text = self._program.run(dict(names))
+                os.fsencode(text)
             except (Exception, SystemExit) as error:
                 if isinstance(error, InputError):
                     raise
-                code, text = _said(error)
-                raise fault(self.path, code, text, self._program.line_of(error)) from error
+                code, said = _said(error)
+                raise fault(self.path, code, said, self._program.line_of(error)) from error
+        return text
 
 
 def _read(path: str) -> str:
@@ -106,18 +108,24 @@ def _known(error: BaseException) -> Iterator[str]:
 
 
 @contextmanager
-def _surroundings(folders: Sequence[str], kept: dict[str, ModuleType]) -> Iterator[None]:
-    """Let modules be imported from `folders`, and have those in `kept` from there already."""
-    path, modules, stdout = sys.path[:], set(sys.modules), sys.stdout
+def importing_from(folders: Sequence[str], modules: dict[str, ModuleType]) -> Iterator[None]:
+    """Have `modules` imported, and look for others in `folders` first.
+
+    Afterwards `sys.path` and `sys.modules` are as they were, and `modules` holds what was imported from `folders` too.
+    """
+    path, before = sys.path[:], dict(sys.modules)
     roots = tuple(os.path.join(os.path.abspath(folder), "") for folder in folders)
     sys.path[:0] = folders
-    sys.modules.update({name: module for name, module in kept.items() if name not in modules})
+    sys.modules.update(modules)
     try:
         yield
     finally:
         sys.path[:] = path
-        sys.stdout = stdout
-        for name in set(sys.modules) - modules if roots else ():
+        for name in set(sys.modules) - set(before) if roots else ():
             file = getattr(sys.modules[name], "__file__", None)
             if file and os.path.abspath(file).startswith(roots):
-                kept[name] = sys.modules.pop(name)
+                modules[name] = sys.modules[name]
+        for name in modules:
+            del sys.modules[name]
+            if name in before:
+                sys.modules[name] = before[name]

@@ -12,7 +12,8 @@ from msggen.firmware.release import CONVENTIONS, recognise
 from msggen.firmware.source import File, Sources, read_file, read_files
 from msggen.location import Location
 from msggen.model import DEFAULT_PACKAGE, BridgeEntry, Catalog, Conventions, Message, Service
-from msggen.parse import decode_text, parse_bridge, parse_message, parse_service
+from msggen.parse import decode_text, parse_message, parse_service
+from msggen.parse.bridge import parse_bridge
 
 COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M202", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"})
 """Faults that leave no doubt about what a definition or an entry of the bridge means."""
