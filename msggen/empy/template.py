@@ -30,6 +30,12 @@ class EmpyTemplate:
         self._modules: dict[str, ModuleType] = {}
         self._program = _program(path, _read(path) if text is None else text)
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The files that were read so far: the template, what it has included, and modules of its own."""
+        modules = (getattr(module, "__file__", None) for module in self._modules.values())
+        return (self.path, *self._program.included, *filter(None, modules))
+
     def expand(self, names: Mapping[str, object], prepare_path: Sequence[str] = ()) -> str:
         """Return the text that the template makes of `names`; it may import from the folders of `prepare_path` too.
 
@@ -93,13 +99,16 @@ def _said(error: BaseException) -> tuple[str, str]:
     if isinstance(error, SystemExit):
         return "T105", f"the template ended the run: exit({'' if error.code is None else error.code!r})"
     text = f"{type(error).__name__}: {error}".rstrip(": ")
-    if isinstance(error, NameError):
+    if isinstance(error, NameError | AttributeError):
         text += suggestion(getattr(error, "name", None) or "", _known(error))
     return "T105", text
 
 
-def _known(error: BaseException) -> Iterator[str]:
-    """Yield the names that were known where `error` was raised."""
+def _known(error: NameError | AttributeError) -> Iterator[str]:
+    """Yield the names that were known where `error` was raised, or the attributes that there are."""
+    if isinstance(error, AttributeError):
+        yield from (name for name in dir(error.obj) if name[:1] != "_")
+        return
     trace = error.__traceback__
     while trace and trace.tb_next:
         trace = trace.tb_next

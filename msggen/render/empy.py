@@ -19,8 +19,8 @@ class Empy:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The files that were read so far: the template, and what it has included."""
-        return (self.path,)
+        """The files that were read so far: the template, what it has included, and modules of its own."""
+        return self._template.inputs
 
     def expand(self, names: Mapping[str, object]) -> str:
         """Return the text that the template makes of `names`. Raises InputError, with the line at fault."""
