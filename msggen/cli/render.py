@@ -32,7 +32,9 @@ def add_to(commands: Commands) -> None:
     )
     template = parser.add_argument_group("template")
     template.add_argument("--template", metavar="FILE", type=given, required=True, help="a file *.j2 or *.em")
-    template.add_argument("--each", choices=THINGS, default="message", metavar="THING", help=f"{', '.join(THINGS)}")
+    template.add_argument(
+        "--each", choices=THINGS, default="message", metavar="THING", help=f"{', '.join(THINGS)} (message)"
+    )
     add_source_options(parser)
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="DIR", type=given, required=True, help="folder to put the files into")
@@ -40,7 +42,8 @@ def add_to(commands: Commands) -> None:
         "--name",
         metavar="PATTERN",
         type=given,
-        help="name of each file, in Jinja2: '{{ message.name }}.h'; by default with the template's suffix",
+        help="name of each file, in Jinja2: '{{ message.name }}.h' ('{{ message.name | snake_case }}', and the "
+        "suffix that the template has before .j2 or .em)",
     )
     output.add_argument("--check", action="store_true", help="write nothing; exit 1 when a file is stale")
     output.add_argument("--diff", action="store_true", help="write nothing; show the changes, exit 1 if any")
