@@ -10,6 +10,7 @@ import json
 import math
 import os
 import re
+import shlex
 import shutil
 import struct
 import subprocess
@@ -32,6 +33,7 @@ from msggen.location import Location
 from msggen.model import ArrayKind, Catalog, Message, snake_case
 
 GALLERY = ROOT / "docs" / "gallery"
+PAGE = (ROOT / "docs" / "render.md").read_text(encoding="utf-8")
 HELPERS = Path(__file__).resolve().parent / "gallery"
 NAMES = sorted(path.stem for path in ROOT.glob("msg/**/*.msg"))
 USUAL = ("little", 1)
@@ -324,6 +326,15 @@ def test_wireshark_filters_by_field_and_names_what_numbers_stand_for(
     options = ("-T", "pdml", "-Y", "px4_msgs.VehicleStatus.arming_state == 2")
     (found,) = shown(dissect(tmp_path, dissector, both, *options))
     assert "arming_state: ARMING_STATE_ARMED (2)" in [field.line for field in found]
+
+
+def test_wireshark_shows_a_sample_as_the_page_has_it(dissector: Path, embedded: Catalog, tmp_path: Path) -> None:
+    (page,) = re.findall(r"\$ tshark .* (-Y '.*') -V\n\.\.\.\n(.*?)\.\.\.\n", PAGE, re.DOTALL)
+    message = embedded.messages["px4_msgs/BatteryStatus"]
+    values: Values = {field.name: [0] * field.type.length or 0 for field in message.fields}
+    values |= {"timestamp": 81234567, "connected": 1, "voltage_v": 13.9, "current_a": 21.5}
+    sample = Sample(message, USUAL, serialize(embedded, message, values, *USUAL), ())
+    assert page[1] in dissect(tmp_path, dissector, [sample], *shlex.split(page[0]), "-V")
 
 
 def test_wireshark_tells_of_a_sample_that_is_too_short(dissector: Path, samples: list[Sample], tmp_path: Path) -> None:

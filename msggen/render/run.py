@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 from msggen.diagnostics import Diagnostic, InputError, fault
+from msggen.location import Location
 from msggen.model import Catalog
 from msggen.render.jinja import JinjaTemplate, Pattern
 from msggen.render.views import CatalogView, Views
@@ -137,18 +138,18 @@ def _encodable(text: str, path: str) -> str:
 
 
 def _each(items: Sequence[Item], function: Callable[[Item], str]) -> tuple[str, ...]:
-    """Return the text that `function` makes of each item. Faults are told once, with the items that have them."""
+    """Return the text that `function` makes of each item. Faults of one place are told once, with all who have them."""
     texts: list[str] = []
-    faults: dict[Diagnostic, list[str]] = {}
+    faults: dict[tuple[Location, str], tuple[str, list[str]]] = {}
     for item in items:
         try:
             texts.append(function(item))
         except InputError as error:
-            for found in error.diagnostics:
-                faults.setdefault(found, []).append(item.label)
+            for place, code, message in error.diagnostics:
+                faults.setdefault((place, code), (message, []))[1].append(item.label)
     if faults:
         raise InputError(
-            Diagnostic(place, code, f"{_listed(labels)}{message}") for (place, code, message), labels in faults.items()
+            Diagnostic(*which, f"{_listed(labels)}{message}") for which, (message, labels) in faults.items()
         )
     return tuple(texts)
 

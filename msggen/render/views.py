@@ -21,6 +21,11 @@ class Views:
         self.catalog = CatalogView(catalog, self)
         self._messages: dict[str, MessageView] = {}
 
+    @cached_property
+    def topics(self) -> dict[str, TopicView]:
+        """The uORB topics by name."""
+        return {topic.name: topic for topic in self.catalog.topics}
+
     def message(self, message: Message) -> MessageView:
         """Return the view of `message`."""
         return self._messages.setdefault(message.ros_type, MessageView(message, self))
@@ -172,8 +177,9 @@ class MessageView:
 
     @cached_property
     def topics(self) -> tuple[TopicView, ...]:
-        """Its uORB topics; none if uORB does not carry it."""
-        return tuple(topic for topic in self._views.catalog.topics if topic.message is self)
+        """Its uORB topics, in the order of the definition; none if uORB does not carry it."""
+        found = (self._views.topics.get(name) for name in self._model.topic_names)
+        return tuple(topic for topic in found if topic and topic.message is self)
 
     @property
     def queue_length(self) -> int:
@@ -404,7 +410,7 @@ class EndpointView:
     @cached_property
     def topic(self) -> TopicView:
         """The uORB topic behind it."""
-        return next(topic for topic in self._views.catalog.topics if topic.name == self._model.entry.uorb_topic)
+        return self._views.topics[self._model.entry.uorb_topic]
 
     @property
     def object_id(self) -> int:
