@@ -83,7 +83,7 @@ class Program:
         try:
             machine.file(StringIO(self._text))
         except BaseException as error:
-            self._failed = error, machine.context().line if machine.contexts else 1
+            self._failed = error, min(machine.context().line, len(self._lines)) if machine.contexts else 1
             raise
 
     def _run(self, block: Block, machine: Machine) -> None:

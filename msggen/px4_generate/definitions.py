@@ -63,7 +63,7 @@ class Definitions:
         Raises InputError with all faults of all files.
         """
         names = [f"{package}/{os.path.basename(path).removesuffix('.msg')}" for path in paths]
-        faults = [*_doubles(paths)]
+        faults = [*_misgiven(paths)]
         messages = self._read_nested(dict(zip(names, paths, strict=True)), search_path, faults)
         if not faults:
             faults += _inconsistencies([messages[name] for name in names], messages.values())
@@ -138,14 +138,15 @@ def _topics(text: str) -> Iterator[str]:
             yield from (snake_case(name) for name in line.strip()[len(_TOPICS) :].split(" "))
 
 
-def _doubles(paths: Iterable[str]) -> Iterator[Diagnostic]:
-    """No file is made of two messages."""
-    seen: set[str] = set()
+def _misgiven(paths: Iterable[str]) -> Iterator[Diagnostic]:
+    """Only messages, and none twice: one file is made of each."""
+    seen: dict[str, str] = {}
     for path in paths:
-        name = snake_case(os.path.basename(path))
-        if name in seen:
-            yield Diagnostic(Location(path), "M204", f"another file '{os.path.basename(path)}' is given too")
-        seen.add(name)
+        other = seen.setdefault(snake_case(os.path.basename(path)), path)
+        if not path.endswith(".msg"):
+            yield Diagnostic(Location(path, 0), "S101", "expected a .msg file")
+        elif other is not path:
+            yield Diagnostic(Location(path, 0), "M204", f"this message is given twice, also by {other}")
 
 
 def _unknown_type(field: Field, folders: Sequence[str]) -> Diagnostic:
