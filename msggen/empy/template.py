@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from traceback import walk_tb
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -99,21 +100,26 @@ def _said(error: BaseException) -> tuple[str, str]:
     if isinstance(error, SystemExit):
         return "T105", f"the template ended the run: exit({'' if error.code is None else error.code!r})"
     text = f"{type(error).__name__}: {error}".rstrip(": ")
-    if isinstance(error, NameError | AttributeError):
-        text += suggestion(getattr(error, "name", None) or "", _known(error))
-    return "T105", text
+    return "T105", f"{text}{_meant(error)}{_raised_at(error)}"
 
 
-def _known(error: NameError | AttributeError) -> Iterator[str]:
-    """Yield the names that were known where `error` was raised, or the attributes that there are."""
+def _meant(error: BaseException) -> str:
+    """Return what was perhaps meant by an unknown name, or ""."""
+    name = getattr(error, "name", None) or ""
     if isinstance(error, AttributeError):
-        yield from (name for name in dir(error.obj) if name[:1] != "_")
-        return
-    trace = error.__traceback__
-    while trace and trace.tb_next:
-        trace = trace.tb_next
-    if trace:
-        yield from (name for name in (*trace.tb_frame.f_locals, *trace.tb_frame.f_globals) if name[:2] != "__")
+        return suggestion(name, (known for known in dir(error.obj) if not known.startswith("_")))
+    if isinstance(error, NameError):
+        frame = [*walk_tb(error.__traceback__)][-1][0]
+        return suggestion(name, (known for known in (*frame.f_locals, *frame.f_globals) if not known.startswith("__")))
+    return ""
+
+
+def _raised_at(error: BaseException) -> str:
+    """Return where a module that the template uses raised `error`, or "" where the template or a library did."""
+    libraries = (os.path.dirname(os.__file__), os.path.dirname(os.path.dirname(__file__)), "<")
+    places = [(frame.f_code.co_filename, line) for frame, line in walk_tb(error.__traceback__)]
+    path, line = next((place for place in reversed(places) if not place[0].startswith(libraries)), ("", 0))
+    return f", raised at {path}:{line}" if path.endswith(".py") else ""
 
 
 @contextmanager
@@ -122,7 +128,7 @@ def importing_from(folders: Sequence[str], modules: dict[str, ModuleType]) -> It
 
     Afterwards `sys.path` and `sys.modules` are as they were, and `modules` holds what was imported from `folders` too.
     """
-    path, before = sys.path[:], dict(sys.modules)
+    path, before = sys.path[:], dict(sys.modules) if folders or modules else {}
     roots = tuple(os.path.join(os.path.abspath(folder), "") for folder in folders)
     sys.path[:0] = folders
     sys.modules.update(modules)
