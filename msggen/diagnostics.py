@@ -69,6 +69,14 @@ CODES: dict[str, str] = {
     "T104": "code in a template that is not Python",
     "T105": "a template that raises an exception",
     "T106": "a definition that the firmware's templates do not know",
+    "T201": "a template that is not Jinja2",
+    "T202": "a name in a template that is not there",
+    "T203": "a template to include that is not there",
+    "T204": "a Jinja2 template that raises an exception",
+    "T205": "a template that is neither Jinja2 nor EmPy",
+    "T206": "an output that cannot be named so",
+    "T207": "two outputs of one name",
+    "T208": "nothing to render",
 }
 """Every code, and what it stands for. docs/errors.md shows each with an example."""
 

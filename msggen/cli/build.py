@@ -58,7 +58,8 @@ def _build(options: argparse.Namespace) -> int:
     writes = not (options.check or options.diff)
     outcome = build.run(write=writes)
     if options.depfile and writes:
-        write_if_changed(options.depfile, depfile(outcome.folder, outcome.outputs, sources))
+        first = os.path.join(outcome.folder, outcome.outputs[0])
+        write_if_changed(options.depfile, depfile(first, sources.dependencies()))
     lines = list(_report(outcome, sources.label, time.perf_counter() - started, writes=writes, verbose=options.verbose))
     if options.diff and outcome.plan:
         _print_diffs(outcome.plan)

@@ -68,6 +68,8 @@ def _messages(options: argparse.Namespace) -> tuple[str, dict[str, str]]:
     if not options.kind:
         options.parser.error("expected one of --headers, --sources, --json, --uorb-idl-header; or -y, -t and -u")
     _require(options, {"file": "-f", "outputdir": "-o", "templatedir": "-e"})
+    if not options.package.isidentifier():
+        options.parser.error(f"-k '{options.package}': expected a name such as 'px4'")
     from msggen.px4_generate.messages import Kind, Request, generate_messages
 
     kinds = {
@@ -92,4 +94,4 @@ def _bridge(options: argparse.Namespace) -> tuple[str, dict[str, str]]:
 def _require(options: argparse.Namespace, names: dict[str, str]) -> None:
     missing = [option for name, option in names.items() if not getattr(options, name)]
     if missing:
-        options.parser.error(f"expected {' and '.join(missing)} too")
+        options.parser.error(f"expected {', '.join(missing)} too")

@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from traceback import walk_tb
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,12 @@ class EmpyTemplate:
         self.path = path
         self._modules: dict[str, ModuleType] = {}
         self._program = _program(path, _read(path) if text is None else text)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The files that were read so far: the template, what it has included, and modules of its own."""
+        modules = (getattr(module, "__file__", None) for module in self._modules.values())
+        return (self.path, *self._program.included, *filter(None, modules))
 
     def expand(self, names: Mapping[str, object], prepare_path: Sequence[str] = ()) -> str:
         """Return the text that the template makes of `names`; it may import from the folders of `prepare_path` too.
@@ -93,18 +100,26 @@ def _said(error: BaseException) -> tuple[str, str]:
     if isinstance(error, SystemExit):
         return "T105", f"the template ended the run: exit({'' if error.code is None else error.code!r})"
     text = f"{type(error).__name__}: {error}".rstrip(": ")
+    return "T105", f"{text}{_meant(error)}{_raised_at(error)}"
+
+
+def _meant(error: BaseException) -> str:
+    """Return what was perhaps meant by an unknown name, or ""."""
+    name = getattr(error, "name", None) or ""
+    if isinstance(error, AttributeError):
+        return suggestion(name, (known for known in dir(error.obj) if not known.startswith("_")))
     if isinstance(error, NameError):
-        text += suggestion(getattr(error, "name", None) or "", _known(error))
-    return "T105", text
+        frame = [*walk_tb(error.__traceback__)][-1][0]
+        return suggestion(name, (known for known in (*frame.f_locals, *frame.f_globals) if not known.startswith("__")))
+    return ""
 
 
-def _known(error: BaseException) -> Iterator[str]:
-    """Yield the names that were known where `error` was raised."""
-    trace = error.__traceback__
-    while trace and trace.tb_next:
-        trace = trace.tb_next
-    if trace:
-        yield from (name for name in (*trace.tb_frame.f_locals, *trace.tb_frame.f_globals) if name[:2] != "__")
+def _raised_at(error: BaseException) -> str:
+    """Return where a module that the template uses raised `error`, or "" where the template or a library did."""
+    libraries = (os.path.dirname(os.__file__), os.path.dirname(os.path.dirname(__file__)), "<")
+    places = [(frame.f_code.co_filename, line) for frame, line in walk_tb(error.__traceback__)]
+    path, line = next((place for place in reversed(places) if not place[0].startswith(libraries)), ("", 0))
+    return f", raised at {path}:{line}" if path.endswith(".py") else ""
 
 
 @contextmanager
@@ -113,7 +128,7 @@ def importing_from(folders: Sequence[str], modules: dict[str, ModuleType]) -> It
 
     Afterwards `sys.path` and `sys.modules` are as they were, and `modules` holds what was imported from `folders` too.
     """
-    path, before = sys.path[:], dict(sys.modules)
+    path, before = sys.path[:], dict(sys.modules) if folders or modules else {}
     roots = tuple(os.path.join(os.path.abspath(folder), "") for folder in folders)
     sys.path[:0] = folders
     sys.modules.update(modules)

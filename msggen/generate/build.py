@@ -5,6 +5,7 @@ compares digests.
 """
 
 import os
+from collections.abc import Iterable
 from contextlib import suppress
 from hashlib import sha256
 from typing import NamedTuple
@@ -87,13 +88,12 @@ class Build:
         return state.hexdigest()
 
 
-def depfile(outcome_folder: str, outputs: tuple[str, ...], sources: Sources) -> str:
-    """Return a Makefile rule that makes the first output depend on every file that all were made from.
+def depfile(target: str, inputs: Iterable[str]) -> str:
+    """Return a Makefile rule that makes `target`, the first of several outputs, depend on what all were made from.
 
     Only the first, because Ninja refuses a rule with outputs that it has not been told of, such as one that has gone.
     """
-    inputs = map(_escaped, sources.dependencies())
-    return " \\\n ".join([f"{_escaped(os.path.join(outcome_folder, outputs[0]))}:", *inputs]) + "\n"
+    return " \\\n ".join([f"{_escaped(target)}:", *map(_escaped, inputs)]) + "\n"
 
 
 def write_if_changed(path: str, text: str) -> None:

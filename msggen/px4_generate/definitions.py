@@ -9,12 +9,14 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import NamedTuple
 
-from msggen.diagnostics import Diagnostic, InputError, fault
-from msggen.model import ArrayKind, Field, Message, snake_case
+from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
+from msggen.location import Location
+from msggen.model import PRIMITIVES, ArrayKind, Field, Message, snake_case
 from msggen.parse import decode_text, parse_message
 
 _TOPICS = "# TOPICS "
-_IDENTIFIER = re.compile(r"[a-z_][a-z0-9_]*")
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_FIELD_NAME = re.compile(r"[a-z][a-z0-9_]*")
 _ELSEWHERE = frozenset({"M104", "M106", "M201", "M202", "M203", "M402", "M404"})
 """Rules of ROS 2, of Python, or of taste: a firmware that breaks them is built all the same, so it is here too."""
 
@@ -26,7 +28,7 @@ class Definition(NamedTuple):
     text: str
     topics: tuple[str, ...]
     fields: tuple[tuple[str, str], ...]
-    constants: tuple[tuple[str, str, object, str], ...]
+    constants: tuple[tuple[str, str, object], ...]
 
 
 class Definitions:
@@ -61,25 +63,36 @@ class Definitions:
         Raises InputError with all faults of all files.
         """
         names = [f"{package}/{os.path.basename(path).removesuffix('.msg')}" for path in paths]
-        to_read = dict(zip(names, paths, strict=True))
-        waiting = list(to_read)
-        faults: list[Diagnostic] = []
-        messages: dict[str, Message] = {}
-        for name in waiting:  # which grows as it is gone through
-            try:
-                message = messages[name] = self.read(to_read[name], name).message
-            except InputError as error:
-                faults += error.diagnostics
-                continue
-            for nested in {message.key_of(field.type): None for field in message.fields if not field.type.is_primitive}:
-                path = self.find(search_path.get(nested.split("/")[0], ()), nested.split("/")[1])
-                if path and to_read.setdefault(nested, path) is path:
-                    waiting.append(nested)
+        faults = [*_misgiven(paths)]
+        messages = self._read_nested(dict(zip(names, paths, strict=True)), search_path, faults)
         if not faults:
             faults += _inconsistencies([messages[name] for name in names], messages.values(), package)
         if faults:
             raise InputError(faults)
         return [self.read(path, name) for name, path in zip(names, paths, strict=True)]
+
+    def _read_nested(
+        self, paths: dict[str, str], search_path: Mapping[str, Sequence[str]], faults: list[Diagnostic]
+    ) -> dict[str, Message]:
+        """Read `paths`, and add to them what they nest; return all by name, and add what is wrong to `faults`."""
+        messages = {}
+        waiting = list(paths)
+        for name in waiting:  # which grows as it is gone through
+            try:
+                message = messages[name] = self.read(paths[name], name).message
+            except InputError as error:
+                faults += error.diagnostics
+                continue
+            for field in (field for field in message.fields if not field.type.is_primitive):
+                nested = message.key_of(field.type)
+                folders = search_path.get(nested.split("/")[0], ())
+                path = self.find(folders, field.type.name)
+                if path is None:
+                    faults.append(_unknown_type(field, folders))
+                elif nested not in paths:
+                    paths[nested] = path
+                    waiting.append(nested)
+        return messages
 
 
 _current: ContextVar[Definitions] = ContextVar("definitions")
@@ -113,7 +126,7 @@ def _read(path: str, package: str, name: str) -> Definition:
     faults += _unknown_to_the_firmware(message)
     if faults:
         raise InputError(faults)
-    constants = tuple((str(item.type), item.name, item.value, str(item.value)) for item in message.constants)
+    constants = tuple((str(constant.type), constant.name, constant.value) for constant in message.constants)
     fields = tuple((field.name, _spelled(field, message)) for field in message.fields)
     return Definition(message, text, topics, fields, constants)
 
@@ -125,13 +138,40 @@ def _topics(text: str) -> Iterator[str]:
             yield from (snake_case(name) for name in line.strip()[len(_TOPICS) :].split(" "))
 
 
+def _misgiven(paths: Iterable[str]) -> Iterator[Diagnostic]:
+    """Only messages, and none twice: one file is made of each."""
+    seen: dict[str, str] = {}
+    for path in paths:
+        other = seen.setdefault(snake_case(os.path.basename(path)), path)
+        if not path.endswith(".msg"):
+            yield Diagnostic(Location(path, 0), "S101", "expected a .msg file")
+        elif other is not path:
+            yield Diagnostic(Location(path, 0), "M204", f"this message is given twice, also by {other}")
+
+
+def _unknown_type(field: Field, folders: Sequence[str]) -> Diagnostic:
+    known = [name.removesuffix(".msg") for folder in folders if os.path.isdir(folder) for name in os.listdir(folder)]
+    hint = suggestion(field.type.name, [*known, *PRIMITIVES]) if known else ": no folder to look for it, see -i"
+    return Diagnostic(field.location, "M301", f"unknown type '{field.type.base}'{hint}")
+
+
 def _is_built_all_the_same(found: Diagnostic, message: Message, topics: Iterable[str]) -> bool:
+    if found.code == "M201":
+        return found.location.line not in _lines_of_bad_names(message)
     if found.code == "M402":
-        return all(map(_IDENTIFIER.fullmatch, topics))
+        return all(map(_FIELD_NAME.fullmatch, topics))
     if found.code == "M203":
         names = [*(field.name for field in message.fields), *(constant.name for constant in message.constants)]
         return len(set(names)) == len(names)
     return found.code in _ELSEWHERE
+
+
+def _lines_of_bad_names(message: Message) -> Iterator[int]:
+    """Yield the lines of names that C++, or the firmware's helper, does not take."""
+    if not _NAME.fullmatch(message.name):
+        yield message.location.line
+    yield from (field.location.line for field in message.fields if not _FIELD_NAME.fullmatch(field.name))
+    yield from (constant.location.line for constant in message.constants if not _NAME.fullmatch(constant.name))
 
 
 def _unknown_to_the_firmware(message: Message) -> Iterator[Diagnostic]:

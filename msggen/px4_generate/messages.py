@@ -9,8 +9,9 @@ from enum import Enum
 from types import ModuleType
 from typing import NamedTuple
 
-from msggen.diagnostics import InputError
+from msggen.diagnostics import InputError, fault
 from msggen.empy import EmpyTemplate, importing_from
+from msggen.firmware.neighbour import neighbour
 from msggen.model import snake_case
 from msggen.px4_generate import genmsg
 from msggen.px4_generate.definitions import Definition, Definitions, using
@@ -41,7 +42,7 @@ class Request(NamedTuple):
 def generate_messages(request: Request) -> dict[str, str]:
     """Return the texts of all files, by name. Raises InputError for faulty definitions and templates."""
     name, list_name = request.kind.value
-    template = EmpyTemplate(os.path.join(request.templates, name))
+    template = EmpyTemplate(_find(request.templates, name))
     includes = ["std_msgs:./msg/std_msgs", *(f"{request.package}:{folder}" for folder in request.includes)]
     definitions = Definitions()
     read = definitions.read_all(request.files, request.package, genmsg.command_line.includepath_to_dict(includes))
@@ -57,6 +58,18 @@ def generate_messages(request: Request) -> dict[str, str]:
             names = {"msgs": files, "topics": topics, "all_topics": sorted(topics)}
             made[list_name.removesuffix(".em")] = EmpyTemplate(list_path).expand(names)
     return made
+
+
+def _find(folder: str, name: str) -> str:
+    """Return the path of a template. Raises InputError where it is not there."""
+    path = os.path.join(folder, name)
+    if os.path.isfile(path):
+        return path
+    if not os.path.isdir(folder):
+        raise fault(folder, "T102", f"no such folder{neighbour(folder)}", 0)
+    below = [entry.path for entry in os.scandir(folder) if os.path.isfile(os.path.join(entry.path, name))]
+    hint = f", did you mean '{min(below)}'?" if below else ""
+    raise fault(folder, "T102", f"has no template '{name}'{hint}", 0)
 
 
 def _output(kind: Kind, definition: Definition) -> str:
@@ -91,12 +104,17 @@ def _expand(template: EmpyTemplate, names: Mapping[str, object]) -> str:
     try:
         return template.expand(names)
     except InputError as error:
-        raise InputError(
-            found._replace(message=f"{found.message} (for {names['file_name_in']})")
-            if found.location.path == template.path
-            else found
-            for found in error.diagnostics
-        ) from error
+        found = error.diagnostics[0]
+        if found.location.path != template.path:
+            raise
+        text = f"{found.message}{_about_helper(error.__cause__)} (for {names['file_name_in']})"
+        raise InputError([found._replace(message=text)]) from error.__cause__
+
+
+def _about_helper(cause: BaseException | None) -> str:
+    """Return where the firmware's helper was looked for, if that is what was not found."""
+    is_helper = isinstance(cause, ModuleNotFoundError) and f"{cause.name}.py" == HELPER
+    return f": no folder from that of the template upwards has {HELPER}" if is_helper else ""
 
 
 def _helper_folder(templates: str) -> tuple[str, ...]:

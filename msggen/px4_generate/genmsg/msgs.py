@@ -54,14 +54,13 @@ class Field:
 class Constant:
     """A constant: `val` is its value."""
 
-    def __init__(self, type_: str, name: str, val: object, val_text: str) -> None:
+    def __init__(self, type_: str, name: str, val: object) -> None:
         self.type = type_
         self.name = name
         self.val = val
-        self.val_text = val_text
 
     def __repr__(self) -> str:
-        return f"<Constant {self.type} {self.name}={self.val_text}>"
+        return f"<Constant {self.type} {self.name}={self.val}>"
 
 
 class MsgSpec:
@@ -79,14 +78,6 @@ class MsgSpec:
     def parsed_fields(self) -> list[Field]:
         """Return the fields, the same list each time."""
         return self._fields
-
-    def fields(self) -> list[tuple[str, str]]:
-        """Return type and name of each field."""
-        return [*zip(self.types, self.names, strict=True)]
-
-    def has_header(self) -> bool:
-        """Whether the message begins with a ROS header."""
-        return bool(self._fields) and self._fields[0].is_header and self._fields[0].name == "header"
 
     def __str__(self) -> str:
         return self.text
