@@ -131,7 +131,7 @@ class MessageView(NamedTuple):
     builtins: str
     """What stands before the names of built-in types: nothing, unless a field hides them."""
     uses_arrays: bool
-    """Whether it has values in array.array, of its own or in what it nests: the codec unfolds that."""
+    """Whether it needs the module of arrays, for values of its own or in what it nests: the codec unfolds that."""
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -208,15 +208,16 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
     extents = _extents(catalog, message)
     names = _class_names(catalog, message)
     is_own = message.package == catalog.package
+    fields = tuple(
+        _field_view(field, _named(message, field, names), *extents.get(field.name, _NO_EXTENT), prefix)
+        for field in message.fields
+    )
     view = MessageView(
         message,
         ".." if is_own else "...",
         message.topic_names if is_own and message.folder == "msg" else (),
         tuple(_constants(message)),
-        tuple(
-            _field_view(field, _named(message, field, names), *extents.get(field.name, _NO_EXTENT), prefix)
-            for field in message.fields
-        ),
+        fields,
         None,
         (),
         0,
@@ -226,7 +227,7 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         (),
         tuple(_nested_imports(catalog, message, names)),
         prefix,
-        any(is_held_as_array(field.type) for field in message.fields),
+        any("_arrays." in field.annotation for field in fields),
     )
     if not is_static(catalog, message):
         return view._replace(functions=functions_of(catalog, message, lambda nested: names[nested.key]))
