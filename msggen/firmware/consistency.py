@@ -170,19 +170,22 @@ def _cycles(known: Mapping[str, Message]) -> Iterator[Diagnostic]:
 
 
 class _Extent(NamedTuple):
-    """How much there is in a message or a field: bytes without padding, and values.
+    """How much there is in a message or a field: bytes without padding, values, and messages inside each other.
 
     What has no fixed size counts as no bytes, an array of numbers as one value.
     """
 
     size: int
     values: int
+    depth: int = 0
 
 
 def _too_large(
     message: Message, known: Mapping[str, Message], extents: dict[str, _Extent], uorb: str
 ) -> Iterator[Diagnostic]:
-    size, values = _extent(message, known, extents)
+    size, values, depth = _extent(message, known, extents)
+    if depth == MAX_DEPTH + 1:  # those that nest it are deeper still
+        yield Diagnostic(message.location, "M302", f"'{message.name}' nests more than {MAX_DEPTH} messages deep")
     is_of_uorb = message.package == uorb and message.folder == "msg"
     most = MAX_SIZE if is_of_uorb else MAX_OTHER_SIZE
     if size <= most and values <= MAX_VALUES:
@@ -199,7 +202,9 @@ def _too_large(
 def _extent(message: Message, known: Mapping[str, Message], extents: dict[str, _Extent]) -> _Extent:
     if message.key not in extents:
         fields = [_extent_of_field(message, field, known, extents) for field in message.fields]
-        extents[message.key] = _Extent(sum(size for size, _ in fields), max(1, sum(values for _, values in fields)))
+        values = max(1, sum(field.values for field in fields))
+        depth = 1 + max((field.depth for field in fields), default=0)
+        extents[message.key] = _Extent(sum(field.size for field in fields), values, depth)
     return extents[message.key]
 
 
@@ -210,8 +215,8 @@ def _extent_of_field(
     if type_.is_primitive:
         size = SIZES[type_.name] * type_.count if type_.is_fixed_size else 0
         return _Extent(size, type_.count if type_.name == "bool" else 1)
-    size, values = _extent(known[outer.key_of(type_)], known, extents)
-    return _Extent(size * type_.count if type_.is_fixed_size else 0, values * type_.count)
+    size, values, depth = _extent(known[outer.key_of(type_)], known, extents)
+    return _Extent(size * type_.count if type_.is_fixed_size else 0, values * type_.count, depth)
 
 
 def _topics(message: Message) -> Iterator[tuple[str, Location]]:

@@ -145,7 +145,7 @@ def find_sources(
         release,
         own=0 if first.package else len(messages[0]),
         is_tree=not first.package and _is_tree(first.tree),
-        label=", ".join(root.label for root in roots) if is_named else "the embedded PX4 v1.17",
+        label=_label(roots) if is_named else "the embedded PX4 v1.17",
         root=first.tree,
     )
 
@@ -196,6 +196,12 @@ class _Root(NamedTuple):
 def _root(named: str | Tree, label: str = "") -> _Root:
     tree = open_tree(named) if isinstance(named, str) else named
     return _Root(tree, label or tree.path, _manifest(tree))
+
+
+def _label(roots: list[_Root]) -> str:
+    """Return what uORB's sources are called; further packages have names, and are called by those elsewhere."""
+    own = [root.label for root in roots if not root.package]
+    return ", ".join(own or [root.label for root in roots])
 
 
 def _further_root(text: str, own: str) -> _Root:

@@ -143,6 +143,6 @@ def _remove(folder: str, names: Collection[str]) -> None:
     for name in names:
         with suppress(FileNotFoundError):
             os.unlink(os.path.join(folder, name))
-    for parent in {os.path.dirname(name) for name in names} - {""}:
+    for parent in sorted({os.path.dirname(name) for name in names} - {""}, reverse=True):  # inner folders first
         with suppress(OSError):
             os.rmdir(os.path.join(folder, parent))

@@ -208,15 +208,16 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
     extents = _extents(catalog, message)
     names = _class_names(catalog, message)
     is_own = message.package == catalog.package
+    fields = tuple(
+        _field_view(field, _named(message, field, names), *extents.get(field.name, _NO_EXTENT), prefix)
+        for field in message.fields
+    )
     view = MessageView(
         message,
         ".." if is_own else "...",
         message.topic_names if is_own and message.folder == "msg" else (),
         tuple(_constants(message)),
-        tuple(
-            _field_view(field, _named(message, field, names), *extents.get(field.name, _NO_EXTENT), prefix)
-            for field in message.fields
-        ),
+        fields,
         None,
         (),
         0,

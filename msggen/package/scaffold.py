@@ -51,9 +51,9 @@ def plan_scaffold(target: Target, sources: Sources, known: Record, definitions: 
     if not own and not target.is_new:
         return Scaffold(known.fingerprint, recorded, {})
     origin = origin_of(sources)
-    options = _options(target.name, topics_only=definitions.topics_only)
     dependencies = tuple(definitions.dependencies)
-    fingerprint = _fingerprint(target.name, origin, options, dependencies)
+    options = _options(target.name, dependencies, topics_only=definitions.topics_only)
+    fingerprint = _fingerprint(target.name, origin, options)
     if fingerprint == known.fingerprint:
         return Scaffold(fingerprint, recorded, {})
     names = NAMES if target.is_new else tuple(own)
@@ -102,14 +102,15 @@ def _base(path: str) -> str:
     return "".join(character if character.isprintable() and character not in "`|" else "_" for character in name)
 
 
-def _options(package: str, *, topics_only: bool) -> str:
+def _options(package: str, dependencies: tuple[str, ...], *, topics_only: bool) -> str:
     """Return the options that the next sync needs too, each with a space behind it."""
+    folders = "".join(f"--msg-dir {dependency}={dependency} " for dependency in dependencies)
     name = "" if package == DEFAULT_PACKAGE else f"--package {package} "
-    return name + ("--topics-only " if topics_only else "")
+    return folders + name + ("--topics-only " if topics_only else "")
 
 
-def _fingerprint(package: str, origin: Origin, options: str, dependencies: tuple[str, ...]) -> str:
-    state = [__version__, package, repr(origin), options, *dependencies]
+def _fingerprint(package: str, origin: Origin, options: str) -> str:
+    state = [__version__, package, repr(origin), options]
     for name in NAMES:
         with open(os.path.join(resource("templates"), *_template(name).split("/")), encoding="utf-8") as stream:
             state.append(stream.read())

@@ -660,7 +660,8 @@ def _value_problem(outer: Message, base: str, value: Any, path: str) -> str:
         fits = hasattr(value, "__index__") and low <= value.__index__() <= high
         return "" if fits else f"{path}: expected {base}, {low} to {high}, got {_given(value)}"
     if not isinstance(value, nested(outer.__class__, base)):
-        return f"{path}: expected {base}, got {_given(value)}"
+        given = value.__msg__.ros_type if isinstance(value, Message) else _given(value)
+        return f"{path}: expected {base}, got {given}"
     return _problem(value, path)
 
 
