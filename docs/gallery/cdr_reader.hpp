@@ -60,6 +60,14 @@ class Reader {
     position_ += size;
   }
 
+  /// Four bytes for each unit of UTF-16, as ROS 2 writes it.
+  void wide_text(std::u16string& value) {
+    const std::size_t count = length();
+    good_ = good_ && count <= left() / 4;
+    value.clear();
+    for (std::size_t i = 0; i < count && good_; ++i) value.push_back(static_cast<char16_t>(length()));
+  }
+
   /// XCDR2 says before several values that are no numbers how many bytes follow.
   template <class T>
   void delimiter() {
@@ -83,6 +91,11 @@ Reader& operator>>(Reader& from, T& value) {
 
 inline Reader& operator>>(Reader& from, std::string& value) {
   from.text(value);
+  return from;
+}
+
+inline Reader& operator>>(Reader& from, std::u16string& value) {
+  from.wide_text(value);
   return from;
 }
 
