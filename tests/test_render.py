@@ -629,3 +629,16 @@ def test_the_sessions_of_the_page_are_real(tmp_path: Path) -> None:
         check=False,
     )
     assert done.stdout == shown
+
+
+def test_both_templates_of_the_page_make_the_same() -> None:
+    jinja = re.search(r"\$ cat table.csv.j2\n(.*?)\$ msggen", PAGE, re.DOTALL)
+    empy = re.search(r"as `table.csv.em`.*?```\n(.*?)```", PAGE, re.DOTALL)
+    assert jinja
+    assert empy
+    write(table__csv__j2=jinja[1], table__csv__em=empy[1])
+    render("table.csv.j2", "--name", "{{ message.name }}.j2")
+    render("table.csv.em", "--name", "{{ message.name }}.em")
+    texts = made()
+    assert texts["Bar.em"] == texts["Bar.j2"]
+    assert "foo[1].x" in texts["Bar.j2"]
