@@ -106,6 +106,8 @@ def _unknown_types(outer: Message, known: Mapping[str, Message]) -> Iterator[Dia
             continue
         if type_.package and not any(key.startswith(f"{type_.package}/") for key in known):
             text = f"unknown type '{type_.base}': the package '{type_.package}' is not among the sources"
+        elif f"{outer.version_of.split('/')[0]}/{type_.name}" in known:
+            text = f"unknown type '{type_.base}': archived messages nest archived ones, as '{type_.name}V0'"
         else:
             names = [key.split("/")[1] for key in known if key.startswith(f"{type_.package or outer.package}/")]
             text = f"unknown type '{type_.base}'{suggestion(type_.name, [*names, *PRIMITIVES])}"

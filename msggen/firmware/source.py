@@ -12,7 +12,11 @@ from msggen.resources import embedded_root
 RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "main")
 """The releases whose conventions are known (`release` has them)."""
 
+ARCHIVE = "px4_msgs_old/msg"
+"""Where a tree keeps earlier versions of its messages, below `msg/`."""
+
 _RELEASE_OPTION = Location("--release", 0)
+_ARCHIVED_OPTION = Location("--archived", 0)
 _BRIDGE_PLACES = ("src/modules/uxrce_dds_client/dds_topics.yaml", "dds_topics.yaml")
 
 
@@ -38,7 +42,8 @@ class Sources(NamedTuple):
     `manifest` is the package.xml of the first source, unless that is the firmware, and names the ROS package of all;
     `other_manifests` are those of further sources. `own` counts the messages of the first source, which come
     first: by them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in
-    a few words what the sources are. `root` is where the first source lies.
+    a few words what the sources are. `root` is where the first source lies. `archived` are earlier versions of
+    messages, where they were asked for.
     """
 
     messages: tuple[File, ...]
@@ -51,6 +56,7 @@ class Sources(NamedTuple):
     is_tree: bool = False
     label: str = ""
     root: Tree | None = None
+    archived: tuple[File, ...] = ()
 
     def dependencies(self) -> tuple[str, ...]:
         """Return the paths of what is read from the disk: files, and archives; a revision never changes."""
@@ -60,7 +66,7 @@ class Sources(NamedTuple):
     def files(self) -> tuple[File, ...]:
         """Return all of them, in an order that does not depend on the machine."""
         single = [file for file in (self.bridge, self.manifest) if file]
-        return (*self.messages, *self.services, *single, *self.other_manifests)
+        return (*self.messages, *self.services, *single, *self.other_manifests, *self.archived)
 
 
 def open_tree(text: str) -> Tree:
@@ -129,6 +135,19 @@ def find_sources(
     )
 
 
+def with_archived(sources: Sources, place: Location = _ARCHIVED_OPTION) -> Sources:
+    """Return `sources` with the archived definitions of the first of them.
+
+    Raises InputError where it has none; they were asked for at `place`.
+    """
+    root = sources.root
+    found = _files(root, f"msg/{ARCHIVE}/" if root.is_folder("msg") else f"{ARCHIVE}/", ".msg") if root else []
+    if not found:
+        text = f"{sources.label} has no earlier versions of messages: PX4 v1.16 and later has them in msg/{ARCHIVE}"
+        raise fault(place.path, "S117", text, *place[1:])
+    return sources._replace(archived=tuple(found))
+
+
 def read_files(sources: Sources) -> dict[str, bytes]:
     """Return the contents of all files by path, each read once. Raises InputError for those that cannot be read."""
     return {file.path: read_file(file) for file in sources.files()}
@@ -146,13 +165,17 @@ def _definitions(root: Tree, folder: str, suffix: str) -> list[File]:
     """Return the definitions in `root`: under `msg/` or `srv/` if it has them there, else in `root` itself.
 
     `versioned/` counts, but not in a ROS package, which is built from what lies flat; `px4_msgs_old/` with its
-    archived versions never does.
+    archived versions does not.
     """
     prefix = f"{folder}/" if root.is_folder(folder) else ""
     folders = (prefix,) if _manifest(root) else (prefix, f"{prefix}versioned/")
+    return [file for folder in folders for file in _files(root, folder, suffix)]
+
+
+def _files(root: Tree, folder: str, suffix: str) -> list[File]:
+    place = root.place(folder)
     return [
         File(place + name, folder + name, root)
-        for folder, place in [(folder, root.place(folder)) for folder in folders]
         for name in root.names(folder)
         if name.endswith(suffix) and not name.startswith(".")
     ]
