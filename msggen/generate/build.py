@@ -117,6 +117,7 @@ def _summary(catalog: "Catalog") -> str:
     topics = sum(len(message.topic_names) for message in catalog.messages.values())
     counts = (
         _count(len(catalog.messages), "message"),
+        *([_count(len(catalog.archived), "archived version")] if catalog.archived else ()),
         _count(len(catalog.services), "service"),
         _count(topics, "uORB topic"),
         _count(len(catalog.bridge), "endpoint"),

@@ -74,6 +74,15 @@ class FieldView(NamedTuple):
         return f"_cdr.Field({wrapped(items, 16)})"
 
 
+class Neighbour(NamedTuple):
+    """The next version of a message, before or after it, and the method that leads there."""
+
+    method: str
+    name: str
+    module: str
+    version: int
+
+
 class MessageView(NamedTuple):
     """One class."""
 
@@ -92,6 +101,8 @@ class MessageView(NamedTuple):
     """What stands before the names of built-in types: nothing, unless a field hides them."""
     has_large_arrays: bool
     """Its own, or in what it nests: the codec unfolds that."""
+    neighbours: tuple[Neighbour, ...] = ()
+    """Its versions before and after this one, where there are."""
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -160,7 +171,9 @@ class MessageView(NamedTuple):
         """Where the message comes from and goes to, for its docstring."""
         names = self._topic_names
         topics = f"uORB topic{'s' if len(names) > 1 else ''}: {', '.join(names)}. " if names else ""
-        version = f"Version {self.message.message_version}, " if self.message.message_version else ""
+        number = self.message.message_version
+        of = f" of {self.message.released_as[1]}, archived" if self.message.version_of else ""
+        version = f"Version {number}{of}, " if number or of else ""
         return f"{topics}{version}{self.cdr_size} bytes."
 
 
@@ -184,7 +197,17 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         tuple(_nested_imports(catalog, message)),
         prefix,
         any(is_large(leaf.type) for leaf in layout.leaves),
+        tuple(_neighbours(catalog.versions(message), message)) if catalog.archived else (),
     )
+
+
+def _neighbours(versions: tuple[Message, ...], message: Message) -> Iterator[Neighbour]:
+    older = [other for other in versions if other.message_version < message.message_version]
+    newer = [other for other in versions if other.message_version > message.message_version]
+    if message in versions:
+        for method, others in (("upgrade", newer[:1]), ("downgrade", older[-1:])):
+            for other in others:
+                yield Neighbour(method, other.name, module_name(other.name), other.message_version)
 
 
 def _constants(message: Message) -> Iterator[ConstantView]:
