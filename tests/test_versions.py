@@ -38,6 +38,7 @@ from msggen.firmware.source import find_sources, with_archived
 from msggen.generate.package import list_package, render_package
 from msggen.model import FLOATS, INTEGER_RANGES, ArrayKind, Catalog, FieldType, Message
 
+PAGE = (ROOT / "docs" / "versions.md").read_text(encoding="utf-8")
 ARCHIVE = "msg/px4_msgs_old/msg"
 STAMP = "uint64 timestamp\n"
 
@@ -159,16 +160,18 @@ UNVERSIONED = {"EstimatorStatusFlags", "FailsafeFlags", "SensorGps", "TelemetryS
 
 
 @pytest.mark.parametrize(
-    ("release", "earlier", "same"),
-    [("v1.17", "v1.16", 46), ("main-2026-03", "v1.16", 44), ("main-2026-03", "v1.17", 62)],
+    ("release", "earlier", "without", "same"),
+    [("v1.17", "v1.16", 41, 46), ("main-2026-03", "v1.16", 34, 44), ("main-2026-03", "v1.17", 57, 62)],
 )
 def test_the_topics_of_an_earlier_release_lead_to_its_types(
-    release: str, earlier: str, same: int, tree_of: Callable[[str], Tree]
+    release: str, earlier: str, without: int, same: int, tree_of: Callable[[str], Tree]
 ) -> None:
+    """As many as docs/versions.md says; without archived versions it is the current ones that are left."""
     topics = tree_of(release).topics
     measured = oracle(f"uorb-{earlier}")["messages"]
-    agreeing, other, unknown = 0, set(), set()
-    for row in oracle(f"dds-{earlier}"):
+    agreeing, other, unknown = [], set(), set()
+    rows = oracle(f"dds-{earlier}")
+    for row in rows:
         try:
             endpoint = topics.endpoint(row["dds_topic"])
         except KeyError:
@@ -178,10 +181,12 @@ def test_the_topics_of_an_earlier_release_lead_to_its_types(
         assert (endpoint.dds_name, about.dds_type) == (row["dds_topic"], row["dds_type"])
         assert about.message_version == row["message_version"]
         if about.message_hash == measured[row["type"]]["message_hash"]:
-            agreeing += 1
+            agreeing.append(endpoint)
         else:
             other.add(about.name)
-    assert agreeing == same
+    assert len(agreeing) == same
+    assert len([endpoint for endpoint in agreeing if endpoint in topics.ENDPOINTS]) == without
+    assert f"| {without} of {len(rows)} | {same} of {len(rows)} | {earlier} |" in PAGE
     assert other <= UNVERSIONED | OTHER_THAN_RELEASED
     assert unknown == ({"/fmu/in/aux_global_position"} if release == "main-2026-03" else set())
 
@@ -396,6 +401,18 @@ def test_a_nested_value_that_does_not_fit_is_named_once_and_the_others_are_carri
     assert [event.id for event in converted.message.events] == [1, 0, 0]
     assert converted.dropped.count("events.id") == converted.defaulted.count("events.id") == 1
     assert "main.id" not in converted.dropped
+
+
+def test_an_archived_message_may_nest_a_current_one_by_its_full_name(tmp_path: Path) -> None:
+    files = {
+        f"{ARCHIVE}/LampV0.msg": f"{version(0)}{STAMP}px4_msgs/Fan fan\n",
+        "msg/versioned/Lamp.msg": f"{version(1)}{STAMP}Fan fan\n",
+        "msg/Fan.msg": STAMP,
+    }
+    package = package_of(files, tmp_path)
+    old = package.LampV0(fan=package.Fan(timestamp=4))
+    assert package.LampV0.decode(old.encode()) == old
+    assert old.upgrade().message == package.Lamp(fan=package.Fan(timestamp=4))
 
 
 def test_a_default_of_the_definition_is_what_a_field_is_left_at(tmp_path: Path) -> None:
@@ -719,6 +736,16 @@ def test_where_a_topic_has_a_name_of_its_own_no_namespace_is_looked_for(topics: 
     assert topics.endpoint("/other/fmu/in/lamp").object_id == topics.ENDPOINTS[-2].object_id
 
 
+def test_a_topic_that_is_called_like_a_version_of_another_is_itself(tmp_path: Path) -> None:
+    files = {**BRIDGED, "msg/Fan.msg": f"# TOPICS lamp_v1\n{STAMP}"}
+    files["dds_topics.yaml"] = BRIDGE.replace("/fmu/out/fan", "/fmu/out/lamp_v1")
+    package = package_of(files, tmp_path)
+    topics = importlib.import_module(f"{package.__name__}.topics")
+    for name in ("/fmu/out/lamp_v1", "/uav_1/fmu/out/lamp_v1"):
+        assert topics.endpoint(name).message is package.Fan
+    assert topics.endpoint("/uav_1/fmu/out/lamp").message is package.LampV0
+
+
 def test_the_current_version_is_the_row_of_the_table(topics: Any) -> None:
     for endpoint in topics.ENDPOINTS:
         assert topics.endpoint(endpoint.ros_name) is endpoint
@@ -836,6 +863,36 @@ def test_archived_versions_come_on_request(capsys: Capture) -> None:
     assert build("--no-archived") == DONE
     assert not (TYPES_OF / "msg" / "_lamp_v0.py").exists()
     assert not (TYPES_OF / "versions.py").exists()
+
+
+@OWN_FOLDER
+def test_the_page_shows_what_really_happens(capsys: Capture) -> None:
+    Path("PX4-Autopilot").symlink_to(shared("firmware/main-2026-03"))
+    command, summary, written = between(PAGE, "console").splitlines()
+    assert main(command.removeprefix("$ msggen ").split()) == DONE
+    printed = capsys.readouterr().out.splitlines()
+    assert [printed[0], re.sub("in .* s$", "", printed[1])] == [summary, re.sub("in .* s$", "", written)]
+    program = f"{between(PAGE, 'python')}\n{PROGRAM}"
+    examples = f"import doctest\nprint(doctest.run_docstring_examples({between(PAGE, 'pycon')!r}, {{}}))\n"
+    for source, expected in ((program, "7 21\n7 21\n"), (examples, "None\n")):
+        done = subprocess.run([sys.executable, "-c", source], cwd="src", capture_output=True, text=True, check=True)
+        assert done.stdout == expected
+
+
+PROGRAM = """
+from px4_types import VehicleStatusV0
+sent = {"uav_1/fmu/out/vehicle_status": VehicleStatusV0, "uav_2/fmu/out/vehicle_status_v2": VehicleStatus}
+for topic, version in sent.items():
+    status = receive(f"rt/{topic}", version(system_id=7, nav_state=21).encode())
+    assert type(status) is VehicleStatus
+    print(status.system_id, status.nav_state)
+"""
+"""Two vehicles for the program on the page."""
+
+
+def between(page: str, language: str) -> str:
+    """Return the first block of a language."""
+    return page.split(f"```{language}\n")[1].partition("```")[0]
 
 
 @OWN_FOLDER
