@@ -738,7 +738,9 @@ def test_where_a_topic_has_a_name_of_its_own_no_namespace_is_looked_for(topics: 
 
 def test_a_topic_that_is_called_like_a_version_of_another_is_itself(tmp_path: Path) -> None:
     files = {**BRIDGED, "msg/Fan.msg": f"# TOPICS lamp_v1\n{STAMP}"}
-    files["dds_topics.yaml"] = BRIDGE.replace("/fmu/out/fan", "/fmu/out/lamp_v1")
+    row = "  - {topic: /fmu/out/lamp_v1, type: 'px4_msgs::msg::Fan'}\n"
+    without = BRIDGE.replace("  - {topic: /fmu/out/fan, type: 'px4_msgs::msg::Fan'}\n", "")
+    files["dds_topics.yaml"] = without.replace("publications:\n", f"publications:\n{row}")
     package = package_of(files, tmp_path)
     topics = importlib.import_module(f"{package.__name__}.topics")
     for name in ("/fmu/out/lamp_v1", "/uav_1/fmu/out/lamp_v1"):
