@@ -305,6 +305,18 @@ class Catalog(NamedTuple):
         """The messages that uORB carries, by name."""
         return tuple(message for message in self.messages.values() if message.package == self.package)
 
+    @property
+    def own_services(self) -> tuple[Service, ...]:
+        """The services of `package`, by name."""
+        return tuple(service for service in self.services if service.package == self.package)
+
+    @property
+    def other_packages(self) -> tuple[str, ...]:
+        """The packages besides `package`, sorted."""
+        found = {message.package for message in self.messages.values()}
+        found |= {service.package for service in self.services}
+        return tuple(sorted(found - {self.package}))
+
     def nested(self, outer: Message, type_: FieldType) -> Message:
         """Return the message that a nested field of `outer` holds."""
         key = outer.key_of(type_)

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
+from msggen.firmware.source import join_package, split_package
 from msggen.location import Location
 
 
@@ -109,7 +110,7 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
         return _texts(value, key, "rules", path, place)
     if field == "msg_dir":
         folders = _texts(value, key, "folders", path, place)
-        return tuple(os.path.join(base, os.path.expanduser(item)) for item in folders)
+        return tuple(_folder(item, base, Location(path, *place)) for item in folders)
     if field == "archived":
         if not isinstance(value, bool):
             _fail(path, "C103", f"'{key}': expected true or false, found {value!r}", *place)
@@ -117,6 +118,12 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
     if not isinstance(value, str) or not value:
         _fail(path, "C103", f"'{key}': expected a text, found {value!r}", *place)
     return os.path.join(base, os.path.expanduser(value)) if field in _PATHS else value
+
+
+def _folder(text: str, base: str, place: Location) -> str:
+    """Return a folder, or `PKG=DIR`, as it is named from where msggen runs."""
+    package, folder = split_package(text, place)
+    return join_package(package, os.path.join(base, os.path.expanduser(folder)))
 
 
 def _texts(value: object, key: str, what: str, path: str, place: tuple[int, int]) -> tuple[str, ...]:

@@ -15,7 +15,6 @@ import re
 import struct
 import subprocess
 import sys
-import tempfile
 from array import array
 from collections.abc import Callable
 from functools import cache
@@ -25,18 +24,16 @@ from typing import Any, NamedTuple
 
 import pytest
 from conftest import ROOT, import_package, shared, write_definitions
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from random_definitions import values_of
 from reference import HEADERS, serialize, to_object, to_values
 from samples import HEADER, plain, values_by_chance
-from test_codec import values_of
 from test_quality import HEAVY
 
 from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.source import find_sources, with_archived
 from msggen.generate.package import list_package, render_package
-from msggen.model import FLOATS, INTEGER_RANGES, ArrayKind, Catalog, FieldType, Message
+from msggen.model import FLOATS, INTEGER_RANGES, STRINGS, ArrayKind, Catalog, FieldType, Message
 
 PAGE = (ROOT / "docs" / "versions.md").read_text(encoding="utf-8")
 ARCHIVE = "msg/px4_msgs_old/msg"
@@ -321,6 +318,21 @@ RULES = [
     Rule("float32[16]", "float64[16]", (0.5,) * 16, array("d", [0.5] * 16)),
     Rule("float64[16]", "float32[16]", (*[0.5] * 15, 0.1), LOST),
     Rule("bool[2]", "uint8[2]", (True, False), LOST),
+    # sequences and text: where there is room
+    Rule("uint8[3]", "uint8[]", b"abc", b"abc"),
+    Rule("uint8[]", "uint8[3]", b"abc", b"abc"),
+    Rule("uint8[]", "uint8[3]", b"ab", LOST),
+    Rule("uint8[]", "uint16[<=3]", b"abc", array("H", [97, 98, 99])),
+    Rule("uint8[]", "uint16[<=3]", b"abcd", LOST),
+    Rule("int32[<=4]", "int16[]", (1, 2, 2**15), LOST),
+    Rule("bool[<=2]", "bool[]", (True,), (True,)),
+    Rule("uint8", "uint8[]", 7, LOST),
+    Rule("string", "string<=5", "hello", "hello"),
+    Rule("string", "string<=5", "hello!", LOST),
+    Rule("string<=5", "wstring", "h\u00e9llo", "h\u00e9llo"),
+    Rule("string[]", "string<=2[2]", ("a", "bb"), ("a", "bb")),
+    Rule("string[]", "string<=2[2]", ("a", "bbb"), LOST),
+    Rule("string", "char[5]", "hello", LOST),
 ]
 
 
@@ -415,6 +427,23 @@ def test_an_archived_message_may_nest_a_current_one_by_its_full_name(tmp_path: P
     assert old.upgrade().message == package.Lamp(fan=package.Fan(timestamp=4))
 
 
+def test_sequences_of_nested_messages_are_as_long_as_they_were(tmp_path: Path) -> None:
+    files = {name: text for name, text in NESTED.items() if "Event" in name}
+    files[f"{ARCHIVE}/ListV0.msg"] = f"{version(0)}{STAMP}EventV0[] many\nEventV0[<=2] few\nEventV0[2] two\n"
+    files["msg/versioned/List.msg"] = f"{version(1)}{STAMP}Event[<=3] many\nEvent[1] few\nEvent[] two\n"
+    package = package_of(files, tmp_path)
+    event = package.EventV0(id=4)
+    converted = package.ListV0(many=[event] * 3, few=[event] * 2, two=(event,) * 2).upgrade()
+    new = converted.message
+    assert [event.id for event in (*new.many, *new.few, *new.two)] == [4, 4, 4, 0, 4, 4]
+    assert (converted.dropped, converted.defaulted) == (
+        ("many.gone", "few", "two.gone"),
+        ("many.added", "few", "two.added"),
+    )
+    assert package.ListV0(many=[event] * 4).upgrade().dropped[:1] == ("many",)
+    assert package.ListV0().upgrade().message.many == ()
+
+
 def test_a_default_of_the_definition_is_what_a_field_is_left_at(tmp_path: Path) -> None:
     package = package_of(
         {
@@ -497,33 +526,58 @@ def test_any_version_converts_to_any_other_and_to_nothing_else(tmp_path: Path) -
 # --- Random definitions against an obvious way to convert
 
 
-TYPES = ("bool", *INTEGER_RANGES, *FLOATS, "Inner", "Other")
+TYPES = ("bool", *INTEGER_RANGES, *FLOATS, "string", "string<=4", "wstring", *["Inner"] * 4, "Other", "")
+SHAPES = ("", "", "", "[1]", "[3]", "[17]", "[]", "[<=1]", "[<=3]")
+PAIRS = 60
 
 
-@st.composite
-def two_versions(draw: st.DrawFn) -> dict[str, str]:
-    """Return two versions of a message, and of one that they nest."""
-    inner = [draw(st.sampled_from(["uint8", "int16", "float64", "bool", ""])) for _ in range(4)]
+def two_versions(chance: Random, name: str) -> dict[str, str]:
+    """Return two versions of a message, with fields of the same names."""
 
-    def fields() -> str:
-        lines = []
-        for name in draw(st.permutations(list("abcdef"))):
-            type_ = draw(st.sampled_from([*TYPES, ""]))
-            array_ = draw(st.sampled_from(["", "", "[1]", "[3]", "[17]"]))
-            lines.append(f"{type_}{array_} {name}\n" if type_ else "")
-        return "".join(lines)
+    def fields(types: tuple[str, ...], names: str) -> str:
+        chosen = [(chance.choice(types), field) for field in chance.sample(names, len(names))]
+        return "".join(f"{type_}{chance.choice(SHAPES)} {field}\n" for type_, field in chosen if type_)
 
-    old = re.sub(r"^(Inner|Other)", r"\1V0", fields(), flags=re.MULTILINE)
+    old = tuple(re.sub("^(Inner|Other)$", r"\1V0", type_) for type_ in TYPES)
     return {
-        f"{ARCHIVE}/InnerV0.msg": version(0)
-        + "".join(f"{t} {n}\n" for t, n in zip(inner[:2], "xy", strict=True) if t)
-        + STAMP,
-        "msg/Inner.msg": version(1) + STAMP + "".join(f"{t} {n}\n" for t, n in zip(inner[2:], "xy", strict=True) if t),
-        f"{ARCHIVE}/OtherV0.msg": version(0) + STAMP,
-        "msg/Other.msg": version(1) + STAMP,
-        f"{ARCHIVE}/OuterV0.msg": f"{version(0)}{STAMP}{old}",
-        "msg/Outer.msg": f"{version(1)}{STAMP}{fields()}",
+        f"{ARCHIVE}/{name}V0.msg": version(0) + STAMP + fields(old, "abcdef"),
+        f"msg/versioned/{name}.msg": version(1) + STAMP + fields(TYPES, "abcdef"),
     }
+
+
+@pytest.fixture(scope="module")
+def random_pairs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Catalog, Any]:
+    chance = Random(55)  # noqa: S311 - no secret
+    files = {
+        f"{ARCHIVE}/InnerV0.msg": f"{version(0)}uint16 a\n{STAMP}float64 b\nuint8 c\nstring d\nbool[2] f\n",
+        "msg/versioned/Inner.msg": f"{version(1)}uint8 e\nint8 c\n{STAMP}float32 b\nuint8 a\nstring<=2 d\nbool[2] f\n",
+        f"{ARCHIVE}/OtherV0.msg": version(0) + STAMP,
+        "msg/versioned/Other.msg": version(1) + STAMP,
+    }
+    for number in range(PAIRS):
+        files |= two_versions(chance, f"Outer{number}x")
+    folder = tmp_path_factory.mktemp("random")
+    catalog = catalog_with_archived(write_definitions(folder / "in", files))
+    return catalog, import_package(catalog, folder / "out")
+
+
+@pytest.mark.parametrize("number", range(PAIRS))
+def test_random_versions_convert_as_an_obvious_way_does(number: int, random_pairs: tuple[Catalog, Any]) -> None:
+    catalog, package = random_pairs
+    chance = Random(number)  # noqa: S311 - no secret
+    older, newer = catalog.versions(catalog.messages[f"px4_msgs/Outer{number}x"])
+    for before, after, method in ((older, newer, "upgrade"), (newer, older, "downgrade")):
+        zero = to_values(catalog, after, getattr(package, after.name)())
+        for _ in range(20):
+            values = values_of(catalog, before, chance)
+            converted = getattr(to_object(package, catalog, before, values), method)()
+            carried, dropped, defaulted = in_common(catalog, before, after, values)
+            found = to_values(catalog, after, converted.message)
+            assert plain_values(found) == plain_values({**zero, **carried})
+            assert (set(converted.dropped), set(converted.defaulted)) == (dropped, defaulted)
+            assert len(converted.dropped) == len(dropped)
+            assert len(converted.defaulted) == len(defaulted)
+            assert type(converted.message).decode(converted.message.encode()) == converted.message
 
 
 def in_common(
@@ -535,16 +589,21 @@ def in_common(
     carried: dict[str, Any] = {}
     dropped, defaulted = set(mine) - set(theirs), set(theirs) - set(mine)
     for name in set(mine) & set(theirs):
-        if not mine[name].is_primitive and not theirs[name].is_primitive:
+        is_single = mine[name].array is ArrayKind.SCALAR
+        several = [values[name]] if is_single else values[name]
+        if not has_room(theirs[name], None if is_single else len(several)):
+            pass
+        elif not mine[name].is_primitive and not theirs[name].is_primitive:
             inner = catalog.nested(old, mine[name]), catalog.nested(new, theirs[name])
-            if inner[0].ros_type == inner[1].ros_type and mine[name][2:4] == theirs[name][2:4]:
-                is_array = mine[name].array is ArrayKind.FIXED
-                parts = [in_common(catalog, *inner, one) for one in (values[name] if is_array else [values[name]])]
-                carried[name] = [part[0] for part in parts] if is_array else parts[0][0]
+            if inner[0].ros_type == inner[1].ros_type:
+                parts = [in_common(catalog, *inner, one) for one in several]
+                zero = {field.name: ZEROS[str(field.type)] for field in inner[1].fields}
+                whole = [{**zero, **part[0]} for part in parts]
+                carried[name] = whole[0] if is_single else whole
                 dropped |= {f"{name}.{lost}" for part in parts for lost in part[1]}
                 defaulted |= {f"{name}.{unset}" for part in parts for unset in part[2]}
                 continue
-        elif all_hold(mine[name], theirs[name], values[name]):
+        elif kind(mine[name]) == kind(theirs[name]) and all(holds(mine[name], theirs[name], one) for one in several):
             carried[name] = values[name]
             continue
         dropped.add(name)
@@ -552,16 +611,31 @@ def in_common(
     return carried, dropped, defaulted
 
 
-def all_hold(mine: FieldType, theirs: FieldType, value: Any) -> bool:
-    if mine[2:4] != theirs[2:4]:
-        return False
-    values = value if mine.array is ArrayKind.FIXED else [value]
-    if mine.name in INTEGER_RANGES and theirs.name in INTEGER_RANGES:
+ZEROS: dict[str, Any] = {"string": "", "string<=2": "", "bool[2]": [False, False], "float32": 0.0, "float64": 0.0}
+ZEROS |= dict.fromkeys(("uint8", "int8", "uint16", "uint64"), 0)
+"""Those of the types in both versions of Inner."""
+
+
+def has_room(type_: FieldType, count: int | None) -> bool:
+    if count is None or type_.array is ArrayKind.SCALAR:
+        return count is None and type_.array is ArrayKind.SCALAR
+    at_most = type_.array is ArrayKind.BOUNDED and count <= type_.length
+    return at_most or type_.array is ArrayKind.UNBOUNDED or (type_.array is ArrayKind.FIXED and count == type_.length)
+
+
+def kind(type_: FieldType) -> str:
+    kinds = {"integer": INTEGER_RANGES, "float": FLOATS, "text": STRINGS, "bool": ("bool",)}
+    return next((name for name, types in kinds.items() if type_.name in types), "message")
+
+
+def holds(mine: FieldType, theirs: FieldType, value: Any) -> bool:
+    """Whether a value is one of a type of the same kind."""
+    if theirs.name in INTEGER_RANGES:
         low, high = INTEGER_RANGES[theirs.name]
-        return all(low <= one <= high for one in values)
-    if (mine.name, theirs.name) == ("float64", "float32"):
-        return all(math.isnan(one) or one in (INF, -INF) or is_float32(one) for one in values)
-    return mine.name == theirs.name or (mine.name, theirs.name) == ("float32", "float64")
+        return bool(low <= value <= high)
+    if theirs.name in STRINGS:
+        return theirs.string_bound is None or len(value) <= theirs.string_bound
+    return (mine.name, theirs.name) != ("float64", "float32") or not math.isfinite(value) or is_float32(value)
 
 
 def is_float32(value: float) -> bool:
@@ -571,33 +645,6 @@ def is_float32(value: float) -> bool:
     numerator, denominator = abs(value).as_integer_ratio()
     odd = numerator // (numerator & -numerator)
     return odd < 2**24 and denominator <= 2**149 and numerator < 2**128 * denominator
-
-
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
-@given(files=two_versions(), data=st.data())
-def test_random_versions_convert_as_an_obvious_way_does(files: dict[str, str], data: st.DataObject) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        catalog = catalog_with_archived(write_definitions(Path(folder, "in"), files))
-        package = import_package(catalog, Path(folder, "out"))
-        versions = catalog.archived["px4_msgs_old/OuterV0"], catalog.messages["px4_msgs/Outer"]
-        for before, after, method in ((*versions, "upgrade"), (*versions[::-1], "downgrade")):
-            values = data.draw(values_of(catalog, before))
-            converted = getattr(to_object(package, catalog, before, values), method)()
-            carried, dropped, defaulted = in_common(catalog, before, after, values)
-            zero = to_values(catalog, after, getattr(package, after.name)())
-            found = to_values(catalog, after, converted.message)
-            assert plain_values(found) == plain_values(overlaid(zero, carried))
-            assert (set(converted.dropped), set(converted.defaulted)) == (dropped, defaulted)
-            assert len(converted.dropped) == len(dropped)
-            assert len(converted.defaulted) == len(defaulted)
-
-
-def overlaid(zero: Any, carried: Any) -> Any:
-    if isinstance(carried, dict):
-        return {name: overlaid(zero[name], carried[name]) if name in carried else zero[name] for name in zero}
-    if isinstance(carried, list) and carried and isinstance(carried[0], dict):
-        return [overlaid(one, other) for one, other in zip(zero, carried, strict=True)]
-    return carried
 
 
 def plain_values(values: Any) -> Any:

@@ -83,7 +83,7 @@ class Build:
         state.update(_tool_digest())
         for file in self.sources.files():
             data = self.contents[file.path]
-            state.update(b"\0%s\0%d\0" % (os.fsencode(file.name), len(data)) + data)
+            state.update(b"\0%s\0%s\0%d\0" % (file.package.encode(), os.fsencode(file.name), len(data)) + data)
         return state.hexdigest()
 
 
@@ -114,17 +114,24 @@ def _escaped(path: str) -> str:
 
 
 def _summary(catalog: "Catalog") -> str:
-    topics = sum(len(message.topic_names) for message in catalog.messages.values())
+    messages, services = catalog.uorb_messages, catalog.own_services
+    further = (
+        _count(len(catalog.messages) - len(messages), "message"),
+        _count(len(catalog.services) - len(services), "service"),
+    )
+    others = f"{', '.join(further)} of {', '.join(catalog.other_packages)}" if catalog.other_packages else ""
+    if others and not (messages or services):
+        return others
     counts = (
-        _count(len(catalog.messages), "message"),
+        _count(len(messages), "message"),
         *([_count(len(catalog.archived), "archived version")] if catalog.archived else ()),
-        _count(len(catalog.services), "service"),
-        _count(topics, "uORB topic"),
+        _count(len(services), "service"),
+        _count(sum(len(message.topic_names) for message in messages), "uORB topic"),
         _count(len(catalog.bridge), "endpoint"),
     )
     release = catalog.conventions.release
     named = release if release < "v1.16" and release != "main" else "v1.16 and later"
-    return f"{', '.join(counts)}; DDS names of {named}"
+    return "; ".join(filter(None, (", ".join(counts), others, f"DDS names of {named}")))
 
 
 def _count(number: int, noun: str) -> str:

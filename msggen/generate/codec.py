@@ -12,7 +12,7 @@ How a value is held in Python, and why (docs/design.md has the measurements):
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from msggen.generate.source import literal
 from msggen.model import ArrayKind, Catalog, FieldType, Message
@@ -36,6 +36,9 @@ CODES = {
     "float64": "d",
 }
 
+ClassOf = Callable[[Message], str]
+"""Names the class of a message, as the module that nests it does."""
+
 _BYTES = ("byte", "char", "uint8")
 _TAKEN = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error", "len"})
 _LARGEST_GROUP = 100
@@ -49,8 +52,14 @@ def is_bytes(type_: FieldType) -> bool:
 
 def is_large(type_: FieldType) -> bool:
     """Whether the array is held as array.array."""
-    numeric = type_.is_primitive and type_.name not in (*_BYTES, "bool")
+    numeric = type_.name in CODES and type_.name not in (*_BYTES, "bool")
     return numeric and type_.array is ArrayKind.FIXED and type_.length >= ARRAY_FROM
+
+
+def is_held_as_array(type_: FieldType) -> bool:
+    """Whether the values are held as array.array: large arrays, and sequences, of numbers."""
+    is_sequence = type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED)
+    return is_large(type_) or (is_sequence and type_.name in CODES and type_.name not in (*_BYTES, "bool"))
 
 
 class Names:
@@ -122,15 +131,16 @@ class Values:
 class Codec(Values):
     """The statements of `encode` and `decode`."""
 
-    def __init__(self) -> None:
+    def __init__(self, class_of: ClassOf) -> None:
         super().__init__(Names(_TAKEN))
+        self.class_of = class_of
         self.created: list[tuple[str, str]] = []
         """Local and class of the nested messages that `decode` makes."""
 
     @classmethod
-    def of(cls, catalog: Catalog, message: Message) -> Codec:
-        """Return the statements for `message`, with all it nests unfolded."""
-        codec = cls()
+    def of(cls, catalog: Catalog, message: Message, class_of: ClassOf) -> Codec:
+        """Return the statements for `message`, with all it nests unfolded; `class_of` names the class of a message."""
+        codec = cls(class_of)
         codec._message(catalog, message, "message", "self", "")
         return codec
 
@@ -149,7 +159,7 @@ class Codec(Values):
         is_array = type_.array is ArrayKind.FIXED
         names = self.names.several(stem, type_.length) if is_array else [self.names.one(stem)]
         self.unpacked.append((as_tuple(names) if is_array else names[0], there))
-        self.created += [(name, message.name) for name in names]
+        self.created += [(name, self.class_of(message)) for name in names]
         for name in names:
             self._message(catalog, message, name, name, f"{name}_")
         self.assigned.append((here, as_tuple(names) if is_array else names[0]))

@@ -2,27 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from msggen.generate.codec import CODES, Codec, as_tuple, is_bytes, is_large
+from msggen.generate.codec import CODES, Codec, as_tuple, is_bytes, is_held_as_array, is_large
 from msggen.generate.source import documentation, literal, wrapped
+from msggen.generate.stream import Function, functions_of
 from msggen.identity import message_hash, type_hash
 from msggen.layout import (
     Encoding,
     Layout,
     Leaf,
+    is_static,
     lay_out,
     struct_format,
     struct_size,
 )
-from msggen.model import FLOATS, ArrayKind, Catalog, Comment, Field, FieldType, Message, snake_case
+from msggen.model import (
+    FLOATS,
+    INTEGER_RANGES,
+    STRINGS,
+    ArrayKind,
+    Catalog,
+    Comment,
+    Field,
+    FieldType,
+    Message,
+    snake_case,
+)
 
 SPELLED_OUT_TO = 4
 """Tuples up to this length are spelled out in annotations."""
 
 _UNSIGNED = {1: "B", 2: "H", 4: "I", 8: "Q"}
-_SHADOWING = frozenset({"int", "float", "bool", "bytes", "tuple"})
+_SHADOWING = frozenset({"int", "float", "bool", "bytes", "list", "str", "tuple"})
+_PYTHON_TYPES = {
+    **dict.fromkeys(INTEGER_RANGES, "int"),
+    **dict.fromkeys(FLOATS, "float"),
+    **dict.fromkeys(STRINGS, "str"),
+    "bool": "bool",
+}
+_ZEROS = {"bool": "False", "int": "0", "float": "0.0", "str": '""'}
 
 
 def module_name(name: str) -> str:
@@ -74,6 +95,19 @@ class FieldView(NamedTuple):
         return f"_cdr.Field({wrapped(items, 16)})"
 
 
+class Import(NamedTuple):
+    """A class of a nested message: where it is, what it is called there, and here."""
+
+    module: str
+    name: str
+    here: str
+
+    @property
+    def text(self) -> str:
+        """What stands behind `import`."""
+        return self.name if self.name == self.here else f"{self.name} as {self.here}"
+
+
 class Neighbour(NamedTuple):
     """The next version of a message, before or after it, and the method that leads there."""
 
@@ -87,27 +121,33 @@ class MessageView(NamedTuple):
     """One class."""
 
     message: Message
+    root: str
+    """The generated package, as a relative import names it."""
+    topic_names: tuple[str, ...]
+    """The uORB topics of the message; halves of services have none, nor have messages of other packages."""
     constants: tuple[ConstantView, ...]
     fields: tuple[FieldView, ...]
-    codec: Codec
+    codec: Codec | None
+    """For a static layout; else `functions` has something."""
+    functions: tuple[Function, ...]
     cdr_size: int
     struct_size: int
     message_hash: int
     type_hash: str
     layout_arguments: tuple[str, ...]
-    nested: tuple[tuple[str, str], ...]
-    """Module and name of the messages it nests."""
+    nested: tuple[Import, ...]
+    """The messages it nests, at any depth."""
     builtins: str
     """What stands before the names of built-in types: nothing, unless a field hides them."""
-    has_large_arrays: bool
-    """Its own, or in what it nests: the codec unfolds that."""
-    neighbours: tuple[Neighbour, ...] = ()
+    uses_arrays: bool
+    """Whether it needs the module of arrays, for itself or what it nests: the codec unfolds that."""
+    neighbours: tuple[Neighbour, ...]
     """Its versions before and after this one, where there are."""
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The uORB topics of the message, as literals; halves of services have none."""
-        return tuple(map(literal, self._topic_names))
+        """The uORB topics of the message, as literals."""
+        return tuple(map(literal, self.topic_names))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -124,10 +164,6 @@ class MessageView(NamedTuple):
         """What `decode` asks of the length: nothing where `unpack` has."""
         lengths = ", ".join(str(self.cdr_size + 4 + surplus) for surplus in range(4))
         return f" or len(data) not in ({lengths})" if self.cdr_size % 4 else ""
-
-    @property
-    def _topic_names(self) -> tuple[str, ...]:
-        return self.message.topic_names if self.message.folder == "msg" else ()
 
     @property
     def attributes(self) -> list[tuple[str, str, str]]:
@@ -152,7 +188,7 @@ class MessageView(NamedTuple):
     @property
     def underscore(self) -> str:
         """What stands before names of typing: nothing, unless a message here has such a name."""
-        names = {self.message.name, *(name for _, name in self.nested)}
+        names = {self.message.name, *(nested.here for nested in self.nested)}
         return "_" if names & {"ClassVar", "Final"} else ""
 
     @property
@@ -164,40 +200,57 @@ class MessageView(NamedTuple):
     def units(self) -> str:
         """The fields with their units, for its docstring."""
         fields = [f"{field.name} [{field.comment.unit}]" if field.comment.unit else field.name for field in self.fields]
-        return f"Fields: {', '.join(fields)}."
+        return f"Fields: {', '.join(fields)}." if fields else "No fields."
 
     @property
     def summary(self) -> str:
         """Where the message comes from and goes to, for its docstring."""
-        names = self._topic_names
+        names = self.topic_names
         topics = f"uORB topic{'s' if len(names) > 1 else ''}: {', '.join(names)}. " if names else ""
         number = self.message.message_version
         of = f" of {self.message.released_as[1]}, archived" if self.message.version_of else ""
         version = f"Version {number}{of}, " if number or of else ""
-        return f"{topics}{version}{self.cdr_size} bytes."
+        size = "Samples differ in size." if self.functions else f"{self.cdr_size} bytes."
+        return f"{topics}{version}{size}"
 
 
 def message_view(catalog: Catalog, message: Message) -> MessageView:
     """Return what the class of `message` is made of."""
-    layout = lay_out(catalog, message)
     shadowed = {field.name for field in message.fields} & _SHADOWING
     prefix = "builtins." if shadowed else ""
-    extents = layout.extents()
-    fields = tuple(_field_view(field, *extents[field.name], prefix) for field in message.fields)
-    return MessageView(
+    extents = _extents(catalog, message)
+    names = _class_names(catalog, message)
+    is_own = message.released_as[0] == catalog.package
+    view = MessageView(
         message,
+        ".." if is_own else "...",
+        message.topic_names if is_own and message.folder == "msg" else (),
         tuple(_constants(message)),
-        fields,
-        Codec.of(catalog, message),
-        layout.size,
-        struct_size(catalog, message),
+        tuple(
+            _field_view(field, _named(message, field, names), *extents.get(field.name, _NO_EXTENT), prefix)
+            for field in message.fields
+        ),
+        None,
+        (),
+        0,
+        0,
         message_hash(catalog, message),
         type_hash(catalog, message),
-        tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
-        tuple(_nested_imports(catalog, message)),
+        (),
+        tuple(_nested_imports(catalog, message, names)),
         prefix,
-        any(is_large(leaf.type) for leaf in layout.leaves),
+        any(_uses_arrays(field.type) for field in message.fields),
         tuple(_neighbours(catalog.versions(message), message)) if catalog.archived else (),
+    )
+    if not is_static(catalog, message):
+        return view._replace(functions=functions_of(catalog, message, lambda nested: names[nested.key]))
+    layout = lay_out(catalog, message)
+    return view._replace(
+        codec=Codec.of(catalog, message, lambda nested: names[nested.key]),
+        cdr_size=layout.size,
+        struct_size=struct_size(catalog, message) if is_own else 0,
+        layout_arguments=tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
+        uses_arrays=any(is_large(leaf.type) for leaf in layout.leaves),
     )
 
 
@@ -210,6 +263,15 @@ def _neighbours(versions: tuple[Message, ...], message: Message) -> Iterator[Nei
                 yield Neighbour(method, other.name, module_name(other.name), other.message_version)
 
 
+_NO_EXTENT = (-1, 0)
+
+
+def _extents(catalog: Catalog, message: Message) -> dict[str, tuple[int, int]]:
+    """Return offset and size of the fields that have the same in every sample: those before the first that differs."""
+    static = itertools.takewhile(lambda field: is_static(catalog, message._replace(fields=(field,))), message.fields)
+    return lay_out(catalog, message._replace(fields=tuple(static))).extents()
+
+
 def _constants(message: Message) -> Iterator[ConstantView]:
     """Constants with documentation stand apart, others together."""
     apart = True
@@ -219,52 +281,89 @@ def _constants(message: Message) -> Iterator[ConstantView]:
         apart = bool(text)
 
 
-def _nested_imports(catalog: Catalog, message: Message) -> Iterator[tuple[str, str]]:
-    folder = "." if message.folder == "msg" else "..msg."
+def _class_names(catalog: Catalog, message: Message) -> dict[str, str]:
+    """Return what the module of `message` calls it and all that it nests, by key.
+
+    That is the name of each; with its package in front, `std_msgs_Header`, where several packages have that name.
+    """
+    every = (message, *catalog.nested_all(message))
+    names = [each.name for each in every]
+    return {
+        each.key: each.name
+        if each.package == message.package or names.count(each.name) == 1
+        else f"{each.package}_{each.name}"
+        for each in every
+    }
+
+
+def _nested_imports(catalog: Catalog, message: Message, names: Mapping[str, str]) -> Iterator[Import]:
+    own, here = catalog.package, message.released_as[0]
     for inner in catalog.nested_all(message):
-        yield f"{folder}{module_name(inner.name)}", inner.name
+        there = inner.released_as[0]
+        if there == here:
+            folder = "." if message.folder == "msg" else "..msg."
+        else:
+            root = ".." if here == own else "..."
+            folder = f"{root}msg." if there == own else f"{root}{there}.msg."
+        yield Import(f"{folder}{module_name(inner.name)}", inner.name, names[inner.key])
 
 
-def _field_view(field: Field, offset: int, size: int, prefix: str) -> FieldView:
-    annotation = _annotation(field.type, prefix)
-    default, initial = _initial(field, prefix)
+def _named(message: Message, field: Field, names: Mapping[str, str]) -> Field:
+    """Return a field of `message` with the type that its module has for it."""
+    if field.type.is_primitive:
+        return field
+    return field._replace(type=field.type._replace(name=names[message.key_of(field.type)], package=None))
+
+
+def _field_view(field: Field, named: Field, offset: int, size: int, prefix: str) -> FieldView:
+    annotation = _annotation(named.type, prefix)
+    default, initial = _initial(named, prefix)
     parameter = f"{field.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
     return FieldView(field.name, field.type, offset, size, field.comment, annotation, parameter, initial)
 
 
 def _annotation(type_: FieldType, prefix: str) -> str:
-    if type_.array is ArrayKind.FIXED and is_bytes(type_):
+    if type_.array is not ArrayKind.SCALAR and is_bytes(type_):
         return f"{prefix}bytes"
-    if not type_.is_primitive:
-        item = type_.name
-    elif type_.name == "bool":
-        item = f"{prefix}bool"
-    else:
-        item = f"{prefix}float" if type_.name in FLOATS else f"{prefix}int"
+    item = f"{prefix}{_PYTHON_TYPES[type_.name]}" if type_.is_primitive else type_.name
     if type_.array is ArrayKind.SCALAR:
         return item
-    if is_large(type_):
+    if is_large(type_) or type_.array is not ArrayKind.FIXED:
         return f"_arrays.Sequence[{item}]"
     if type_.length <= SPELLED_OUT_TO:
         return f"{prefix}tuple[{', '.join([item] * type_.length)}]"
     return f"{prefix}tuple[{item}, ...]"
 
 
+def _uses_arrays(type_: FieldType) -> bool:
+    """Whether the module of arrays is needed for a field of this type, for its values or its annotation."""
+    is_sequence = type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED)
+    return is_held_as_array(type_) or (is_sequence and not is_bytes(type_))
+
+
 def _initial(field: Field, prefix: str) -> tuple[str, str]:
     """Return the default of the parameter, and what the attribute is set to."""
     name, type_ = field.name, field.type
-    if not type_.is_primitive or is_large(type_):
+    if is_held_as_array(type_) or (not type_.is_primitive and type_.array in (ArrayKind.SCALAR, ArrayKind.FIXED)):
         return "None", f"{_fresh(field)} if {name} is None else {name}"
-    if type_.array is ArrayKind.FIXED and is_bytes(type_):
-        return f"{prefix}bytes({field.default or type_.length!r})", name
-    if field.default is not None:
-        return literal(field.default), name
-    zero = "False" if type_.name == "bool" else "0.0" if type_.name in FLOATS else "0"
+    if field.default is None:
+        return _zero(type_, prefix), name
+    is_block = type_.array is not ArrayKind.SCALAR and is_bytes(type_)
+    return f"{prefix}bytes({field.default})" if is_block else literal(field.default), name
+
+
+def _zero(type_: FieldType, prefix: str) -> str:
+    """Return the default of a value that cannot be changed."""
+    if type_.array is not ArrayKind.SCALAR and is_bytes(type_):
+        return f"{prefix}bytes({type_.length})" if type_.array is ArrayKind.FIXED else 'b""'
+    if type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED):
+        return "()"
+    zero = _ZEROS[_PYTHON_TYPES[type_.name]]
     if type_.array is ArrayKind.SCALAR:
-        return zero, name
+        return zero
     if type_.length <= SPELLED_OUT_TO:
-        return f"({', '.join([zero] * type_.length)}{',' if type_.length == 1 else ''})", name
-    return f"({zero},) * {type_.length}", name
+        return f"({', '.join([zero] * type_.length)}{',' if type_.length == 1 else ''})"
+    return f"({zero},) * {type_.length}"
 
 
 def _fresh(field: Field) -> str:
@@ -278,11 +377,9 @@ def _fresh(field: Field) -> str:
             as_tuple([f"{type_.name}()"] * type_.length) if spelled_out else f"_cdr.fresh({type_.name}, {type_.length})"
         )
     code = literal(CODES[type_.name])
-    return (
-        f"_arrays.array({code}, {literal(field.default)})"
-        if field.default
-        else f"_arrays.zeros({code}, {type_.length})"
-    )
+    if field.default:
+        return f"_arrays.array({code}, {literal(field.default)})"
+    return f"_arrays.zeros({code}, {type_.length})" if type_.array is ArrayKind.FIXED else f"_arrays.array({code})"
 
 
 def _layout_arguments(xcdr1: Layout, xcdr2: Layout) -> Iterator[str]:

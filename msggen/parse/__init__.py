@@ -1,7 +1,6 @@
-"""Text to model: `.msg` and `.srv` files, their comments, and `dds_topics.yaml`."""
+"""Text to model: `.msg` and `.srv` files and their comments; `bridge`, which needs PyYAML, reads `dds_topics.yaml`."""
 
-from msggen.parse.bridge import parse_bridge
 from msggen.parse.definition import parse_message, parse_service
 from msggen.parse.text import decode_text
 
-__all__ = ["decode_text", "parse_bridge", "parse_message", "parse_service"]
+__all__ = ["decode_text", "parse_message", "parse_service"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from typing import Generic, TypeVar
 
-from .cdr import Frozen, Message
+from .cdr import Frozen, Message, nested
 from .places import NUMBERS
 
 TYPE_CHECKING = False
@@ -52,9 +52,9 @@ def convert(message: Message, target: type[MessageType]) -> Converted[MessageTyp
     """Return `message` as `target`, which is any other version of it.
 
     A value is carried to the field of the same name if that holds it exactly: one of the same type; an integer where it
-    is in range; a float, whatever its size, where nothing is rounded; an array of the same length. Nested messages are
-    carried field by field. Raises EncodeError for a message with a value that its own definition does not allow,
-    TypeError where `target` is no version of it.
+    is in range; a float, whatever its size, where nothing is rounded; text, an array or a sequence where there is room.
+    Nested messages are carried field by field. Raises EncodeError for a message with a value that its own definition
+    does not allow, TypeError where `target` is no version of it.
     """
     own: type[Message] = next(cls for cls in message.__class__.__mro__ if "__msg__" in vars(cls))
     if own.__msg__.ros_type != target.__msg__.ros_type:
@@ -76,54 +76,69 @@ def _carry(source: Message, target: Message, path: str) -> _Paths:
 
 def _carry_field(source: Message, target: Message, mine: Field, theirs: Field, path: str) -> _Paths:
     name = mine.name
-    value, default = getattr(source, name), getattr(target, name)
+    value = getattr(source, name)
     if mine.type == theirs.type:
         setattr(target, name, value)
         return [], []
-    if mine.length == theirs.length:
-        if _are_versions(value, default):
-            return _carry_nested(value, default, f"{path}{name}.")
-        code, values = NUMBERS.get(theirs.base, ""), [value] if mine.length is None else list(value)
-        if _kind(mine.base) == _kind(theirs.base) and all(_holds(code, one) for one in values):
-            setattr(target, name, _like(default, values))
+    values = [value] if _is_single(mine) else list(value)
+    if _is_single(mine) == _is_single(theirs) and _has_room(theirs, len(values)):
+        if _are_versions(source, mine, target, theirs):
+            return _carry_nested(values, target, theirs, f"{path}{name}.")
+        if _kind(mine.base) == _kind(theirs.base) != "" and all(_holds(theirs.base, one) for one in values):
+            setattr(target, name, values[0] if _is_single(theirs) else _like(getattr(target, name), values))
             return [], []
     return [path + name], [path + name]
 
 
-def _are_versions(value: Any, default: Any) -> bool:
-    """Whether both are versions of one message, or arrays of such."""
-    one, other = (held[0] if held.__class__ is tuple and held else held for held in (value, default))
-    nested = isinstance(one, Message) and isinstance(other, Message)
-    return nested and one.__msg__.ros_type == other.__msg__.ros_type
-
-
-def _carry_nested(value: Any, default: Any, path: str) -> _Paths:
+def _carry_nested(values: list[Message], target: Message, theirs: Field, path: str) -> _Paths:
     """Set what nested messages have in common; a field is named once, in however many elements it differs."""
-    pairs: list[tuple[Message, Message]] = [(value, default)] if isinstance(value, Message) else [*zip(value, default)]
-    found = [_carry(one, other, path) for one, other in pairs]
+    made = [nested(target.__class__, theirs.base)() for _ in values]
+    found = [_carry(one, other, path) for one, other in zip(values, made)]
+    setattr(target, theirs.name, made[0] if _is_single(theirs) else tuple(made))
     dropped = dict.fromkeys([field for paths in found for field in paths[0]])
     defaulted = dict.fromkeys([field for paths in found for field in paths[1]])
     return list(dropped), list(defaulted)
 
 
+def _is_single(field: Field) -> bool:
+    return field.length is None and not field.is_sequence
+
+
+def _has_room(field: Field, count: int) -> bool:
+    if field.length is not None:
+        return count == field.length
+    return field.most is None or count <= field.most
+
+
 def _kind(base: str) -> str:
-    """Return what kind of value a type has: numbers of another kind mean something else."""
-    code = NUMBERS.get(base)
-    return {None: base, "?": "bool", "f": "float", "d": "float"}.get(code, "integer")
+    """Return what kind of value a type has: numbers of another kind mean something else. A message is of no kind."""
+    if base in NUMBERS:
+        return {"?": "bool", "f": "float", "d": "float"}.get(NUMBERS[base], "integer")
+    return "text" if base.partition("<=")[0] in ("string", "wstring") else ""
 
 
-def _holds(code: str, value: Any) -> bool:
-    """Whether a value comes back from a `struct` code as it was, NaN as NaN; nothing does where there is no code."""
+def _are_versions(source: Message, mine: Field, target: Message, theirs: Field) -> bool:
+    """Whether two fields have versions of one message."""
+    if _kind(mine.base) or _kind(theirs.base):
+        return False
+    one, other = nested(source.__class__, mine.base), nested(target.__class__, theirs.base)
+    return one.__msg__.ros_type == other.__msg__.ros_type
+
+
+def _holds(base: str, value: Any) -> bool:
+    """Whether a type can have a value just as it is; NaN is as good as any other NaN."""
+    if base not in NUMBERS:
+        bound = base.partition("<=")[2]
+        return not bound or len(value) <= int(bound)
+    code = f"<{NUMBERS[base]}"
     try:
-        (back,) = struct.unpack(f"<{code}", struct.pack(f"<{code}", value))
+        (back,) = struct.unpack(code, struct.pack(code, value))
     except (struct.error, OverflowError):
         return False
     return bool(back == value or back != back)
 
 
 def _like(default: Any, values: list[Any]) -> Any:
-    """Return `values` in the form that a field holds them in: alone, as bytes, as a tuple or as an array."""
-    if not hasattr(default, "__len__"):
-        return values[0]
+    """Return several values in the form that a field has its default in: as bytes, as a tuple or as an array."""
     form: Any = default.__class__
     return form(default.typecode, values) if hasattr(default, "typecode") else form(values)

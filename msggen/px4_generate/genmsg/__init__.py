@@ -1,0 +1,25 @@
+"""What templates find as `genmsg`: the names that the firmware's templates use, over msggen's model.
+
+docs/px4_generate.md lists them. Nothing here is the package of that name; only the names are the same.
+"""
+
+from msggen.px4_generate.genmsg import command_line, gentools, msg_loader, msgs, names
+from msggen.px4_generate.genmsg.msg_loader import MsgContext, MsgNotFound, load_depends, load_msg_by_type
+from msggen.px4_generate.genmsg.msgs import Constant, Field, MsgSpec
+from msggen.px4_generate.genmsg.names import package_resource_name
+
+__all__ = [
+    "Constant",
+    "Field",
+    "MsgContext",
+    "MsgNotFound",
+    "MsgSpec",
+    "command_line",
+    "gentools",
+    "load_depends",
+    "load_msg_by_type",
+    "msg_loader",
+    "msgs",
+    "names",
+    "package_resource_name",
+]

@@ -1,0 +1,116 @@
+"""Files of messages, as the firmware's `px_generate_uorb_topic_files.py` makes them of its templates."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from enum import Enum
+from types import ModuleType
+from typing import NamedTuple
+
+from msggen.diagnostics import InputError
+from msggen.empy import EmpyTemplate, importing_from
+from msggen.model import snake_case
+from msggen.px4_generate import genmsg
+from msggen.px4_generate.definitions import Definition, Definitions, using
+
+HELPER = "px_generate_uorb_topic_helper.py"
+"""The module of the firmware that its templates import."""
+
+
+class Kind(Enum):
+    """What is made of each message, and what of all together: the names of the templates."""
+
+    HEADERS = "msg.h.em", "uORBTopics.hpp.em"
+    SOURCES = "msg.cpp.em", "uORBTopics.cpp.em"
+    JSON = "msg.json.em", ""
+    IDL_HEADERS = "uorb_idl_header.h.em", ""
+
+
+class Request(NamedTuple):
+    """What to make: of which files, of which package, by which templates; what they nest is found in `includes`."""
+
+    kind: Kind
+    files: tuple[str, ...]
+    includes: tuple[str, ...]
+    templates: str
+    package: str
+
+
+def generate_messages(request: Request) -> dict[str, str]:
+    """Return the texts of all files, by name. Raises InputError for faulty definitions and templates."""
+    name, list_name = request.kind.value
+    template = EmpyTemplate(os.path.join(request.templates, name))
+    includes = ["std_msgs:./msg/std_msgs", *(f"{request.package}:{folder}" for folder in request.includes)]
+    definitions = Definitions()
+    read = definitions.read_all(request.files, request.package, genmsg.command_line.includepath_to_dict(includes))
+    topics = [topic for definition in read for topic in definition.topics]
+    made = {}
+    with using(definitions), importing_from(_helper_folder(request.templates), _genmsg()):
+        for definition in read:
+            names = _names(definition, request.package, includes)
+            made[_output(request.kind, definition)] = _expand(template, {**names, "all_topics": sorted(topics)})
+        list_path = os.path.join(request.templates, list_name)
+        if os.path.isfile(list_path):
+            files = [snake_case(os.path.basename(path)) for path in request.files]
+            names = {"msgs": files, "topics": topics, "all_topics": sorted(topics)}
+            made[list_name.removesuffix(".em")] = EmpyTemplate(list_path).expand(names)
+    return made
+
+
+def _output(kind: Kind, definition: Definition) -> str:
+    """Return the name of a message's file."""
+    name = definition.message.name
+    extension = os.path.splitext(kind.value[0].removesuffix(".em"))[1]
+    return (name if kind is Kind.IDL_HEADERS else snake_case(name)) + extension
+
+
+def _names(definition: Definition, package: str, includes: Sequence[str]) -> dict[str, object]:
+    """Return what a template is given for a message; all of it is its own, to change if it likes."""
+    message = definition.message
+    path = message.location.path
+    search_path = genmsg.command_line.includepath_to_dict(includes)
+    context = genmsg.MsgContext.create_default()
+    full_name = genmsg.gentools.compute_full_type_name(package, os.path.basename(path))
+    spec = genmsg.msg_loader.load_msg_from_file(context, path, full_name)
+    genmsg.load_depends(context, spec, search_path)
+    return {
+        "name_snake_case": snake_case(message.name),
+        "file_name_in": path,
+        "file_base_name": message.name,
+        "search_path": search_path,
+        "msg_context": context,
+        "spec": spec,
+        "topics": list(definition.topics),
+    }
+
+
+def _expand(template: EmpyTemplate, names: Mapping[str, object]) -> str:
+    """Expand a message's template. Raises InputError that names the message too."""
+    try:
+        return template.expand(names)
+    except InputError as error:
+        raise InputError(
+            found._replace(message=f"{found.message} (for {names['file_name_in']})")
+            if found.location.path == template.path
+            else found
+            for found in error.diagnostics
+        ) from error
+
+
+def _helper_folder(templates: str) -> tuple[str, ...]:
+    """Return the nearest folder, from that of the templates upwards, that has the firmware's helper module."""
+    folder = os.path.abspath(templates)
+    while not os.path.isfile(os.path.join(folder, HELPER)):
+        folder, below = os.path.dirname(folder), folder
+        if folder == below:
+            return ()
+    return (folder,)
+
+
+def _genmsg() -> dict[str, ModuleType]:
+    """Return the modules that stand in for `genmsg`, by the names that they are imported by."""
+    prefix = f"{genmsg.__name__}."
+    inner = {name.removeprefix(prefix): module for name, module in sys.modules.items() if name.startswith(prefix)}
+    return {"genmsg": genmsg, **{f"genmsg.{name}": module for name, module in inner.items()}}
