@@ -53,6 +53,7 @@ CODES: dict[str, str] = {
     "S114": "a target that is read-only",
     "S115": "a symbolic link that leads out of the package",
     "S116": "a file that differs only in case from one of the firmware",
+    "S117": "no earlier versions of messages",
     "B101": "a firmware that `bump` cannot write to",
     "B102": "a message that has no versions",
     "B103": "a version that is not one more than the old one",

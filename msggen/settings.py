@@ -21,6 +21,7 @@ class Settings(NamedTuple):
     release: str | None = None
     output: str | None = None
     package: str | None = None
+    archived: bool | None = None
     select: tuple[str, ...] | None = None
     ignore: tuple[str, ...] = ()
     per_message_ignores: Mapping[str, tuple[str, ...]] = MappingProxyType({})
@@ -110,6 +111,10 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
     if field == "msg_dir":
         folders = _texts(value, key, "folders", path, place)
         return tuple(_folder(item, base, Location(path, *place)) for item in folders)
+    if field == "archived":
+        if not isinstance(value, bool):
+            _fail(path, "C103", f"'{key}': expected true or false, found {value!r}", *place)
+        return value
     if not isinstance(value, str) or not value:
         _fail(path, "C103", f"'{key}': expected a text, found {value!r}", *place)
     return os.path.join(base, os.path.expanduser(value)) if field in _PATHS else value

@@ -180,6 +180,7 @@ FAULTS = [
     Fault("S107", "in/package.xml", "'a b' is no name", {FOO: STAMP, "in/package.xml": "<p><name>a b</name></p>"}),
     Fault("S108", "in@v1.16", "not a git repository", {FOO: STAMP}, ("--px4", "in@v1.16")),
     Fault("S109", "in.zip", "cannot be read as an archive", {"in.zip": "<html>Not found</html>"}, ("--px4", "in.zip")),
+    Fault("S117", "--archived", "in has no earlier versions of messages", {FOO: STAMP}, (*TREE, "--archived")),
     Fault("S105", "--release", "did you mean 'v1.17'?", {FOO: STAMP}, (*TREE, "--release", "v1.71")),
 ]
 

@@ -35,8 +35,8 @@ def add_command(
     return parser
 
 
-def add_source_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say where definitions come from."""
+def add_source_options(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """Add the options that say where definitions come from; return their group."""
     source = parser.add_argument_group("sources")
     source.add_argument(
         "--px4",
@@ -55,6 +55,7 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
     source.add_argument(
         "--release", type=given, help="conventions to follow, not those the tree shows: v1.14 to v1.17, main"
     )
+    return source
 
 
 def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
@@ -16,12 +17,24 @@ from msggen.firmware.consistency import (
 )
 from msggen.firmware.release import CONVENTIONS, recognise
 from msggen.firmware.source import File, Sources, read_file, read_files
-from msggen.model import DEFAULT_PACKAGE, BridgeEntry, Catalog, Conventions, Message, Service
+from msggen.location import Location
+from msggen.model import (
+    ARCHIVE_PACKAGE,
+    DEFAULT_PACKAGE,
+    VERSION,
+    BridgeEntry,
+    Catalog,
+    Conventions,
+    Message,
+    Service,
+)
 from msggen.parse import decode_text, parse_message, parse_service
 from msggen.parse.bridge import parse_bridge
 
 COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M202", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"})
 """Faults that leave no doubt about what a definition or an entry of the bridge means."""
+
+_ARCHIVED = re.compile(r"(?P<message>[A-Z][A-Za-z0-9]*)V(?P<version>0|[1-9][0-9]*)")
 
 
 def read_catalog(
@@ -37,7 +50,7 @@ def read_catalog(
     the codes `tolerated`.
     """
     reader = _Reader(sources, read_files(sources) if contents is None else contents)
-    everything, services = reader.messages(), reader.services()
+    everything, services, archived = reader.messages(), reader.services(), reader.archived()
     bridge = reader.bridge()
     messages = everything
     package = reader.package
@@ -55,9 +68,9 @@ def read_catalog(
     of_uorb = [message for message in messages if message.package == package]
     faults = [
         *reader.faults,
-        *check_names(messages),
+        *check_names([*messages, *(message._replace(package=package) for message in archived)]),
         *check_names(services),
-        *check_nesting(messages, services, package),
+        *check_nesting([*messages, *archived], services, package),
         *check_timestamps(message for message in of_uorb if message.location.path not in unread),
         *check_topics(message for message in of_uorb if message.location.path not in misread_topics),
         *(check_fixed_sizes(of_uorb) if sources.is_tree else ()),
@@ -72,7 +85,8 @@ def read_catalog(
     by_key = {message.key: message for message in sorted(messages, key=lambda message: message.key)}
     services.sort(key=lambda service: (service.package, service.name))
     conventions = _conventions(sources, everything, bridge)
-    return Catalog(MappingProxyType(by_key), tuple(services), bridge, conventions, package)
+    versions = MappingProxyType({message.key: message for message in archived})
+    return Catalog(MappingProxyType(by_key), tuple(services), bridge, conventions, package, versions)
 
 
 def bridged_names(*sides: Sources) -> set[str]:
@@ -122,6 +136,11 @@ def _conventions(sources: Sources, messages: list[Message], bridge: tuple[Bridge
     return recognise(own, has_versions=has_versions, has_instances=has_instances)
 
 
+def _place_of_version(message: Message) -> Location:
+    places = [constant.location for constant in message.constants if constant.name == VERSION]
+    return places[0] if places else message.location
+
+
 class _Reader:
     """Reads files, and notes what is wrong with them."""
 
@@ -149,6 +168,25 @@ class _Reader:
             services.append(service)
             self.faults += faults
         return services
+
+    def archived(self) -> list[Message]:
+        """Return the archived versions. What only uORB asks of a message is not asked of them."""
+        messages = []
+        for file in self.sources.archived:
+            message, faults = parse_message(self.text(file), file.path, file.stem, ARCHIVE_PACKAGE)
+            faults = [found for found in faults if found.code != "M402"]
+            name = _ARCHIVED.fullmatch(file.stem)
+            if name is None:
+                text = f"file name '{file.stem}': archived versions are called as 'VehicleStatusV1'"
+                faults.append(Diagnostic(message.location, "M201", text))
+            else:
+                message = message._replace(version_of=f"{self.package}/{name['message']}")
+                if not faults and message.message_version != int(name["version"]):
+                    text = f"{VERSION} must be {name['version']}, as in the name, found {message.message_version}"
+                    faults.append(Diagnostic(_place_of_version(message), "M404", text))
+            messages.append(message)
+            self.faults += faults
+        return messages
 
     def bridge(self) -> tuple[BridgeEntry, ...]:
         if self.sources.bridge is None:

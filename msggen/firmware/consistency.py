@@ -126,6 +126,8 @@ def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str
     for message in known.values():
         names.setdefault(message.package, []).append(message.name)
     if type_.package is None:
+        if outer.version_of and type_.name in names.get(outer.released_as[0], ()):
+            return f": archived messages nest archived ones, as '{type_.name}V0'"
         elsewhere = sorted(package for package in names if type_.name in names[package])
         if elsewhere:
             return f", did you mean '{elsewhere[0]}/{type_.name}'?"

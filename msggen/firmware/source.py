@@ -14,7 +14,11 @@ from msggen.resources import embedded_root
 RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "main")
 """The releases whose conventions are known (`release` has them)."""
 
+ARCHIVE = "px4_msgs_old/msg"
+"""Where a tree keeps earlier versions of its messages, below `msg/`."""
+
 _RELEASE_OPTION = Location("--release", 0)
+_ARCHIVED_OPTION = Location("--archived", 0)
 _FOLDER_OPTION = Location("--msg-dir", 0)
 _PACKAGE_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _BRIDGE_PLACES = ("src/modules/uxrce_dds_client/dds_topics.yaml", "dds_topics.yaml")
@@ -44,7 +48,8 @@ class Sources(NamedTuple):
     `package` is the ROS package of uORB's messages where the package.xml of the first source names it, "" where they
     are px4_msgs; `manifests` are all such files. `own` counts the messages of the first source, which come first: by
     them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in a few
-    words what the sources are. `root` is where the first source lies.
+    words what the sources are. `root` is where the first source lies. `archived` are earlier versions of messages,
+    where they were asked for.
     """
 
     messages: tuple[File, ...]
@@ -57,6 +62,7 @@ class Sources(NamedTuple):
     is_tree: bool = False
     label: str = ""
     root: Tree | None = None
+    archived: tuple[File, ...] = ()
 
     @property
     def has_own(self) -> bool:
@@ -78,7 +84,8 @@ class Sources(NamedTuple):
 
     def files(self) -> tuple[File, ...]:
         """Return all of them, in an order that does not depend on the machine."""
-        return (*self.messages, *self.services, *([self.bridge] if self.bridge else []), *self.manifests)
+        single = [self.bridge] if self.bridge else []
+        return (*self.messages, *self.services, *single, *self.manifests, *self.archived)
 
 
 def open_tree(text: str) -> Tree:
@@ -148,6 +155,19 @@ def find_sources(
         label=_label(roots) if is_named else "the embedded PX4 v1.17",
         root=first.tree,
     )
+
+
+def with_archived(sources: Sources, place: Location = _ARCHIVED_OPTION) -> Sources:
+    """Return `sources` with the archived definitions of the first of them.
+
+    Raises InputError where it has none; they were asked for at `place`.
+    """
+    root = sources.root
+    found = _files(root, f"msg/{ARCHIVE}/" if root.is_folder("msg") else f"{ARCHIVE}/", ".msg") if root else []
+    if not found:
+        text = f"{sources.label} has no earlier versions of messages: PX4 v1.16 and later has them in msg/{ARCHIVE}"
+        raise fault(place.path, "S117", text, *place[1:])
+    return sources._replace(archived=tuple(found))
 
 
 def read_files(sources: Sources) -> dict[str, bytes]:
@@ -233,14 +253,18 @@ def _definitions(root: _Root, folder: str, suffix: str) -> list[File]:
     """Return the definitions in `root`: under `msg/` or `srv/` if it has them there, else in `root` itself.
 
     `versioned/` counts, but not in a ROS package, which is built from what lies flat; `px4_msgs_old/` with its
-    archived versions never does.
+    archived versions does not.
     """
     tree = root.tree
     prefix = f"{folder}/" if tree.is_folder(folder) else ""
     folders = (prefix,) if root.manifest else (prefix, f"{prefix}versioned/")
+    return [file._replace(package=root.package) for folder in folders for file in _files(tree, folder, suffix)]
+
+
+def _files(tree: Tree, folder: str, suffix: str) -> list[File]:
+    place = tree.place(folder)
     return [
-        File(place + name, folder + name, tree, root.package)
-        for folder, place in [(folder, tree.place(folder)) for folder in folders]
+        File(place + name, folder + name, tree)
         for name in tree.names(folder)
         if name.endswith(suffix) and not name.startswith(".")
     ]

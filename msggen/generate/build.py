@@ -124,6 +124,7 @@ def _summary(catalog: "Catalog") -> str:
         return others
     counts = (
         _count(len(messages), "message"),
+        *([_count(len(catalog.archived), "archived version")] if catalog.archived else ()),
         _count(len(services), "service"),
         _count(sum(len(message.topic_names) for message in messages), "uORB topic"),
         _count(len(catalog.bridge), "endpoint"),

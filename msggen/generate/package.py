@@ -11,18 +11,21 @@ from msggen.diagnostics import Diagnostic, InputError
 from msggen.generate.environment import environment
 from msggen.generate.python import message_view, module_name
 from msggen.generate.source import literal
-from msggen.identity import UorbTopic, endpoints, uorb_topics
+from msggen.identity import UorbTopic, endpoint_versions, endpoints, uorb_topics
 from msggen.layout import is_static
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
 from msggen.resources import resource
 
 _EXAMPLE = "SensorCombined"
-_COPIED = ("arrays.py", "batch.py", "cdr.py", "lazy.py", "places.py", "records.py", "registry.py")
+_COPIED = ("arrays.py", "batch.py", "cdr.py", "lazy.py", "lookup.py", "places.py", "records.py", "registry.py")
 """The files that are the same in every package."""
 
 _STREAM = "stream.py"
 """And the one that only packages have with messages whose samples differ in layout."""
+
+_VERSIONS = "versions.py"
+"""And the one that only packages have with earlier versions of messages."""
 
 _TAKEN = ("annotations", "msg", "orb_id", "srv", "topics")
 """Names in a package, besides its copied files, that no other ROS package can have there."""
@@ -56,13 +59,14 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
             name=name,
             own=own,
             others=others,
+            archived=catalog.archived,
             example=_EXAMPLE if _EXAMPLE in names else "".join(names[:1]),
             modules=[literal(module) for module in _modules(copied, own, others)],
         ),
         **{file: _copied(file) for file in copied},
         "py.typed": "",
         "orb_id.py": _render("orb_id", topics=topics),
-        "topics.py": _render("topics", topics=topics, endpoints=endpoints(catalog)),
+        "topics.py": _render("topics", topics=topics, endpoints=endpoints(catalog), versions=_versions(catalog)),
     }
     for part in (own, *others):
         files |= {part.prefix + path: text for path, text in _render_part(catalog, part).items()}
@@ -100,12 +104,13 @@ class _Part(NamedTuple):
 
 
 def _parts(catalog: Catalog) -> list[_Part]:
-    """Return uORB's package, then the others."""
+    """Return uORB's package with the earlier versions of its messages, then the others."""
+    messages = (*catalog.messages.values(), *catalog.archived.values())
     return [
         _Part(
             package,
             "" if package == catalog.package else f"{package}/",
-            tuple(message for message in catalog.messages.values() if message.package == package),
+            tuple(message for message in messages if message.released_as[0] == package),
             tuple(service for service in catalog.services if service.package == package),
         )
         for package in (catalog.package, *catalog.other_packages)
@@ -149,7 +154,7 @@ def _modules(copied: Iterable[str], own: _Part, others: Iterable[_Part]) -> list
 
 def _check_names(catalog: Catalog) -> None:
     """Raise InputError where another package has a name that Python or the generated package needs for itself."""
-    taken = {*keyword.kwlist, *_TAKEN, *(file.removesuffix(".py") for file in (*_COPIED, _STREAM))}
+    taken = {*keyword.kwlist, *_TAKEN, *(file.removesuffix(".py") for file in (*_COPIED, _STREAM, _VERSIONS))}
     faults = []
     for part in _parts(catalog):
         if part.prefix and part.package in taken:
@@ -162,7 +167,7 @@ def _check_names(catalog: Catalog) -> None:
 def _copied_files(catalog: Catalog) -> tuple[str, ...]:
     definitions = [message for part in _parts(catalog) for message in (*part.messages, *part.halves)]
     all_static = all(is_static(catalog, message) for message in definitions)
-    return _COPIED if all_static else (*_COPIED, _STREAM)
+    return (*_COPIED, *(() if all_static else (_STREAM,)), *((_VERSIONS,) if catalog.archived else ()))
 
 
 def _copied(name: str) -> str:
@@ -174,3 +179,9 @@ def _topic(topic: UorbTopic) -> dict[str, object]:
     queue_length = topic.message.queue_length
     arguments = (literal(topic.name), str(topic.orb_id), literal(topic.message.name), str(queue_length))
     return {"name": topic.name, "orb_id": topic.orb_id, "arguments": arguments}
+
+
+def _versions(catalog: Catalog) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return ROS name and class of each version of the endpoints that have several, by their own ROS name."""
+    every = [(endpoint.ros_name, endpoint_versions(catalog, endpoint)) for endpoint in endpoints(catalog)]
+    return [(name, [(old, message.name) for old, message in rows]) for name, rows in every if len(rows) > 1]

@@ -108,6 +108,15 @@ class Import(NamedTuple):
         return self.name if self.name == self.here else f"{self.name} as {self.here}"
 
 
+class Neighbour(NamedTuple):
+    """The next version of a message, before or after it, and the method that leads there."""
+
+    method: str
+    name: str
+    module: str
+    version: int
+
+
 class MessageView(NamedTuple):
     """One class."""
 
@@ -132,6 +141,8 @@ class MessageView(NamedTuple):
     """What stands before the names of built-in types: nothing, unless a field hides them."""
     uses_arrays: bool
     """Whether it needs the module of arrays, for itself or what it nests: the codec unfolds that."""
+    neighbours: tuple[Neighbour, ...]
+    """Its versions before and after this one, where there are."""
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -196,7 +207,9 @@ class MessageView(NamedTuple):
         """Where the message comes from and goes to, for its docstring."""
         names = self.topic_names
         topics = f"uORB topic{'s' if len(names) > 1 else ''}: {', '.join(names)}. " if names else ""
-        version = f"Version {self.message.message_version}, " if self.message.message_version else ""
+        number = self.message.message_version
+        of = f" of {self.message.released_as[1]}, archived" if self.message.version_of else ""
+        version = f"Version {number}{of}, " if number or of else ""
         size = "Samples differ in size." if self.functions else f"{self.cdr_size} bytes."
         return f"{topics}{version}{size}"
 
@@ -207,7 +220,7 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
     prefix = "builtins." if shadowed else ""
     extents = _extents(catalog, message)
     names = _class_names(catalog, message)
-    is_own = message.package == catalog.package
+    is_own = message.released_as[0] == catalog.package
     fields = tuple(
         _field_view(field, _named(message, field, names), *extents.get(field.name, _NO_EXTENT), prefix)
         for field in message.fields
@@ -228,6 +241,7 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         tuple(_nested_imports(catalog, message, names)),
         prefix,
         any(_uses_arrays(field.type) for field in message.fields),
+        tuple(_neighbours(catalog.versions(message), message)) if catalog.archived else (),
     )
     if not is_static(catalog, message):
         return view._replace(functions=functions_of(catalog, message, lambda nested: names[nested.key]))
@@ -239,6 +253,15 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         layout_arguments=tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
         uses_arrays=any(is_large(leaf.type) for leaf in layout.leaves),
     )
+
+
+def _neighbours(versions: tuple[Message, ...], message: Message) -> Iterator[Neighbour]:
+    older = [other for other in versions if other.message_version < message.message_version]
+    newer = [other for other in versions if other.message_version > message.message_version]
+    if message in versions:
+        for method, others in (("upgrade", newer[:1]), ("downgrade", older[-1:])):
+            for other in others:
+                yield Neighbour(method, other.name, module_name(other.name), other.message_version)
 
 
 _NO_EXTENT = (-1, 0)
@@ -275,12 +298,14 @@ def _class_names(catalog: Catalog, message: Message) -> dict[str, str]:
 
 
 def _nested_imports(catalog: Catalog, message: Message, names: Mapping[str, str]) -> Iterator[Import]:
+    own, here = catalog.package, message.released_as[0]
     for inner in catalog.nested_all(message):
-        if inner.package == message.package:
+        there = inner.released_as[0]
+        if there == here:
             folder = "." if message.folder == "msg" else "..msg."
         else:
-            root = ".." if message.package == catalog.package else "..."
-            folder = f"{root}msg." if inner.package == catalog.package else f"{root}{inner.package}.msg."
+            root = ".." if here == own else "..."
+            folder = f"{root}msg." if there == own else f"{root}{there}.msg."
         yield Import(f"{folder}{module_name(inner.name)}", inner.name, names[inner.key])
 
 
