@@ -214,7 +214,7 @@ CODES |= {"float32": "f", "float64": "d"}
 
 
 def to_object(package: Any, catalog: Catalog, message: Message, values: Values) -> Any:
-    """Return `values` as an object of the generated class, which is an attribute of `package`."""
+    """Return `values` as an object of the generated class, which is an attribute of `package` or of one inside it."""
 
     def one(type_: FieldType, value: Any) -> Any:
         is_message = not type_.is_primitive
@@ -230,7 +230,9 @@ def to_object(package: Any, catalog: Catalog, message: Message, values: Values) 
         return tuple(one(type_, item) for item in value)
 
     arguments = {field.name: held(field.type, values[field.name]) for field in message.fields}
-    return getattr(package, message.name)(**arguments)
+    is_own = message.package == catalog.package
+    home = package if is_own else getattr(getattr(package, message.package), message.folder)
+    return getattr(home, message.name)(**arguments)
 
 
 def to_values(catalog: Catalog, message: Message, sample: Any) -> Values:

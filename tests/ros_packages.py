@@ -48,8 +48,8 @@ def manifest(name: str) -> str:
     return f"<package format='3'><name>{name}</name></package>\n"
 
 
-def ros_packages(*names: str) -> list[str]:
-    """Write these packages, or all, into the current folder; return the options that name them."""
+def ros_packages(*names: str, folder: Path = Path()) -> list[str]:
+    """Write these packages, or all, into `folder`; return the options that name them."""
     for name in names or DEFINITIONS:
-        write_definitions(Path(name), {**DEFINITIONS[name], "package.xml": manifest(name)})
-    return [word for name in names or DEFINITIONS for word in ("--msg-dir", name)]
+        write_definitions(folder / name, {**DEFINITIONS[name], "package.xml": manifest(name)})
+    return [word for name in names or DEFINITIONS for word in ("--msg-dir", str(folder / name))]

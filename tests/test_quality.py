@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT, catalog_of, write_definitions
+from test_nested_packages import sources
 
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.source import find_sources
@@ -71,15 +72,30 @@ UNUSUAL = {
 }
 
 
+NESTING = """
+from nested import Rig, geometry_msgs
+from nested.builtin_interfaces.msg import Time
+from nested.my_msgs import msg
+from nested.std_srvs.srv import SetBool
+
+stamp: Time = Rig().stamp
+other: msg.Time = Rig(others=(msg.Time(stamp=stamp),) * 5).others[0]
+pose: geometry_msgs.msg.Pose = Rig.decode(b"").poses[2]
+done: bool = SetBool.Response().success
+"""
+
+
 @pytest.fixture(scope="module")
 def unusual(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A package of unusual messages."""
+    """A package of unusual messages; `nested`, with messages of several ROS packages, is beside it."""
     folder = tmp_path_factory.mktemp("types")
+    write_definitions(folder / "nested", dict(render_package(sources(folder / "in" / "nested"), "nested")))
     return write_definitions(folder / "unusual", dict(render_package(catalog_of(folder / "in", UNUSUAL), "unusual")))
 
 
-def test_mypy_is_content_with_a_package_of_unusual_messages(unusual: Path) -> None:
-    run("mypy", "--strict", "--python-version=3.10", unusual.name, cwd=unusual.parent)
+def test_mypy_is_content_with_packages_of_unusual_messages(unusual: Path) -> None:
+    (unusual.parent / "nesting.py").write_text(NESTING)
+    run("mypy", "--strict", "--python-version=3.10", unusual.name, "nested", "nesting.py", cwd=unusual.parent)
 
 
 def test_the_committed_record_is_current() -> None:
@@ -89,7 +105,11 @@ def test_the_committed_record_is_current() -> None:
 
 
 def test_pyright_is_content_with_the_generated_packages(tmp_path: Path, unusual: Path) -> None:
-    settings = {"include": [str(PACKAGE), str(unusual)], "typeCheckingMode": "strict", "pythonVersion": "3.10"}
+    settings = {
+        "include": [str(PACKAGE), str(unusual), str(unusual.parent / "nested")],
+        "typeCheckingMode": "strict",
+        "pythonVersion": "3.10",
+    }
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
     run("basedpyright", "--level", "error", "-p", str(tmp_path))
 

@@ -40,7 +40,7 @@ class Step(Values):
         self.taken_apart: list[tuple[str, str]] = []
         """Local and attribute of the nested messages that `encode` takes apart."""
         self.created: list[tuple[str, str, str]] = []
-        """Attribute, local and class of the nested messages that `decode` makes."""
+        """Attribute, local and class of the nested messages that `decode` makes; no local where nothing is in it."""
         self.prepared: list[tuple[str, Call]] = []
         """Locals and values that `encode` makes before it packs the run."""
         self.target = ""
@@ -139,9 +139,9 @@ class _Walk:
 
     def _nested(self, inner: Message, type_: FieldType, place: _Place) -> None:
         if type_.array is ArrayKind.SCALAR:
-            local = self.names.one(place.stem)
+            local = self.names.one(place.stem) if inner.fields else ""
             self.step.created.append((place.attribute, local, self.class_of(inner)))
-            self.step.taken_apart.append((local, place.attribute))
+            self.step.taken_apart += [(local, place.attribute)] if local else []
             self.message(inner, place.inside(local))
             return
         name = self.function(inner)
