@@ -230,7 +230,7 @@ def to_object(package: Any, catalog: Catalog, message: Message, values: Values) 
         return tuple(one(type_, item) for item in value)
 
     arguments = {field.name: held(field.type, values[field.name]) for field in message.fields}
-    is_own = message.package == catalog.package
+    is_own = message.released_as[0] == catalog.package
     home = package if is_own else getattr(getattr(package, message.package), message.folder)
     return getattr(home, message.name)(**arguments)
 
