@@ -8,7 +8,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import pytest
 from conftest import write_definitions
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from px4_scripts import expand
 
 from msggen.diagnostics import CODES, Diagnostic, InputError
 from msggen.empy import EmpyTemplate, importing_from
@@ -146,38 +146,12 @@ def _nest(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 templates = st.recursive(st.sampled_from(FRAGMENTS), _nest, max_leaves=15)
 
 
-class Output:
-    """A file that keeps what is written when it is closed."""
-
-    def __init__(self) -> None:
-        self.text = ""
-
-    def write(self, data: str) -> None:
-        self.text += data
-
-    def flush(self) -> None: ...
-
-    def close(self) -> None: ...
-
-
 def reference(text: str, names: Mapping[str, Any] = NAMES) -> str | BaseException:
-    """Return what EmPy itself makes of `text`, run as the firmware's scripts run it, or what it raises."""
-    output, stdout = Output(), sys.stdout
-    em.Interpreter._wasProxyInstalled = False
+    """Return what EmPy itself makes of `text`, or what it raises."""
     try:
-        options = {em.RAW_OPT: True, em.BUFFERED_OPT: True}
-        interpreter = em.Interpreter(output=output, globals=dict(names), options=options)
-        try:
-            interpreter.file(StringIO(text))
-        finally:
-            with suppress(Exception):
-                interpreter.shutdown()
+        return expand(text, names)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a template may raise anything
         return error
-    finally:
-        sys.stdout = stdout
-        em.Interpreter._wasProxyInstalled = False
-    return output.text
 
 
 def fault(text: str, names: Mapping[str, Any] = NAMES) -> Diagnostic:

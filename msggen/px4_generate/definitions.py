@@ -64,7 +64,8 @@ class Definitions:
         """
         names = [f"{package}/{os.path.basename(path).removesuffix('.msg')}" for path in paths]
         faults = [*_misgiven(paths)]
-        messages = self._read_nested(dict(zip(names, paths, strict=True)), search_path, faults)
+        given = {name: path for name, path in zip(names, paths, strict=True) if path.endswith(".msg")}
+        messages = self._read_nested(given, search_path, faults)
         if not faults:
             faults += _inconsistencies([messages[name] for name in names], messages.values(), package)
         if faults:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from enum import Enum
 from types import ModuleType
 from typing import NamedTuple
@@ -43,14 +43,13 @@ def generate_messages(request: Request) -> dict[str, str]:
     """Return the texts of all files, by name. Raises InputError for faulty definitions and templates."""
     name, list_name = request.kind.value
     template = EmpyTemplate(_find(request.templates, name))
-    includes = ["std_msgs:./msg/std_msgs", *(f"{request.package}:{folder}" for folder in request.includes)]
     definitions = Definitions()
-    read = definitions.read_all(request.files, request.package, genmsg.command_line.includepath_to_dict(includes))
+    read = definitions.read_all(request.files, request.package, _search_path(request))
     topics = [topic for definition in read for topic in definition.topics]
     made = {}
     with using(definitions), importing_from(_helper_folder(request.templates), _genmsg()):
         for definition in read:
-            names = _names(definition, request.package, includes)
+            names = _names(definition, request)
             made[_output(request.kind, definition)] = _expand(template, {**names, "all_topics": sorted(topics)})
         list_path = os.path.join(request.templates, list_name)
         if os.path.isfile(list_path):
@@ -79,13 +78,18 @@ def _output(kind: Kind, definition: Definition) -> str:
     return (name if kind is Kind.IDL_HEADERS else snake_case(name)) + extension
 
 
-def _names(definition: Definition, package: str, includes: Sequence[str]) -> dict[str, object]:
+def _search_path(request: Request) -> dict[str, list[str]]:
+    """Return the folders of each package, as the script has them; std_msgs is where it expects it."""
+    return {"std_msgs": ["./msg/std_msgs"], request.package: list(request.includes)}
+
+
+def _names(definition: Definition, request: Request) -> dict[str, object]:
     """Return what a template is given for a message; all of it is its own, to change if it likes."""
     message = definition.message
     path = message.location.path
-    search_path = genmsg.command_line.includepath_to_dict(includes)
+    search_path = _search_path(request)
     context = genmsg.MsgContext.create_default()
-    full_name = genmsg.gentools.compute_full_type_name(package, os.path.basename(path))
+    full_name = genmsg.gentools.compute_full_type_name(request.package, os.path.basename(path))
     spec = genmsg.msg_loader.load_msg_from_file(context, path, full_name)
     genmsg.load_depends(context, spec, search_path)
     return {

@@ -3,7 +3,7 @@
 docs/px4_generate.md lists them. Nothing here is the package of that name; only the names are the same.
 """
 
-from msggen.px4_generate.genmsg import command_line, gentools, msg_loader, msgs, names
+from msggen.px4_generate.genmsg import gentools, msg_loader, msgs, names
 from msggen.px4_generate.genmsg.msg_loader import MsgContext, MsgNotFound, load_depends, load_msg_by_type
 from msggen.px4_generate.genmsg.msgs import Constant, Field, MsgSpec
 from msggen.px4_generate.genmsg.names import package_resource_name
@@ -14,7 +14,6 @@ __all__ = [
     "MsgContext",
     "MsgNotFound",
     "MsgSpec",
-    "command_line",
     "gentools",
     "load_depends",
     "load_msg_by_type",

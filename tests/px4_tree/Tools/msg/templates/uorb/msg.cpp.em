@@ -1,0 +1,19 @@
+@{
+from px_generate_uorb_topic_helper import *
+
+def lines(fields):
+    for field in fields:
+        yield field.type + ' ' + field.name
+        if not field.is_builtin:
+            yield from lines(fields_of(field.base_type, search_path))
+
+queue_length = 1
+for constant in spec.constants:
+    if constant.name == 'ORB_QUEUE_LENGTH':
+        queue_length = constant.val
+}@
+// @(' | '.join(lines(spec.parsed_fields())))
+// nests: @(' '.join(msg_context.get_all_depends(spec.full_name)))
+@[for topic in topics]@
+ORB_DEFINE(@topic, @(all_topics.index(topic)), @queue_length);
+@[end for]

@@ -1,0 +1,10 @@
+@[for include in type_includes]@
+#include <uORB/topics/@(include).h>
+@[end for]@
+// namespace '@namespace'
+@[for pub in publications]@
+{ ORB_ID(@(pub['topic_simple'])), "@(pub['dds_type'])", "@(pub['topic'])", @(pub['simple_base_type'])_s, @(pub.get('rate_limit', 0)), @(pub['instance']) },
+@[end for]@
+@[for index, sub in enumerate(subscriptions + subscriptions_multi)]@
+case @index: @(sub['topic_simple']) of @(sub['type']), "@(sub['topic'])"
+@[end for]
