@@ -45,6 +45,7 @@ WIRES = {
 _COUNT = 4
 """Bytes of a count, and of a delimiter header."""
 
+_COUNTS = {0: struct.Struct("<I"), BIG: struct.Struct(">I")}
 _NATIVE = BIG if sys.byteorder == "big" else 0
 _SIZES = {code: array(code).itemsize for code in "bhiqBHIQfd"}
 
@@ -265,13 +266,16 @@ def _texts(
     start = at - lead
     _check_count(count, most, (len(data) - at) // _COUNT, path)
     values: list[str] = []
-    unpack = struct.Struct(f"{_order(wire)}I").unpack
-    for index in range(count):
-        at += -at & 3
-        element = f"{path}[{index}]"
-        (units,) = unpack(_taken(data, at, _COUNT, element))
-        value, at = read(data, at + _COUNT, units, wire, element, bound)
-        values.append(value)
+    unpack = _COUNTS[wire & BIG].unpack_from
+    try:
+        for _ in range(count):
+            at += -at & 3
+            (units,) = unpack(data, at)
+            value, at = read(data, at + _COUNT, units, wire, "", bound)
+            values.append(value)
+    except (Fault, struct.error) as error:
+        fault = str(error) if isinstance(error, Fault) else f": expected {_COUNT} bytes, got {max(len(data) - at, 0)}"
+        raise Fault(f"{path}[{len(values)}]{fault}") from None
     if wire & XCDR2:
         _check_delimiter(data, start, at, wire, path)
     return tuple(values), at
@@ -303,7 +307,7 @@ def messages(
 
 def _check_delimiter(data: bytes, start: int, end: int, wire: int, path: str) -> None:
     size = end - start - _COUNT
-    given = int.from_bytes(data[start : start + _COUNT], _order_name(wire))
+    (given,) = _COUNTS[wire & BIG].unpack_from(data, start)
     if given != size:
         raise Fault(f"{path}: expected a delimiter header of {size} at byte {start - len(HEADER)}, got {given}")
 
@@ -395,10 +399,11 @@ def put_texts(raws: list[bytes], parts: list[bytes], at: int, wire: int, lead: i
     """Add strings, each behind its count of units."""
     index = len(parts) - 1
     start = at - lead
+    pack = _COUNTS[wire & BIG].pack
     for raw in raws:
-        padding = bytes(-at & 3)
-        parts += (padding, (len(raw) // unit).to_bytes(_COUNT, _order_name(wire)), raw)
-        at += len(padding) + _COUNT + len(raw)
+        padding = -at & 3
+        parts += (bytes(padding) + pack(len(raw) // unit), raw)
+        at += padding + _COUNT + len(raw)
     if wire & XCDR2:
         _put_delimiter(parts, index, start, at, wire, lead)
     return at
@@ -423,7 +428,7 @@ def put_messages(values: Iterable[Message], parts: list[bytes], at: int, wire: i
 def _put_delimiter(parts: list[bytes], index: int, start: int, end: int, wire: int, lead: int) -> None:
     """Write the delimiter header into the run before the elements, which has left room for it."""
     run = parts[index]
-    size = (end - start - _COUNT).to_bytes(_COUNT, _order_name(wire))
+    size = _COUNTS[wire & BIG].pack(end - start - _COUNT)
     parts[index] = run[: len(run) - lead] + size + run[len(run) - lead + _COUNT :]
 
 
@@ -434,7 +439,3 @@ def _padding(at: int, wire: int, size: int) -> int:
 
 def _order(wire: int) -> str:
     return ">" if wire & BIG else "<"
-
-
-def _order_name(wire: int) -> Any:
-    return "big" if wire & BIG else "little"
