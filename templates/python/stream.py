@@ -363,7 +363,10 @@ def wide_text_bytes(value: str, wire: int, bound: int = -1) -> bytes:
 
 def texts_bytes(values: Collection[str], wire: int, exactly: int = -1, most: int = 0, bound: int = -1) -> list[bytes]:
     """Return strings as bytes, each with its NUL. Raises one of ENCODE_FAILURES."""
-    return [text_bytes(value, wire, bound) for value in _not_one(values, wire, exactly, most)]
+    values = _not_one(values, wire, exactly, most)
+    if bound < 0:
+        return [value.encode() + b"\0" for value in values]
+    return [text_bytes(value, wire, bound) for value in values]
 
 
 def wide_texts_bytes(
