@@ -409,7 +409,7 @@ def test_settings_name_packages_from_where_they_stand(capsys: Capture) -> None:
     Path("deeper").mkdir()
     os.chdir("deeper")
     assert built() == DONE
-    assert "2 messages, 0 services of builtin_interfaces" in capsys.readouterr().out
+    assert "2 messages of builtin_interfaces" in capsys.readouterr().out
     assert (Path("..") / GENERATED / "builtin_interfaces" / "msg" / "_time.py").exists()
 
 
