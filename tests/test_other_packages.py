@@ -28,6 +28,7 @@ from msggen.model import Catalog
 
 STAMP = "uint64 timestamp\n"
 NESTING = f"{STAMP}geometry_msgs/Pose pose\n"
+RIG_BRIDGE = "publications:\n- topic: /fmu/out/rig\n  type: px4_msgs::msg::Rig\n"
 GENERATED = Path("generated", "px4_types")
 Capture = pytest.CaptureFixture[str]
 
@@ -409,7 +410,7 @@ def test_settings_name_packages_from_where_they_stand(capsys: Capture) -> None:
     Path("deeper").mkdir()
     os.chdir("deeper")
     assert built() == DONE
-    assert "2 messages, 0 services of builtin_interfaces" in capsys.readouterr().out
+    assert "2 messages of builtin_interfaces" in capsys.readouterr().out
     assert (Path("..") / GENERATED / "builtin_interfaces" / "msg" / "_time.py").exists()
 
 
@@ -494,6 +495,20 @@ def test_sync_brings_only_the_messages_of_uorb(capsys: Capture) -> None:
     assert sorted(path.name for path in (PACKAGE / "msg").iterdir()) == sorted(
         path.name for path in Path("firmware").rglob("*.msg")
     )
+
+
+def test_only_topics_that_carry_a_definition_of_the_package_are_told_with_it(capsys: Capture) -> None:
+    """Not those that carry a message of another package with the same name."""
+    options = nesting_firmware()
+    write_definitions(Path("firmware"), {"msg/Pose.msg": STAMP, BRIDGE_PLACE: RIG_BRIDGE})
+    assert sync("-q", "--px4", "firmware", *options, "--create", PACKAGE) == DONE
+    for name in ("Pose", "Rig"):
+        edited(f"firmware/msg/{name}.msg", STAMP, f"{STAMP}uint8 x\n")
+    assert sync("--px4", "firmware", *options, PACKAGE) == DONE
+    assert capsys.readouterr().out.splitlines()[:2] == [
+        "changed msg/Pose.msg: fields",
+        "changed msg/Rig.msg: fields; /fmu/out/rig",
+    ]
 
 
 def test_a_new_package_depends_on_what_its_messages_nest(capsys: Capture) -> None:

@@ -115,11 +115,12 @@ def _escaped(path: str) -> str:
 
 def _summary(catalog: "Catalog") -> str:
     messages, services = catalog.uorb_messages, catalog.own_services
-    further = (
-        _count(len(catalog.messages) - len(messages), "message"),
-        _count(len(catalog.services) - len(services), "service"),
-    )
-    others = f"{', '.join(further)} of {', '.join(catalog.other_packages)}" if catalog.other_packages else ""
+    further = {
+        "message": len(catalog.messages) - len(messages),
+        "service": len(catalog.services) - len(services),
+    }
+    counted = ", ".join(_count(number, noun) for noun, number in further.items() if number)
+    others = f"{counted} of {', '.join(catalog.other_packages)}" if counted else ""
     if others and not (messages or services):
         return others
     counts = (

@@ -77,5 +77,6 @@ def _topics(catalog: Catalog) -> dict[str, tuple[str, ...]]:
     found: dict[str, list[str]] = {}
     for endpoint in endpoints(catalog):
         for message in (endpoint.message, *catalog.nested_all(endpoint.message)):
-            found.setdefault(f"msg/{message.name}.msg", []).append(endpoint.ros_name)
+            if message.package == catalog.package:
+                found.setdefault(f"msg/{message.name}.msg", []).append(endpoint.ros_name)
     return {name: tuple(sorted(set(names))) for name, names in found.items()}
