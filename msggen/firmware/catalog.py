@@ -31,7 +31,9 @@ from msggen.model import (
 from msggen.parse import decode_text, parse_message, parse_service
 from msggen.parse.bridge import parse_bridge
 
-COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M202", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"})
+COMPARABLE = frozenset(
+    {"M102", "M103", "M104", "M106", "M202", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"}
+)
 """Faults that leave no doubt about what a definition or an entry of the bridge means."""
 
 _ARCHIVED = re.compile(r"(?P<message>[A-Z][A-Za-z0-9]*)V(?P<version>0|[1-9][0-9]*)")
