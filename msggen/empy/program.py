@@ -292,7 +292,7 @@ class Machine(em.Interpreter):  # type: ignore[misc]  # EmPy has no types
 
     def __del__(self) -> None:
         """Shut down one that a template made and left, while that can still be written anywhere."""
-        if isinstance(sys.stdout, em.ProxyFile):
+        if self.streams and isinstance(sys.stdout, em.ProxyFile):
             self.shutdown()
 
     def installProxy(self) -> None:  # noqa: N802 - EmPy's name
