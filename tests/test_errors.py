@@ -126,6 +126,13 @@ FAULTS = [
     in_a_tree("M306", "as 'char[32]', found 'string x'", "string x"),
     in_a_tree("M306", "as 'uint8[32]', found 'uint8[] x'", "uint8[] x"),
     in_a_tree("M306", "as 'float32[32]', found 'float32[<=3] x'", "float32[<=3] x"),
+    Fault(
+        "M306",
+        f"{FOO}:2:1",
+        "'std_msgs/Header' has strings or sequences",
+        {FOO: f"{STAMP}std_msgs/Header x\n", "in/src/modules/README": "", "std/Header.msg": "string frame_id\n"},
+        (*TREE, "--msg-dir", "std_msgs=std"),
+    ),
     # uORB
     Fault("M401", f"{FOO}:1:1", "expects a field 'uint64 timestamp'", {FOO: "uint8 x\n"}),
     Fault("M401", f"{FOO}:2:1", "found 'uint32 timestamp'", {FOO: "uint8 x\nuint32 timestamp\n"}),

@@ -13,6 +13,7 @@ from array import array
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from conftest import import_package, write_definitions
 
@@ -167,6 +168,11 @@ def test_there_are_no_views_and_batches(msg: Any, scan: Any, name: str) -> None:
         ({"ranges": [1e300]}, "Scan.ranges[0]: expected float32, up to 3.4028235677973366e+38, got 1e+300"),
         ({"corners": [None]}, "Scan.corners[0]: expected Point, got None"),
         ({"header": 5}, "Scan.header: expected Header, got 5"),
+        ({"corners": [5]}, "Scan.corners[0]: expected Point, got 5"),
+        ({"corners": ""}, "Scan.corners: expected up to 2 values, got one: ''"),
+        ({"ranges": b"abc"}, "Scan.ranges: expected values, got one: a bytes of 3"),
+        ({"ranges": {}}, "Scan.ranges: expected values, got one: {}"),
+        ({"ranges": np.ones((2, 1))}, "Scan.ranges[0]: expected float32, got array([1.])"),
     ],
 )
 def test_a_value_that_cannot_be_is_named(scan: Any, cdr: Any, changes: dict[str, Any], text: str) -> None:
@@ -180,6 +186,11 @@ def test_a_value_that_cannot_be_is_named(scan: Any, cdr: Any, changes: dict[str,
     [
         ({"raw": b"four"}, "Status.raw: expected up to 3 bytes, got 4"),
         ({"raw": [1]}, "Status.raw: expected up to 3 bytes, got a list of 1"),
+        ({"flags": iter([True])}, None),
+        ({"flags": [1.0]}, "Status.flags[0]: expected a bool, got 1.0"),
+        ({"name": Ellipsis}, "Status.name: expected a str, got Ellipsis"),
+        ({"counts": np.ones((2, 1), int)}, "Status.counts[0]: expected int16, -32768 to 32767, got array([1])"),
+        ({"raw": array("H", [1])}, "Status.raw: expected up to 3 bytes, got a array of 1"),
         ({"flags": [2]}, "Status.flags[0]: expected a bool, got 2"),
         ({"counts": [1.5]}, "Status.counts[0]: expected int16, -32768 to 32767, got 1.5"),
         ({"counts": [40000]}, "Status.counts[0]: expected int16, -32768 to 32767, got 40000"),
@@ -188,10 +199,33 @@ def test_a_value_that_cannot_be_is_named(scan: Any, cdr: Any, changes: dict[str,
         ({"level": 256}, "Status.level: expected uint8, 0 to 255, got 256"),
     ],
 )
-def test_nothing_is_cut_or_converted_to_fit(msg: Any, cdr: Any, changes: dict[str, Any], text: str) -> None:
+def test_nothing_is_cut_or_converted_to_fit(msg: Any, cdr: Any, changes: dict[str, Any], text: str | None) -> None:
     with pytest.raises(cdr.EncodeError) as raised:
         msg.Status(**changes).encode()
-    assert str(raised.value) == text
+    assert text is None or str(raised.value) == text
+
+
+def test_a_message_is_no_text_and_nothing_is_a_message_without_fields(msg: Any, cdr: Any) -> None:
+    for wrong in (msg.Status(name=msg.Point()), msg.Status(pair=(msg.Point(), "")), msg.Status(title=msg.Point())):
+        with pytest.raises(cdr.EncodeError, match="expected a str"):
+            wrong.encode()
+    for marked in (msg.Marked(mark=5), msg.Marked(marks=(msg.Empty(), None)), msg.Marked(marks="ab")):
+        with pytest.raises(cdr.EncodeError, match=r"Marked\.marks?"):
+            marked.encode()
+
+
+def test_bytes_may_be_anything_that_has_them_in_memory(msg: Any) -> None:
+    for value in (bytearray(b"abc"), memoryview(b"abc"), array("B", b"abc"), np.frombuffer(b"abc", np.uint8)):
+        assert msg.Status.decode(msg.Status(raw=value).encode()).raw == b"abc"
+    for flags in ([True, False], (1, 0), np.array([True, False])):
+        assert msg.Status.decode(msg.Status(flags=flags).encode()).flags == (True, False)
+
+
+def test_a_fault_is_named_from_the_outermost_message(msg: Any, cdr: Any, scan: Any) -> None:
+    sample = scan.encode()
+    with pytest.raises(cdr.DecodeError) as raised:
+        msg.Scan.decode(sample[: 4 + 50])
+    assert str(raised.value) == "Scan.corners[0].x to y: expected 16 bytes at byte 40, got 10"
 
 
 def test_too_many_elements_are_refused_both_ways(scan: Any, msg: Any, cdr: Any) -> None:

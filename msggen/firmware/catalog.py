@@ -36,7 +36,8 @@ COMPARABLE = frozenset(
 )
 """Faults that leave no doubt about what a definition or an entry of the bridge means."""
 
-_ARCHIVED = re.compile(r"(?P<message>[A-Z][A-Za-z0-9]*)V(?P<version>0|[1-9][0-9]*)")
+ARCHIVED_NAME = re.compile(r"(?P<message>[A-Z][A-Za-z0-9]*)V(?P<version>0|[1-9][0-9]*)")
+"""What an earlier version of a message is called in the archive."""
 
 
 def read_catalog(
@@ -68,14 +69,15 @@ def read_catalog(
     unread = reader.paths_with("M101", "M103", "M301", "M303", "M305")
     misread_topics = reader.paths_with("M402")
     of_uorb = [message for message in messages if message.package == package]
+    nesting = [*check_nesting([*messages, *archived], services, package)]
     faults = [
         *reader.faults,
         *check_names([*messages, *(message._replace(package=package) for message in archived)]),
         *check_names(services),
-        *check_nesting([*messages, *archived], services, package),
+        *nesting,
         *check_timestamps(message for message in of_uorb if message.location.path not in unread),
         *check_topics(message for message in of_uorb if message.location.path not in misread_topics),
-        *(check_fixed_sizes(of_uorb) if sources.is_tree else ()),
+        *(check_fixed_sizes(of_uorb, () if nesting else everything) if sources.is_tree else ()),
         *check_bridge(bridge, everything, package),
     ]
     faults = [found for found in faults if found.code not in tolerated]
@@ -177,7 +179,7 @@ class _Reader:
         for file in self.sources.archived:
             message, faults = parse_message(self.text(file), file.path, file.stem, ARCHIVE_PACKAGE)
             faults = [found for found in faults if found.code != "M402"]
-            name = _ARCHIVED.fullmatch(file.stem)
+            name = ARCHIVED_NAME.fullmatch(file.stem)
             if name is None:
                 text = f"file name '{file.stem}': archived versions are called as 'VehicleStatusV1'"
                 faults.append(Diagnostic(message.location, "M201", text))

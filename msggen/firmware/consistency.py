@@ -7,7 +7,18 @@ from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, suggestion
 from msggen.location import Location
-from msggen.model import PRIMITIVES, SIZES, STRINGS, BridgeEntry, Field, FieldType, Message, Service, snake_case
+from msggen.model import (
+    PRIMITIVES,
+    SIZES,
+    STRINGS,
+    ArrayKind,
+    BridgeEntry,
+    Field,
+    FieldType,
+    Message,
+    Service,
+    snake_case,
+)
 
 MAX_SIZE = 2**16 - 1
 """uORB keeps the size of a message in 16 bits."""
@@ -76,14 +87,28 @@ def check_timestamps(messages: Iterable[Message]) -> Iterator[Diagnostic]:
             yield Diagnostic(stamps[0].location, "M401", text)
 
 
-def check_fixed_sizes(messages: Iterable[Message]) -> Iterator[Diagnostic]:
-    """No strings and no sequences: uORB copies messages of one size, and the firmware's build fails on others."""
+def check_fixed_sizes(messages: Iterable[Message], everything: Iterable[Message]) -> Iterator[Diagnostic]:
+    """No strings and no sequences: uORB copies messages of one size, and the firmware's build fails on others.
+
+    `everything` has also the messages of other packages, which the `messages` of uORB's may nest.
+    """
+    known = {message.key: message for message in everything}
     for message in messages:
         for field in message.fields:
             if not field.type.is_fixed_size:
                 example = f"{'char' if field.type.name in STRINGS else field.type.base}[32]"
                 text = f"uORB carries values of fixed size, as '{example}', found '{field.type} {field.name}'"
                 yield Diagnostic(field.location, "M306", text)
+            elif field.type.package not in (None, message.package) and _differs_in_size(message, field, known):
+                text = f"uORB carries values of fixed size, '{field.type}' has strings or sequences"
+                yield Diagnostic(field.location, "M306", text)
+
+
+def _differs_in_size(outer: Message, field: Field, known: Mapping[str, Message]) -> bool:
+    inner = None if field.type.is_primitive else known.get(outer.key_of(field.type))
+    return not field.type.is_fixed_size or (
+        inner is not None and any(_differs_in_size(inner, nested, known) for nested in inner.fields)
+    )
 
 
 def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message], uorb: str) -> Iterator[Diagnostic]:
@@ -210,12 +235,18 @@ def _extent(message: Message, known: Mapping[str, Message], extents: dict[str, _
     return extents[message.key]
 
 
+_REFERENCE = 8
+"""Bytes that a text of a fixed array takes in a default value."""
+
+_COUNTED = (ArrayKind.SCALAR, ArrayKind.FIXED)
+
+
 def _extent_of_field(
     outer: Message, field: Field, known: Mapping[str, Message], extents: dict[str, _Extent]
 ) -> _Extent:
     type_ = field.type
     if type_.is_primitive:
-        size = SIZES[type_.name] * type_.count if type_.is_fixed_size else 0
+        size = SIZES.get(type_.name, _REFERENCE) * type_.count if type_.array in _COUNTED else 0
         return _Extent(size, type_.count if type_.name == "bool" else 1)
     size, values, depth = _extent(known[outer.key_of(type_)], known, extents)
     return _Extent(size * type_.count if type_.is_fixed_size else 0, values * type_.count, depth)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from msggen.diagnostics import Diagnostic, InputError
 from msggen.firmware import source
-from msggen.firmware.catalog import COMPARABLE
+from msggen.firmware.catalog import ARCHIVED_NAME, COMPARABLE
 from msggen.firmware.tree import Tree
 from msggen.model import ARCHIVE_PACKAGE, Message
 from msggen.parse import decode_text, parse_message
@@ -23,7 +23,6 @@ ALL_TRANSLATIONS = f"{TRANSLATIONS}/all_translations.h"
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
-_ARCHIVED = re.compile(r"[A-Z][A-Za-z0-9]*V[0-9]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +73,7 @@ def read_history(tree: Tree) -> History:
     faults: list[Diagnostic] = []
     for file in tree.names(ARCHIVE):
         name, dot, suffix = file.partition(".")
-        if suffix != "msg" or not dot or not _ARCHIVED.fullmatch(name):
+        if suffix != "msg" or not dot or not ARCHIVED_NAME.fullmatch(name):
             continue
         path = f"{ARCHIVE}/{file}"
         text, unclean = decode_text(tree.read(path), tree.place(path))

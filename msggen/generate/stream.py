@@ -138,15 +138,20 @@ class _Walk:
         self.step.fields.append(path)
 
     def _nested(self, inner: Message, type_: FieldType, place: _Place) -> None:
+        cls = self.class_of(inner)
         if type_.array is ArrayKind.SCALAR:
             local = self.names.one(place.stem) if inner.fields else ""
-            self.step.created.append((place.attribute, local, self.class_of(inner)))
-            self.step.taken_apart += [(local, place.attribute)] if local else []
+            self.step.created.append((place.attribute, local, cls))
+            if local:
+                self.step.taken_apart.append((local, place.attribute))
+            else:  # there is nothing to take apart that would tell another value from it
+                one = _call("instances", f"({place.attribute},)", "wire", cls)
+                self.step.prepared.append((self.names.one(f"_{place.stem}"), one))
             self.message(inner, place.inside(local))
             return
         name = self.function(inner)
-        values = self._prepared(place, "elements", _number_of(type_))
-        self._elements(type_, place, values, ("messages", self.class_of(inner), f"_read_{name}"), f"_write_{name}")
+        values = self._prepared(place, "instances", cls, _number_of(type_))
+        self._elements(type_, place, values, ("messages", cls, f"_read_{name}"), f"_write_{name}")
 
     def _primitive(self, type_: FieldType, place: _Place) -> None:
         """Add a primitive whose size is not fixed, or a large array: a block between two runs."""

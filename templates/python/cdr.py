@@ -476,6 +476,10 @@ _SEQUENCES = ("tuple", "list", "array")
 """By name: importing array.array takes longer than importing a message."""
 
 
+NO_SEQUENCES = (str, bytes, bytearray, dict, set, frozenset)
+"""What has several values, and is no sequence of numbers, texts or messages."""
+
+
 def _same(mine: Any, theirs: Any) -> bool:
     if isinstance(mine, Message):
         return mine.__class__ is theirs.__class__ and all(
@@ -605,10 +609,10 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
     if field.length is None and not field.is_sequence:
         return _value_problem(message, field.base, value, path)
     if field.base in ("uint8", "char", "byte"):
-        if isinstance(value, (bytes, bytearray)):
+        if isinstance(value, (bytes, bytearray)) or (field.is_sequence and _has_octets(value)):
             return _number_problem(field, len(value), path, "bytes")
         return f"{path}: expected {_expected(field, 'bytes')}, got {_given(value)}"
-    if isinstance(value, str) or not hasattr(value, "__len__") or not hasattr(value, "__iter__"):
+    if isinstance(value, NO_SEQUENCES) or not hasattr(value, "__len__") or not hasattr(value, "__iter__"):
         return f"{path}: expected {_expected(field, 'values')}, got one: {_given(value)}"
     items = list(value)
     problem = _number_problem(field, len(items), path, "values")
@@ -616,6 +620,13 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
         return problem
     problems = (_value_problem(message, field.base, item, f"{path}[{index}]") for index, item in enumerate(items))
     return next(filter(None, problems), "")
+
+
+def _has_octets(value: Any) -> bool:
+    try:
+        return memoryview(value).itemsize == 1
+    except TypeError:
+        return False
 
 
 def _expected(field: Field, noun: str) -> str:
@@ -657,8 +668,8 @@ def _value_problem(outer: Message, base: str, value: Any, path: str) -> str:
         return ""
     if base in _RANGES:
         low, high = _RANGES[base]
-        fits = hasattr(value, "__index__") and low <= value.__index__() <= high
-        return "" if fits else f"{path}: expected {base}, {low} to {high}, got {_given(value)}"
+        index = _index_of(value)
+        return "" if index is not None and low <= index <= high else f"{path}: expected {base}, {low} to {high}, got {_given(value)}"
     if not isinstance(value, nested(outer.__class__, base)):
         given = value.__msg__.ros_type if isinstance(value, Message) else _given(value)
         return f"{path}: expected {base}, got {given}"
@@ -667,11 +678,20 @@ def _value_problem(outer: Message, base: str, value: Any, path: str) -> str:
 
 def _is_bool(value: Any) -> bool:
     of_numpy = value.__class__.__name__ in ("bool_", "bool")
-    return of_numpy or (hasattr(value, "__index__") and value.__index__() in (0, 1))
+    return of_numpy or _index_of(value) in (0, 1)
+
+
+def _index_of(value: Any) -> int | None:
+    """Return an integer as int; None for what is none, such as an array of numpy that has several."""
+    try:
+        index: int = value.__index__()
+    except (AttributeError, TypeError):
+        return None
+    return index
 
 
 def _is_number(value: object) -> bool:
-    return hasattr(value, "__float__") or hasattr(value, "__index__")
+    return (hasattr(value, "__float__") or hasattr(value, "__index__")) and not hasattr(value, "__len__")
 
 
 def _given(value: Any) -> str:

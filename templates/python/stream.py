@@ -15,7 +15,18 @@ import struct
 import sys
 from array import array
 
-from .cdr import ENCODE_FAILURES, ENCODINGS, HEADER, SURPLUS, DecodeError, Message, Refused, encode_error, new
+from .cdr import (
+    ENCODE_FAILURES,
+    ENCODINGS,
+    HEADER,
+    NO_SEQUENCES,
+    SURPLUS,
+    DecodeError,
+    Message,
+    Refused,
+    encode_error,
+    new,
+)
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -30,6 +41,8 @@ if TYPE_CHECKING:
     """Reads a message from a sample, at an offset and as the wire has it; returns the offset behind it."""
     Write = Callable[[Any, list[bytes], int, int], int]
     """Adds the bytes of a message that begins at an offset; returns the offset behind it."""
+
+Format = struct.Struct
 
 BIG = 8
 """Of a wire: the most significant byte comes first."""
@@ -103,7 +116,10 @@ class Stream:
         if wire is None or len(sample) < len(HEADER):
             raise _no_header(cls, sample)
         message = new(cls)
-        end = self.read(message, sample, len(HEADER), wire)
+        try:
+            end = self.read(message, sample, len(HEADER), wire)
+        except Fault as fault:
+            raise DecodeError(_inside(cls.__msg__.name, fault)) from None
         surplus = len(sample) - end
         if surplus > SURPLUS and not allow_surplus and surplus > SURPLUS + 8 * _overestimated(message):
             name, size, given = cls.__msg__.name, end - len(HEADER), len(sample) - len(HEADER)
@@ -147,12 +163,17 @@ def _no_header(cls: type[Message], sample: bytes) -> DecodeError:
     return DecodeError(f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {given}")
 
 
-def decode_error(name: str, run: struct.Struct, at: int, data: bytes, error: Exception) -> DecodeError:
-    """Return the error for a message `name` that `run` was read of last, at an offset."""
+def fault_of(run: Format, at: int, data: bytes, error: Exception) -> Fault:
+    """Return what is wrong with a message that `run` was read of last, at an offset."""
     if isinstance(error, Fault):
-        return DecodeError(f"{name}.{error}")
-    place = f"{name}.{_FIELDS[run]}" if _FIELDS[run] else name
-    return DecodeError(f"{place}: expected {run.size} bytes at byte {at - len(HEADER)}, got {max(len(data) - at, 0)}")
+        return error
+    return Fault(f"{_FIELDS[run]}: expected {run.size} bytes at byte {at - len(HEADER)}, got {max(len(data) - at, 0)}")
+
+
+def _inside(path: str, fault: Fault) -> str:
+    """Return the text of a fault that was found inside of what `path` names."""
+    text = str(fault)
+    return path + text if text.startswith((":", "[")) else f"{path}.{text}"
 
 
 # Reading: each function takes the sample, where the value begins, how many there are, the wire and the field's path,
@@ -296,10 +317,13 @@ def messages(
     start = at - lead
     _check_count(count, most, len(data) - at, path)  # each has a byte at least
     values: list[MessageType] = []
-    for _ in range(count):
-        value = new(cls)
-        at = read(value, data, at, wire)
-        values.append(value)
+    try:
+        for _ in range(count):
+            value = new(cls)
+            at = read(value, data, at, wire)
+            values.append(value)
+    except Fault as fault:
+        raise Fault(_inside(f"{path}[{len(values)}]", fault)) from None
     if wire & XCDR2:
         _check_delimiter(data, start, at, wire, path)
     return tuple(values), at
@@ -316,25 +340,45 @@ def _check_delimiter(data: bytes, start: int, end: int, wire: int, path: str) ->
 
 
 def elements(values: Collection[Element], wire: int, exactly: int = -1, most: int = 0) -> Collection[Element]:
-    """Return messages whose number is right. Raises Refused."""
+    """Return a sequence whose number of values is right. Raises one of ENCODE_FAILURES."""
+    if isinstance(values, NO_SEQUENCES):
+        raise Refused
     count = len(values)
     if (exactly >= 0 and count != exactly) or (most and count > most):
         raise Refused
     return values
 
 
-def octets_bytes(value: Collection[int], wire: int, most: int = 0) -> bytes:
-    """Return bytes whose number is right. Raises Refused."""
-    if not isinstance(value, (bytes, bytearray)) or (most and len(value) > most):
+def instances(
+    values: Collection[Message], wire: int, cls: type[Message], exactly: int = -1, most: int = 0
+) -> Collection[Message]:
+    """Return messages of a class whose number is right. Raises one of ENCODE_FAILURES."""
+    for value in elements(values, wire, exactly, most):
+        if not isinstance(value, cls):
+            raise Refused
+    return values
+
+
+def octets_bytes(value: BytesLike, wire: int, most: int = 0) -> bytes:
+    """Return bytes whose number is right, of anything that has bytes in memory. Raises one of ENCODE_FAILURES."""
+    if isinstance(value, bytes):
+        raw = value
+    else:
+        view = memoryview(value)
+        if view.itemsize != 1:
+            raise Refused
+        raw = view.tobytes()
+    if most and len(raw) > most:
         raise Refused
-    return bytes(value)
+    return raw
 
 
 def bools_bytes(values: Collection[Any], wire: int, most: int = 0) -> bytes:
-    """Return bools as bytes. Raises Refused."""
-    if (most and len(values) > most) or any(value not in (0, 1) for value in values):
-        raise Refused
-    return bytes([bool(value) for value in values])
+    """Return bools as bytes. Raises one of ENCODE_FAILURES."""
+    for value in elements(values, wire, most=most):
+        if (False | value) not in (0, 1):
+            raise Refused
+    return bytes([1 if value else 0 for value in values])
 
 
 def number_bytes(values: Collection[Any], wire: int, code: str, exactly: int = -1, most: int = 0) -> bytes:
@@ -349,23 +393,23 @@ def text_bytes(value: str, wire: int, bound: int = -1) -> bytes:
     """Return a string as bytes, with its NUL. Raises one of ENCODE_FAILURES."""
     if 0 <= bound < len(value):
         raise Refused
-    return value.encode() + b"\0"
+    return str.encode(value) + b"\0"
 
 
 def wide_text_bytes(value: str, wire: int, bound: int = -1) -> bytes:
     """Return a wstring as bytes. Raises one of ENCODE_FAILURES."""
     if 0 <= bound < len(value):
         raise Refused
-    units = value.encode("utf-16-le")
+    units = str.encode(value, "utf-16-le")
     count = len(units) // 2
     return struct.pack(f"{_order(wire)}{count}I", *struct.unpack(f"<{count}H", units))
 
 
 def texts_bytes(values: Collection[str], wire: int, exactly: int = -1, most: int = 0, bound: int = -1) -> list[bytes]:
     """Return strings as bytes, each with its NUL. Raises one of ENCODE_FAILURES."""
-    values = _not_one(values, wire, exactly, most)
+    values = elements(values, wire, exactly, most)
     if bound < 0:
-        return [value.encode() + b"\0" for value in values]
+        return [str.encode(value) + b"\0" for value in values]
     return [text_bytes(value, wire, bound) for value in values]
 
 
@@ -373,14 +417,7 @@ def wide_texts_bytes(
     values: Collection[str], wire: int, exactly: int = -1, most: int = 0, bound: int = -1
 ) -> list[bytes]:
     """Return wstrings as bytes. Raises one of ENCODE_FAILURES."""
-    return [wide_text_bytes(value, wire, bound) for value in _not_one(values, wire, exactly, most)]
-
-
-def _not_one(values: Collection[str], wire: int, exactly: int, most: int) -> Collection[str]:
-    """A str is a collection of str, but it was not meant as one."""
-    if isinstance(values, str):
-        raise Refused
-    return elements(values, wire, exactly, most)
+    return [wide_text_bytes(value, wire, bound) for value in elements(values, wire, exactly, most)]
 
 
 def put(raw: bytes, parts: list[bytes], at: int) -> int:

@@ -56,7 +56,9 @@ def convert(message: Message, target: type[MessageType]) -> Converted[MessageTyp
     Nested messages are carried field by field. Raises EncodeError for a message with a value that its own definition
     does not allow, TypeError where `target` is no version of it.
     """
-    own: type[Message] = next(cls for cls in message.__class__.__mro__ if "__msg__" in vars(cls))
+    own: type[Message] | None = next((cls for cls in message.__class__.__mro__ if "__msg__" in vars(cls)), None)
+    if own is None or not hasattr(target, "__msg__"):
+        raise TypeError(f"expected a message and the class of one, got {message!r} and {target!r}")
     if own.__msg__.ros_type != target.__msg__.ros_type:
         raise TypeError(f"{target.__msg__.name} is no version of {own.__msg__.ros_type}")
     made = target()
