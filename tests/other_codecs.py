@@ -60,8 +60,13 @@ class Generated:
         self.cdr = importlib.import_module(f"{package.__name__}.cdr")
         self.types = SimpleNamespace()
         for message in everything(catalog):
-            module = importlib.import_module(f"{package.__name__}.{message.folder}")
-            setattr(self.types, message.name, getattr(module, message.name))
+            is_own = message.package == catalog.package
+            home = package.__name__ if is_own else f"{package.__name__}.{message.package}"
+            module = importlib.import_module(f"{home}.{message.folder}")
+            if is_own:
+                setattr(self.types, message.name, getattr(module, message.name))
+            else:
+                setattr(self.types, message.package, importlib.import_module(home))
 
     def encode(self, message: Message, values: Values, order: str, version: int) -> bytes:
         given = to_object(self.types, self.catalog, message, values)
@@ -74,7 +79,9 @@ class Generated:
 
     def cls(self, message: Message) -> Any:
         """Return the class of a message."""
-        return getattr(self.types, message.name)
+        is_own = message.package == self.catalog.package
+        home = self.types if is_own else getattr(getattr(self.types, message.package), message.folder)
+        return getattr(home, message.name)
 
 
 @contextmanager
@@ -171,12 +178,12 @@ class Pycdr2:
         return self._values(message, self._class(message).deserialize(sample))
 
     def _class(self, message: Message) -> Any:
-        if message.name not in self.classes:
+        if message.key not in self.classes:
             annotations = {field.name: self._type(message, field.type) for field in message.fields}
             body = {"__annotations__": annotations or {"structure_needs_at_least_one_member": types.uint8}}
             made = type(pycdr2.IdlStruct)(message.name, (pycdr2.IdlStruct,), body)
-            self.classes[message.name] = dataclass(made)
-        return self.classes[message.name]
+            self.classes[message.key] = dataclass(made)
+        return self.classes[message.key]
 
     def _type(self, outer: Message, type_: FieldType) -> Any:
         if not type_.is_primitive:

@@ -8,10 +8,15 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Collection
+from collections.abc import Sequence
+from pathlib import Path
 from random import Random
 from typing import Any
 
+from conftest import write_definitions
+
+from msggen.firmware.catalog import read_catalog
+from msggen.firmware.source import find_sources
 from msggen.model import FLOATS, INTEGER_RANGES, STRINGS, ArrayKind, Catalog, FieldType, Message
 
 NUMBERS = ("bool", *INTEGER_RANGES, *FLOATS)
@@ -44,6 +49,8 @@ TEXTS = (
 SPELLED = ("", "a", "two words", "it's", 'say "so"', "é", "# [1, 2]")
 """Texts for constants and defaults, where quotes, brackets and `#` have a meaning."""
 
+PACKAGES = ("px4_msgs", "other_msgs")
+
 TOLERATED = ("M103", "M401")
 """What ROS 2 allows and uORB does not: messages without fields, and without a timestamp."""
 
@@ -51,34 +58,44 @@ HEAVY = 300
 """Messages of more values than that are not nested any more."""
 
 
-def definitions(chance: Random, messages: int, services: int = 0, strings: Collection[str] = STRINGS) -> dict[str, str]:
-    """Return files of that many messages and services; later ones nest earlier ones."""
-    author = _Author(chance, tuple(strings))
-    files = {f"msg/Message{number}.msg": author.message(f"Message{number}") for number in range(messages)}
+def random_catalog(
+    folder: Path, chance: Random, messages: int, services: int = 0, strings: Sequence[str] = STRINGS
+) -> Catalog:
+    """Write that many definitions into `folder`, and return the catalog that msggen reads from there.
+
+    They are spread over PACKAGES, which have messages of the same names; later ones nest earlier ones. Of the types
+    for text, they use `strings`.
+    """
+    author = _Author(chance, strings)
+    for _ in range(messages):
+        package = chance.choice(PACKAGES)
+        name = f"Message{sum(key.startswith(package) for key in author.weights)}"
+        text, author.weights[f"{package}/{name}"] = author.body(package)
+        write_definitions(folder / package, {f"msg/{name}.msg": text})
     for number in range(services):
-        files[f"srv/Service{number}.srv"] = f"{author.body()[0]}---\n{author.body()[0]}"
-    return files
+        package = chance.choice(PACKAGES)
+        text = f"{author.body(package)[0]}---\n{author.body(package)[0]}"
+        write_definitions(folder / package, {f"srv/Service{number}.srv": text})
+    own, other = PACKAGES
+    return read_catalog(find_sources(str(folder / own), (f"{other}={folder / other}",)), tolerated=TOLERATED)
 
 
 class _Author:
     """Writes definitions; `weights` says of each message about how many values it holds."""
 
-    def __init__(self, chance: Random, strings: tuple[str, ...]) -> None:
+    def __init__(self, chance: Random, strings: Sequence[str]) -> None:
         self.chance = chance
         self.strings = strings
         self.weights: dict[str, int] = {}
 
-    def message(self, name: str) -> str:
-        text, self.weights[name] = self.body()
-        return text
-
-    def body(self) -> tuple[str, int]:
+    def body(self, package: str) -> tuple[str, int]:
+        """Return a message of `package`, and about how many values it holds."""
         chance = self.chance
         names = chance.sample(NAMES, chance.choice((0, 1, 1, 2, 2, 3, 3, 4, 5, 8)))
         names = [name if chance.random() < 0.5 else f"field{index}" for index, name in enumerate(names)]
         lines, weight = [], 1
         for name in names:
-            type_, of_field = self.type()
+            type_, of_field = self.type(package)
             lines.append(f"{type_} {name}{self.default(type_)}\n")
             weight += of_field
         for number in range(chance.choice((0, 0, 0, 1, 2))):
@@ -87,10 +104,10 @@ class _Author:
         chance.shuffle(lines)
         return "".join(lines), weight
 
-    def type(self) -> tuple[str, int]:
+    def type(self, package: str) -> tuple[str, int]:
         """Return a type, and about how many values it holds."""
         chance = self.chance
-        base, weight = self.base()
+        base, weight = self.base(package)
         kind = chance.random()
         if kind < 0.45:
             return base, weight
@@ -99,13 +116,14 @@ class _Author:
             return f"{base}[{length}]", weight * length
         return f"{base}[<={chance.choice(BOUNDS)}]" if kind < 0.8 else f"{base}[]", weight * 2
 
-    def base(self) -> tuple[str, int]:
+    def base(self, package: str) -> tuple[str, int]:
         chance = self.chance
-        nestable = [name for name, weight in self.weights.items() if weight <= HEAVY]
+        nestable = [key for key, weight in self.weights.items() if weight <= HEAVY]
         kind = chance.random()
         if kind < 0.3 and nestable:
-            name = chance.choice(nestable[-12:])
-            return name, self.weights[name]
+            key = chance.choice(nestable[-12:])
+            is_bare = key.startswith(package) and chance.random() < 0.8
+            return key.removeprefix(f"{package}/") if is_bare else key, self.weights[key]
         if kind < 0.8:
             return chance.choice(NUMBERS), 1
         bound = f"<={chance.choice(BOUNDS)}" if chance.random() < 0.4 else ""
@@ -115,7 +133,7 @@ class _Author:
         """Return a default with the space before it, or nothing."""
         chance = self.chance
         base, bracket, length = type_.partition("[")
-        if base in self.weights or chance.random() < 0.7:
+        if base.partition("<=")[0] not in (*NUMBERS, *STRINGS) or chance.random() < 0.7:
             return ""
         if not bracket:
             return f" {self.literal(base)}"
