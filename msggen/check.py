@@ -27,8 +27,8 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
     """
     crossing = bridged_names(previous, current) if topics_only else _own_files(previous)
     before = read_catalog(previous, wanted=crossing, tolerated=COMPARABLE)
-    files = {f"{name}.msg" for name in _names(before.messages.values())}
-    files |= {f"{name}.srv" for name in _names(before.services)}
+    files = {f"{name}.msg" for name in _names(before.uorb_messages)}
+    files |= {f"{name}.srv" for name in _names(before.own_services)}
     after = read_catalog(current, wanted=files, tolerated=COMPARABLE)
     extra = () if topics_only else tuple(_extra(current, files))
     comparison = Comparison(
@@ -93,7 +93,7 @@ def _extra(sources: Sources, files: Collection[str]) -> Iterator[Extra]:
     for kind, found in (("message", sources.messages), ("service", sources.services)):
         for file in found:
             name = file.name.rpartition("/")[2]
-            if name not in files and (own is None or name in own):
+            if not file.package and name not in files and (own is None or name in own):
                 yield Extra(kind, file.stem, Location(file.path))
 
 
@@ -111,8 +111,8 @@ def _report(
 ) -> Report:
     """Sort what was found by place, and sum it up."""
     previous, current = comparison.previous, comparison.current
-    messages = _names(previous.catalog.messages.values()) & _names(current.catalog.messages.values())
-    services = _names(previous.catalog.services) & _names(current.catalog.services)
+    messages = _names(previous.catalog.uorb_messages) & _names(current.catalog.uorb_messages)
+    services = _names(previous.catalog.own_services) & _names(current.catalog.own_services)
     failing = [finding for finding in findings if finding.fails]
     counts = [
         f"{_count(len(failing), 'finding')} in {_count(len({each.change.subject for each in failing}), 'definition')}"

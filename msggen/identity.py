@@ -51,9 +51,12 @@ def message_hash(catalog: Catalog, message: Message) -> int:
 
 def _field_lines(catalog: Catalog, message: Message) -> Iterator[str]:
     for field in message.fields:
-        yield f"{str(field.type).rpartition('/')[2]} {field.name}\n"
-        if not field.type.is_primitive:
-            yield from _field_lines(catalog, catalog.nested(message, field.type))
+        if field.type.is_primitive:
+            yield f"{field.type} {field.name}\n"
+        else:
+            inner = catalog.nested(message, field.type)
+            yield f"{field.type._replace(package=None, name=inner.released_as[1])} {field.name}\n"
+            yield from _field_lines(catalog, inner)
 
 
 def type_hash(catalog: Catalog, message: Message) -> str:
@@ -149,6 +152,12 @@ def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
             subscriptions += 1
         found.append(Endpoint(entry, message, _ros_name(entry, message, catalog.conventions), object_id))
     return tuple(found)
+
+
+def endpoint_versions(catalog: Catalog, endpoint: Endpoint) -> tuple[tuple[str, Message], ...]:
+    """Return ROS name and message of all versions of an endpoint, the oldest first: one where names do not tell."""
+    known = catalog.versions(endpoint.message) if catalog.conventions.version_suffix else (endpoint.message,)
+    return tuple((_ros_name(endpoint.entry, version, catalog.conventions), version) for version in known)
 
 
 def _ros_name(entry: BridgeEntry, message: Message, conventions: Conventions) -> str:

@@ -1,14 +1,13 @@
 """Where each value lies in a CDR sample (FACTS 3; OMG DDS-XTypes 1.3, section 7.4).
 
-Everything has a fixed size, so every offset is known here. Offsets count from the first byte after the
-four bytes of the encapsulation header, as alignment does.
+Of messages whose samples all have the same layout, so every offset is known here. Offsets count from the first byte
+after the four bytes of the encapsulation header, as alignment does.
 """
 
 from collections.abc import Iterable
 from enum import Enum
 from typing import NamedTuple
 
-from msggen.diagnostics import Diagnostic, InputError
 from msggen.model import SIZES, ArrayKind, Catalog, FieldType, Message
 
 Path = tuple[tuple[str, int | None], ...]
@@ -84,22 +83,8 @@ def is_static(catalog: Catalog, message: Message) -> bool:
     )
 
 
-def check_fixed_size(messages: Iterable[Message]) -> None:
-    """Raise InputError, with every field at fault, unless all `messages` have a fixed size."""
-    faults = []
-    for message in messages:
-        if not message.fields:
-            faults.append(Diagnostic(message.location, "M306", f"not yet: '{message.name}' has no fields"))
-        for field in message.fields:
-            if not field.type.is_fixed_size:
-                text = f"not yet: '{field.type} {field.name}' has no fixed size, there is no codec for it so far"
-                faults.append(Diagnostic(field.location, "M306", text))
-    if faults:
-        raise InputError(faults)
-
-
 def lay_out(catalog: Catalog, message: Message, encoding: Encoding = Encoding.XCDR1) -> Layout:
-    """Return the layout of `message`, all of whose fields have a fixed size."""
+    """Return the layout of `message`, which is static."""
     writer = _Writer(catalog, encoding)
     writer.message(message, ())
     return Layout(writer.offset, tuple(writer.items))

@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping
 from enum import Enum
 from functools import cache
+from types import MappingProxyType
 from typing import NamedTuple, Union
 
 from msggen.location import Location
@@ -49,6 +50,9 @@ VERSION = "MESSAGE_VERSION"
 
 DEFAULT_PACKAGE = "px4_msgs"
 """The ROS 2 package that the firmware's definitions belong to."""
+
+ARCHIVE_PACKAGE = "px4_msgs_old"
+"""The ROS 2 package in which the firmware keeps earlier versions of messages, from v1.16 on."""
 
 _LATER_CAPITAL = re.compile(r"(?<!^)(?=[A-Z])")
 
@@ -166,6 +170,8 @@ class Message(NamedTuple):
     constants: tuple[Constant, ...] = ()
     topics: tuple[Topic, ...] = ()
     comment: str = ""
+    version_of: str = ""
+    """Of an archived version: the key of the message that it is an earlier version of."""
 
     @property
     def key(self) -> str:
@@ -177,18 +183,28 @@ class Message(NamedTuple):
         return f"{nested.package or self.package}/{nested.name}"
 
     @property
+    def released_as(self) -> tuple[str, str]:
+        """Package and name that the wire and all hashes know: an earlier version has those of its message."""
+        package, _, name = (self.version_of or self.key).partition("/")
+        return package, name
+
+    @property
     def ros_type(self) -> str:
         """`px4_msgs/msg/VehicleStatus`."""
-        return f"{self.package}/{self.folder}/{self.name}"
+        package, name = self.released_as
+        return f"{package}/{self.folder}/{name}"
 
     @property
     def dds_type(self) -> str:
         """`px4_msgs::msg::dds_::VehicleStatus_`."""
-        return f"{self.package}::{self.folder}::dds_::{self.name}_"
+        package, name = self.released_as
+        return f"{package}::{self.folder}::dds_::{name}_"
 
     @property
     def topic_names(self) -> tuple[str, ...]:
-        """The uORB topics of this message: what it declares, or else its own name (FACTS 1)."""
+        """The uORB topics of this message: what it declares, or else its own name (FACTS 1); none of a version."""
+        if self.version_of:
+            return ()
         return tuple(topic.name for topic in self.topics) or (snake_case(self.name),)
 
     @property
@@ -273,7 +289,8 @@ class Conventions(NamedTuple):
 class Catalog(NamedTuple):
     """A whole set of definitions that fit together: every nested type is found, every name unique in its package.
 
-    The messages of `package` are uORB's, and have topics; those of other packages only ROS 2 knows.
+    The messages of `package` are uORB's, and have topics; those of other packages only ROS 2 knows. `archived` has
+    earlier versions of messages by key, where they were asked for: they are no longer on uORB, and have no topics.
     """
 
     messages: Mapping[str, Message]
@@ -281,15 +298,29 @@ class Catalog(NamedTuple):
     bridge: tuple[BridgeEntry, ...]
     conventions: Conventions
     package: str = DEFAULT_PACKAGE
+    archived: Mapping[str, Message] = MappingProxyType({})
 
     @property
     def uorb_messages(self) -> tuple[Message, ...]:
         """The messages that uORB carries, by name."""
         return tuple(message for message in self.messages.values() if message.package == self.package)
 
+    @property
+    def own_services(self) -> tuple[Service, ...]:
+        """The services of `package`, by name."""
+        return tuple(service for service in self.services if service.package == self.package)
+
+    @property
+    def other_packages(self) -> tuple[str, ...]:
+        """The packages besides `package`, sorted."""
+        found = {message.package for message in self.messages.values()}
+        found |= {service.package for service in self.services}
+        return tuple(sorted(found - {self.package}))
+
     def nested(self, outer: Message, type_: FieldType) -> Message:
         """Return the message that a nested field of `outer` holds."""
-        return self.messages[outer.key_of(type_)]
+        key = outer.key_of(type_)
+        return self.messages.get(key) or self.archived[key]
 
     def nested_all(self, outer: Message) -> tuple[Message, ...]:
         """Return every message nested in `outer`, at any depth, once each and sorted by ROS type."""
@@ -300,7 +331,18 @@ class Catalog(NamedTuple):
             for field in message.fields:
                 if not field.type.is_primitive:
                     inner = self.nested(message, field.type)
-                    if inner.ros_type not in found:
-                        found[inner.ros_type] = inner
+                    if inner.key not in found:
+                        found[inner.key] = inner
                         waiting.append(inner)
-        return tuple(found[name] for name in sorted(found))
+        return tuple(sorted(found.values(), key=lambda message: message.ros_type))
+
+    def versions(self, message: Message) -> tuple[Message, ...]:
+        """Return all versions that there are of `message`, itself a version or not, the oldest first.
+
+        An archived definition of the version that is current is none of them: the current one is.
+        """
+        key = message.version_of or message.key
+        found = {old.message_version: old for old in self.archived.values() if old.version_of == key}
+        if key in self.messages:
+            found[self.messages[key].message_version] = self.messages[key]
+        return tuple(found[version] for version in sorted(found))

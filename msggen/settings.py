@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
+from msggen.firmware.source import join_package, split_package
 from msggen.location import Location
 
 
@@ -20,6 +21,7 @@ class Settings(NamedTuple):
     release: str | None = None
     output: str | None = None
     package: str | None = None
+    archived: bool | None = None
     select: tuple[str, ...] | None = None
     ignore: tuple[str, ...] = ()
     per_message_ignores: Mapping[str, tuple[str, ...]] = MappingProxyType({})
@@ -108,10 +110,20 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
         return _texts(value, key, "rules", path, place)
     if field == "msg_dir":
         folders = _texts(value, key, "folders", path, place)
-        return tuple(os.path.join(base, os.path.expanduser(item)) for item in folders)
+        return tuple(_folder(item, base, Location(path, *place)) for item in folders)
+    if field == "archived":
+        if not isinstance(value, bool):
+            _fail(path, "C103", f"'{key}': expected true or false, found {value!r}", *place)
+        return value
     if not isinstance(value, str) or not value:
         _fail(path, "C103", f"'{key}': expected a text, found {value!r}", *place)
     return os.path.join(base, os.path.expanduser(value)) if field in _PATHS else value
+
+
+def _folder(text: str, base: str, place: Location) -> str:
+    """Return a folder, or `PKG=DIR`, as it is named from where msggen runs."""
+    package, folder = split_package(text, place)
+    return join_package(package, os.path.join(base, os.path.expanduser(folder)))
 
 
 def _texts(value: object, key: str, what: str, path: str, place: tuple[int, int]) -> tuple[str, ...]:

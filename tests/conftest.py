@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import itertools
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -70,6 +71,6 @@ def write_definitions(folder: Path, files: dict[str, str]) -> Path:
     return folder
 
 
-def catalog_of(folder: Path, files: dict[str, str]) -> Catalog:
+def catalog_of(folder: Path, files: dict[str, str], tolerated: Collection[str] = ()) -> Catalog:
     """Return the catalog of `files`, written into `folder`."""
-    return read_catalog(find_sources(str(write_definitions(folder, files))))
+    return read_catalog(find_sources(str(write_definitions(folder, files))), tolerated=tolerated)

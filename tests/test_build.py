@@ -1071,7 +1071,7 @@ def test_the_order_of_folders_changes_no_type_and_no_id() -> None:
 
 
 def test_a_firmware_tree_stays_one_beside_the_messages_of_a_ros_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tree's conventions and names hold; the package as a whole is refused, its types have names of their own."""
+    """The tree's conventions and names hold; the package has names of its own, and its `msg` folder alone is uORB's."""
     tree = firmware(versioned="")
     write_definitions(
         Path("our_msgs"),
@@ -1080,10 +1080,12 @@ def test_a_firmware_tree_stays_one_beside_the_messages_of_a_ros_package(monkeypa
             "package.xml": "<package format='3'><name>our_msgs</name></package>\n",
         },
     )
-    assert build("--px4", str(tree), "--msg-dir", "our_msgs") == 2
-    package = built(monkeypatch, "--px4", tree, "--msg-dir", "our_msgs/msg")
-    assert package.VehicleStatus.__msg__.ros_type == "px4_msgs/msg/VehicleStatus"
-    assert conventions(package) == V1_14
+    for folder, group in (("our_msgs", "our_msgs/msg/MotorGroup"), ("our_msgs/msg", "px4_msgs/msg/MotorGroup")):
+        package = built(monkeypatch, "--px4", tree, "--msg-dir", folder)
+        assert package.VehicleStatus.__msg__.ros_type == "px4_msgs/msg/VehicleStatus"
+        assert conventions(package) == V1_14
+        found = package if group.startswith("px4_msgs") else package.our_msgs.msg
+        assert found.MotorGroup.__msg__.ros_type == group
 
 
 def test_topics_given_replace_those_of_the_tree(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -48,6 +48,12 @@ def line(code: str, column: int, fragment: str, text: str) -> Fault:
     return Fault(code, f"{FOO}:2:{column}", fragment, {FOO: f"{STAMP}{text}\n"})
 
 
+def in_a_tree(code: str, fragment: str, text: str) -> Fault:
+    """Return a fault on the second line of a message of the firmware's own tree."""
+    files: dict[str, str | bytes] = {FOO: f"{STAMP}{text}\n", "in/src/modules/README": ""}
+    return Fault(code, f"{FOO}:2:1", fragment, files)
+
+
 def bridge(code: str, place: str, fragment: str, text: str) -> Fault:
     """Return a fault in the YAML, beside two sound messages."""
     return Fault(code, f"{YAML}:{place}", fragment, {FOO: STAMP, BAR: STAMP, YAML: text})
@@ -117,10 +123,9 @@ FAULTS = [
     line("M305", 12, "expected 2 values, found 3", "uint8[2] x [1, 2, 3]"),
     line("M305", 10, "expected true, false, 1 or 0", "bool A = maybe"),
     line("M305", 15, "up to 3 characters, found 4", "string<=3 A = four"),
-    line("M306", 1, "not yet: 'string x' has no fixed size", "string x"),
-    line("M306", 1, "not yet: 'uint8[] x' has no fixed size", "uint8[] x"),
-    line("M306", 1, "not yet: 'float32[<=3] x' has no fixed size", "float32[<=3] x"),
-    Fault("M306", f"{SERVICE}:1:1", "'Ask_Response' has no fields", {FOO: STAMP, SERVICE: "uint8 a\n---\n"}),
+    in_a_tree("M306", "as 'char[32]', found 'string x'", "string x"),
+    in_a_tree("M306", "as 'uint8[32]', found 'uint8[] x'", "uint8[] x"),
+    in_a_tree("M306", "as 'float32[32]', found 'float32[<=3] x'", "float32[<=3] x"),
     # uORB
     Fault("M401", f"{FOO}:1:1", "expects a field 'uint64 timestamp'", {FOO: "uint8 x\n"}),
     Fault("M401", f"{FOO}:2:1", "found 'uint32 timestamp'", {FOO: "uint8 x\nuint32 timestamp\n"}),
@@ -167,14 +172,15 @@ FAULTS = [
     Fault(
         "S106",
         "other/package.xml",
-        "the ROS package 'other' beside those of 'px4_msgs'",
+        "this is the package 'other', called 'another' in 'another=other'",
         {FOO: STAMP, "other/package.xml": "<package><name>other</name></package>", "other/msg/Baz.msg": STAMP},
-        (*TREE, "--msg-dir", "other"),
+        (*TREE, "--msg-dir", "another=other"),
     ),
     Fault("S107", "in/package.xml:1:10", "not XML", {FOO: STAMP, "in/package.xml": "<package>"}),
     Fault("S107", "in/package.xml", "'a b' is no name", {FOO: STAMP, "in/package.xml": "<p><name>a b</name></p>"}),
     Fault("S108", "in@v1.16", "not a git repository", {FOO: STAMP}, ("--px4", "in@v1.16")),
     Fault("S109", "in.zip", "cannot be read as an archive", {"in.zip": "<html>Not found</html>"}, ("--px4", "in.zip")),
+    Fault("S117", "--archived", "in has no earlier versions of messages", {FOO: STAMP}, (*TREE, "--archived")),
     Fault("S105", "--release", "did you mean 'v1.17'?", {FOO: STAMP}, (*TREE, "--release", "v1.71")),
 ]
 
@@ -199,7 +205,7 @@ def files_below(folder: Path) -> dict[str, bytes]:
 
 def faults_in(message: bytes, yaml: bytes = b"", service: bytes = b"---") -> tuple[Diagnostic, ...]:
     """Return what is wrong with three files; any exception but InputError goes through."""
-    sources = Sources((File(FOO, FOO),), (File(SERVICE, SERVICE),), File(YAML, YAML), None, (), release=None, own=1)
+    sources = Sources((File(FOO, FOO),), (File(SERVICE, SERVICE),), File(YAML, YAML), own=1)
     try:
         read_catalog(sources, {FOO: message, YAML: yaml, SERVICE: service})
     except InputError as error:
@@ -268,7 +274,7 @@ def test_both_missing_keys_of_an_entry_are_told() -> None:
 def test_two_cycles_are_both_found() -> None:
     names = {"A": "B", "B": "A", "C": "D", "D": "E", "E": "C"}
     files = {f"{name}.msg": f"{STAMP}{inner} x\n" for name, inner in names.items()}
-    sources = Sources(tuple(File(name, name) for name in files), (), None, None, (), None, own=0)
+    sources = Sources(tuple(File(name, name) for name in files), ())
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in files.items()})
     assert [fault.message.split(": ")[1] for fault in caught.value.diagnostics] == ["A > B > A", "C > D > E > C"]
@@ -427,7 +433,7 @@ def test_a_yaml_that_nests_without_end_is_refused() -> None:
 def test_a_long_chain_of_nested_messages_is_an_error_not_a_crash() -> None:
     length = 1000
     texts = {f"M{index}.msg": f"{STAMP}M{index + 1} inner\n" for index in range(length)} | {f"M{length}.msg": STAMP}
-    sources = Sources(tuple(File(name, name) for name in texts), (), None, None, (), None, own=0)
+    sources = Sources(tuple(File(name, name) for name in texts), ())
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in texts.items()})
     assert {fault.code for fault in caught.value.diagnostics} == {"M302"}

@@ -933,8 +933,8 @@ def test_px4_s_end_of_every_endpoint_is_what_px4_does(px4_types: Any) -> None:
 
 def test_topics_exports_its_public_names_only(px4_types: Any) -> None:
     topics: ModuleType = px4_types.topics
-    public = {"ENDPOINTS", "ORB_ID", "UORB", "Endpoint", "Qos", "QosPair", "UorbTopic", "endpoint", "namespaced"}
-    assert set(topics.__all__) == public
+    classes = {"Endpoint", "Qos", "QosPair", "UorbTopic"}
+    assert set(topics.__all__) == {"ENDPOINTS", "ORB_ID", "UORB", *classes, "endpoint", "namespaced", "versions_of"}
     tree = ast.parse(Path(str(topics.__file__)).read_text(encoding="utf-8"))
     assert ast.get_docstring(tree)
 

@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, catalog_of
+from conftest import ROOT, catalog_of, write_definitions
+from test_nested_packages import sources
 
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.source import find_sources
@@ -64,16 +65,37 @@ UNUSUAL = {
     "msg/Final.msg": "uint64 timestamp\nuint8 A = 1\nbool[3] flags\n",
     "msg/Sequence.msg": "uint64 timestamp\nuint16[20] values\nuint8[4] bytes\nint8 int\n",
     "msg/Outer.msg": "uint64 timestamp\nInner one\nInner[1] single\nInner[3] few\nInner[7] many\nFinal f\nSequence s\n",
+    "msg/Words.msg": "uint64 timestamp\nstring str\nstring[2] bytes\nwstring<=9[<=3] list\nuint8[] tuple\nint8[] int\n",
+    "msg/Locals.msg": "uint64 timestamp\nstring data\nuint16[20] at\nWords[2] wire\nInner[<=3] run\nbool[] parts\n",
     "srv/Ask.srv": "Inner[2] pair\n---\nbool done\n",
+    "srv/Tell.srv": "---\nstring message\n",
 }
 
 
-def test_mypy_is_content_with_a_package_of_unusual_messages(tmp_path: Path) -> None:
-    for path, text in render_package(catalog_of(tmp_path / "in", UNUSUAL), "unusual").items():
-        target = tmp_path / "unusual" / path
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(text)
-    run("mypy", "--strict", "--python-version=3.10", "unusual", cwd=tmp_path)
+NESTING = """
+from nested import Rig, geometry_msgs
+from nested.builtin_interfaces.msg import Time
+from nested.my_msgs import msg
+from nested.std_srvs.srv import SetBool
+
+stamp: Time = Rig().stamp
+other: msg.Time = Rig(others=(msg.Time(stamp=stamp),) * 5).others[0]
+pose: geometry_msgs.msg.Pose = Rig.decode(b"").poses[2]
+done: bool = SetBool.Response().success
+"""
+
+
+@pytest.fixture(scope="module")
+def unusual(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A package of unusual messages; `nested`, with messages of several ROS packages, is beside it."""
+    folder = tmp_path_factory.mktemp("types")
+    write_definitions(folder / "nested", dict(render_package(sources(folder / "in" / "nested"), "nested")))
+    return write_definitions(folder / "unusual", dict(render_package(catalog_of(folder / "in", UNUSUAL), "unusual")))
+
+
+def test_mypy_is_content_with_packages_of_unusual_messages(unusual: Path) -> None:
+    (unusual.parent / "nesting.py").write_text(NESTING)
+    run("mypy", "--strict", "--python-version=3.10", unusual.name, "nested", "nesting.py", cwd=unusual.parent)
 
 
 def test_the_committed_record_is_current() -> None:
@@ -82,8 +104,12 @@ def test_the_committed_record_is_current() -> None:
     assert outcome.plan is None, "run `msggen build` and commit what it wrote"
 
 
-def test_pyright_is_content_with_the_generated_package(tmp_path: Path) -> None:
-    settings = {"include": [str(PACKAGE)], "typeCheckingMode": "strict", "pythonVersion": "3.10"}
+def test_pyright_is_content_with_the_generated_packages(tmp_path: Path, unusual: Path) -> None:
+    settings = {
+        "include": [str(PACKAGE), str(unusual), str(unusual.parent / "nested")],
+        "typeCheckingMode": "strict",
+        "pythonVersion": "3.10",
+    }
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
     run("basedpyright", "--level", "error", "-p", str(tmp_path))
 

@@ -46,6 +46,7 @@ topics = "bridge.yaml"
 release = "v1.16"
 output = "src"
 package = "vehicle_types"
+archived = true
 select = "WIRE"
 ignore = ["FIELD_ADDED", "DRIFT"]
 per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
@@ -58,6 +59,7 @@ per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
         "v1.16",
         "src",
         "vehicle_types",
+        True,  # noqa: FBT003 - all of them in order
         ("WIRE",),
         ("FIELD_ADDED", "DRIFT"),
         {"Debug*": ("WIRE", "HASH")},
@@ -215,6 +217,8 @@ def test_the_place_is_in_our_table_even_where_others_use_the_same_word() -> None
         ('px4 = ["firmware"]', "'px4': expected a text, found ['firmware']"),
         ("release = 1.16", "'release': expected a text, found 1.16"),
         ("topics = {}", "'topics': expected a text, found {}"),
+        ('archived = "yes"', "'archived': expected true or false, found 'yes'"),
+        ("archived = 1", "'archived': expected true or false, found 1"),
         ("msg-dir = 1", "'msg-dir': expected a list of folders, found 1"),
         ('msg-dir = ["mine", 1]', "'msg-dir': expected a list of folders, found ['mine', 1]"),
     ],
@@ -294,6 +298,7 @@ def test_a_setting_with_an_impossible_value_is_refused(
     [
         ('package = "two words"', "pyproject.toml:3:1: S103 'two words' cannot be imported"),
         ('release = "v1.71"', "pyproject.toml:3:1: S105 unknown release 'v1.71', did you mean 'v1.17'?"),
+        ("archived = true", "pyproject.toml:3:1: S117 the embedded PX4 v1.17 has no earlier versions of messages"),
     ],
 )
 def test_a_setting_that_cannot_be_is_told_where_it_stands(

@@ -255,7 +255,10 @@ if TYPE_CHECKING:
     from .msg import Wind as Wind
     from .msg import YawEstimatorStatus as YawEstimatorStatus
 
-_MODULES = {"arrays", "batch", "cdr", "lazy", "msg", "orb_id", "places", "records", "registry", "srv", "topics"}
+_MODULES = (
+    "arrays", "batch", "cdr", "lazy", "lookup", "msg", "orb_id", "places", "records", "registry", "srv",
+    "topics",
+)
 _AttributeError = AttributeError  # a message may have this name
 _ERRORS = {"DecodeError", "EncodeError"}
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 
-from .cdr import DECODE_FAILURES, HEADER, SURPLUS, USUAL, Message, canonical, new
+from .cdr import DECODE_FAILURES, HEADER, SURPLUS, USUAL, Message, canonical, layout_of, new
 from .places import NUMBERS, Part, parts_of, values_of
 
 TYPE_CHECKING = False
@@ -22,7 +22,7 @@ def view_maker(cls: type[Message]) -> Callable[[BytesLike, bool], Any]:
     """Return the function that makes views of `cls` of samples; it raises DecodeError."""
     if cls is Message:
         raise NotImplementedError
-    views = _view_class(cls, parts_of(cls, values_of(cls.__layout__.xcdr1)), 0)
+    views = _view_class(cls, parts_of(cls, values_of(layout_of(cls).xcdr1)), 0)
     size = cls.__msg__.cdr_size
     read_header = struct.Struct(f"<H{size + 2}x").unpack_from
     lengths = tuple(range(len(HEADER) + size, len(HEADER) + size + SURPLUS + 1))

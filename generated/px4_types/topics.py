@@ -11,7 +11,18 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from .orb_id import ORB_ID as ORB_ID
 
-__all__ = ["ENDPOINTS", "ORB_ID", "UORB", "Endpoint", "Qos", "QosPair", "UorbTopic", "endpoint", "namespaced"]
+__all__ = [
+    "ENDPOINTS",
+    "ORB_ID",
+    "UORB",
+    "Endpoint",
+    "Qos",
+    "QosPair",
+    "UorbTopic",
+    "endpoint",
+    "namespaced",
+    "versions_of",
+]
 
 
 _UORB: tuple[UorbTopic, ...] = (
@@ -1120,6 +1131,11 @@ ENDPOINTS: tuple[Endpoint, ...] = (
 """What crosses the bridge, in the order of dds_topics.yaml: first out of PX4, then into it."""
 
 
+_VERSIONS: dict[str, tuple[tuple[str, str], ...]] = {
+}
+"""ROS name and message of every version, by the name of the endpoint, where there are several."""
+
+
 def __getattr__(name: str) -> object:
     if name != "ORB_ID":
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
@@ -1134,11 +1150,23 @@ def __dir__() -> list[str]:
 
 
 def endpoint(name: str) -> Endpoint:
-    """Return the endpoint with this ROS name (`/fmu/out/...`) or DDS name (`rt/fmu/out/...`).
+    """Return the endpoint with this ROS name (`/fmu/out/...`) or DDS name (`rt/fmu/out/...`), in whatever namespace.
 
+    The name's suffix says which version of the message it has, `_v2`, or none for version 0. Raises KeyError, with the
+    nearest name, where there is none.
+    """
+    return find_endpoint(ENDPOINTS, _VERSIONS, name)
+
+
+def versions_of(name: str) -> tuple[Endpoint, ...]:
+    """Return the endpoint with this name in all versions that there are types of, the oldest first.
+
+    The name is that of any version. What else there is to know of an endpoint is that of this release in each of them.
     Raises KeyError, with the nearest name, where there is none.
     """
-    return find_endpoint(ENDPOINTS, name)
+    from .lookup import find_versions
+
+    return find_versions(ENDPOINTS, _VERSIONS, name)
 
 
 def namespaced(namespace: str) -> tuple[Endpoint, ...]:

@@ -28,6 +28,7 @@ _MODULES = {
     "check": "check",
     "breaking": "breaking",
     "bump": "bump",
+    "render": "render",
     "px4-generate": "px4_generate",
     "rules": "rules",
     "explain": "rules",

@@ -19,7 +19,7 @@ from msggen.cli.common import (
     sources_of,
 )
 from msggen.diagnostics import fault, suggestion
-from msggen.firmware.source import File, Sources, find_sources, open_tree
+from msggen.firmware.source import File, Sources, find_sources, join_package, open_tree, split_package
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
@@ -85,11 +85,18 @@ def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
     folders = tuple(options.msg_dir or settings.msg_dir)
     topics: str | File | None = options.topics or settings.topics
     if revision:
-        folders = tuple(kept_or_revised(folder, repository, revision) for folder in folders)
+        folders = tuple(_revised_folder(text, repository, revision) for text in folders)
         if isinstance(topics, str):
             topics = _bridge_in(kept_or_revised(os.path.dirname(topics) or os.curdir, repository, revision), topics)
     found = find_sources(previous, folders, topics, options.release or settings.release)
     return found._replace(label=options.against)
+
+
+def _revised_folder(text: str, repository: str, revision: str) -> str:
+    from msggen.firmware.revision import kept_or_revised
+
+    package, folder = split_package(text)
+    return join_package(package, kept_or_revised(folder, repository, revision))
 
 
 def _bridge_in(folder: str, topics: str) -> File | str:

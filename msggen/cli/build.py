@@ -12,7 +12,7 @@ from contextlib import suppress
 
 from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_diff, sources_of
 from msggen.diagnostics import fault
-from msggen.firmware.source import Sources
+from msggen.firmware.source import Sources, with_archived
 from msggen.generate.build import Build, Outcome, depfile, write_if_changed
 from msggen.generate.output import Plan
 from msggen.location import Location
@@ -34,7 +34,12 @@ def add_to(commands: Commands) -> None:
         epilog="Exit codes: 0 done, 1 findings (--check, --diff), 2 usage, input or I/O error. "
         "Options may stand in [tool.msggen] of pyproject.toml.",
     )
-    add_source_options(build)
+    sources = add_source_options(build)
+    sources.add_argument(
+        "--archived",
+        action=argparse.BooleanOptionalAction,
+        help="also the earlier versions of messages that the tree keeps, such as VehicleStatusV1",
+    )
     output = build.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="DIR", type=given, help="folder to put the package into (generated)")
     output.add_argument("--package", metavar="NAME", type=given, help="name of the Python package (px4_types)")
@@ -58,7 +63,8 @@ def _build(options: argparse.Namespace) -> int:
     writes = not (options.check or options.diff)
     outcome = build.run(write=writes)
     if options.depfile and writes:
-        write_if_changed(options.depfile, depfile(outcome.folder, outcome.outputs, sources))
+        first = os.path.join(outcome.folder, outcome.outputs[0])
+        write_if_changed(options.depfile, depfile(first, sources.dependencies()))
     lines = list(_report(outcome, sources.label, time.perf_counter() - started, writes=writes, verbose=options.verbose))
     if options.diff and outcome.plan:
         _print_diffs(outcome.plan)
@@ -77,6 +83,10 @@ def _prepare(options: argparse.Namespace, settings: Settings) -> tuple[Build, So
         text = f"'{package}' cannot be imported: expected a name such as 'px4_types'"
         raise fault(place.path, "S103", text, *place[1:])
     sources = sources_of(options, settings)
+    if options.archived:
+        sources = with_archived(sources)
+    elif options.archived is None and settings.archived:
+        sources = with_archived(sources, settings.place("archived"))
     return Build(sources, options.output or settings.output or "generated", package), sources
 
 

@@ -11,11 +11,11 @@ from msggen.cli.common import (
     add_command,
     add_output_format,
     add_source_options,
+    firmware_of,
     given,
     print_report,
-    sources_of,
 )
-from msggen.firmware.source import find_sources
+from msggen.firmware.source import Sources, find_sources
 from msggen.settings import read_settings
 
 
@@ -45,11 +45,19 @@ def _check(options: argparse.Namespace) -> int:
     from msggen.check import check
 
     if options.other is None:
-        previous, judged = sources_of(options, read_settings(".")), options.side
+        previous, judged = firmware_of(options, read_settings(".")), options.side
     else:
-        if options.px4 or options.msg_dir:
-            options.parser.error("two sides need no --px4 and no --msg-dir: the first is what the second is judged by")
-        previous, judged = find_sources(options.side, (), options.topics, options.release), options.other
-    report = check(previous, find_sources(judged), topics_only=options.topics_only)
+        previous, judged = _first_of_two(options), options.other
+    report = check(previous, find_sources(judged).with_packages_of(previous), topics_only=options.topics_only)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
+
+
+def _first_of_two(options: argparse.Namespace) -> Sources:
+    """Return the side that the other is judged by; --msg-dir may name further packages, which both nest."""
+    sources = find_sources(options.side, tuple(options.msg_dir or ()), options.topics, options.release)
+    files = (*sources.messages, *sources.services)
+    if options.px4 or any(file.tree is not sources.root and not file.package for file in files):
+        text = "two sides need no --px4, and --msg-dir only for other packages"
+        options.parser.error(f"{text}: the first is what the second is judged by")
+    return sources

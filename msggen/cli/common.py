@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from msggen.diagnostics import Diagnostic, InputError
-from msggen.firmware.source import Sources, find_sources
+from msggen.diagnostics import Diagnostic, InputError, fault
+from msggen.firmware.source import Sources, find_sources, split_package
 from msggen.location import Location
 from msggen.settings import Settings
 
@@ -35,8 +35,8 @@ def add_command(
     return parser
 
 
-def add_source_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say where definitions come from."""
+def add_source_options(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """Add the options that say where definitions come from; return their group."""
     source = parser.add_argument_group("sources")
     source.add_argument(
         "--px4",
@@ -46,15 +46,16 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
     )
     source.add_argument(
         "--msg-dir",
-        metavar="DIR",
+        metavar="[PKG=]DIR",
         type=given,
         action="append",
-        help="further .msg files, as of external modules; repeatable",
+        help="further .msg files, as of external modules, or those of another ROS package; repeatable",
     )
     source.add_argument("--topics", metavar="FILE", type=given, help="dds_topics.yaml to use instead of the tree's own")
     source.add_argument(
         "--release", type=given, help="conventions to follow, not those the tree shows: v1.14 to v1.17, main"
     )
+    return source
 
 
 def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
@@ -74,6 +75,16 @@ def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
     )
 
 
+def firmware_of(options: argparse.Namespace, settings: Settings) -> Sources:
+    """Return what `sources_of` does. Raises InputError also where it has no messages of uORB's."""
+    sources = sources_of(options, settings)
+    if not sources.has_own:
+        place = Location("--msg-dir", 0) if options.msg_dir else settings.place("msg-dir")
+        text = "only other packages than the firmware's are named: name the firmware with --px4 or the setting px4"
+        raise fault(place.path, "S102", text, *place[1:])
+    return sources
+
+
 def check_setting(options: argparse.Namespace, settings: Settings) -> None:
     """Raise InputError where the setting px4, which the options do not replace, leads nowhere."""
     faults = [*_missing_folder(settings.px4, settings, "px4")] if settings.px4 and not options.px4 else ()
@@ -85,8 +96,8 @@ def _missing(options: argparse.Namespace, settings: Settings) -> Iterator[Diagno
     """Find the paths that lead nowhere. `breaking` has made the setting px4 an option, so the values are compared."""
     for path in filter(None, [options.px4 or settings.px4]):
         yield from _missing_folder(path, settings, "px4" if path == settings.px4 else None)
-    for path in options.msg_dir or settings.msg_dir:
-        yield from _missing_folder(path, settings, None if options.msg_dir else "msg-dir")
+    for text in options.msg_dir or settings.msg_dir:
+        yield from _missing_folder(split_package(text)[1], settings, None if options.msg_dir else "msg-dir")
     path = settings.topics
     if path and not options.topics and not os.path.exists(path):
         from msggen.firmware.neighbour import neighbour

@@ -6,7 +6,7 @@ import argparse
 import os
 from typing import TYPE_CHECKING
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_diff, sources_of
+from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, firmware_of, given, print_diff
 from msggen.settings import read_settings
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def _sync(options: argparse.Namespace) -> int:
     if not is_named and os.path.lexists(os.path.join(options.target, "package.xml")):
         text = "name the firmware with --px4 or the setting px4"
         options.parser.error(f"{text}: '{options.target}' exists, the embedded set is for a new package only")
-    sources = sources_of(options, settings)
+    sources = firmware_of(options, settings)
     from msggen.package.definitions import read_definitions
     from msggen.package.sync import sync
     from msggen.package.target import Request

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from msggen.firmware.history import History
-from msggen.layout import Layout, Path, lay_out
+from msggen.layout import Layout, Path, is_static, lay_out
 from msggen.location import Location
 from msggen.model import Catalog, Constant, Field, FieldType, Message
 
@@ -241,16 +241,13 @@ def constants_of(message: Message) -> dict[str, Constant]:
 
 
 def definitions(catalog: Catalog) -> dict[str, Message]:
-    """Return all messages and halves of services by name."""
-    halves = [half for service in catalog.services for half in (service.request, service.response)]
-    return {message.name: message for message in (*catalog.messages.values(), *halves)}
+    """Return all messages and halves of services by name, without those of further packages, which are only nested."""
+    halves = [half for service in catalog.own_services for half in (service.request, service.response)]
+    return {message.name: message for message in (*catalog.uorb_messages, *halves)}
 
 
 def _layout(catalog: Catalog, message: Message) -> Layout | None:
-    everything = (message, *catalog.nested_all(message))
-    if all(field.type.is_fixed_size for each in everything for field in each.fields):
-        return lay_out(catalog, message)
-    return None
+    return lay_out(catalog, message) if is_static(catalog, message) else None
 
 
 def _values(layout: Layout) -> Iterator[tuple[Path, int, int, str]]:

@@ -14,8 +14,8 @@ from msggen.model import VERSION, Constant
 def find_removed_messages(comparison: Comparison) -> Iterator[Change]:
     """Messages that the current side does not have."""
     for name in _missing(
-        [message.name for message in comparison.previous.catalog.messages.values()],
-        [message.name for message in comparison.current.catalog.messages.values()],
+        [message.name for message in comparison.previous.catalog.uorb_messages],
+        [message.name for message in comparison.current.catalog.uorb_messages],
     ):
         location = definitions(comparison.previous.catalog)[name].location
         text = f"message '{name}' of {comparison.previous.label} is missing"
@@ -24,8 +24,8 @@ def find_removed_messages(comparison: Comparison) -> Iterator[Change]:
 
 def find_removed_services(comparison: Comparison) -> Iterator[Change]:
     """Services that the current side does not have."""
-    services = {service.name: service for service in comparison.previous.catalog.services}
-    for name in _missing(list(services), [service.name for service in comparison.current.catalog.services]):
+    services = {service.name: service for service in comparison.previous.catalog.own_services}
+    for name in _missing(list(services), [service.name for service in comparison.current.catalog.own_services]):
         text = f"service '{name}' of {comparison.previous.label} is missing"
         yield Change(name, text, Location(comparison.current.place, 0), Excerpt(services[name].location, f"{name}.srv"))
 

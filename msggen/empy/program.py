@@ -46,6 +46,7 @@ class Program:
         """Parse `text`. Raises MarkupError."""
         self._path = path
         self._text = text
+        self.included: dict[str, None] = {}
         self._lines = [0, *(match.end() for match in re.finditer("\n", text))]
         self._failed: tuple[BaseException | None, int] = None, 1
         self._block = None if _BOOKKEEPING.search(text) else self._parse()
@@ -56,6 +57,7 @@ class Program:
         stdout, sys.stdout = sys.stdout, _Stdout(sys.stdout)
         try:
             machine = Machine(output=output, globals=names, options={em.RAW_OPT: True, em.BUFFERED_OPT: True})
+            machine.included = self.included
             try:
                 if self._block is None:
                     self._read_again(machine)
@@ -253,6 +255,15 @@ def _compile(text: str, mode: str, path: str = "<string>", line: int = 1) -> Cod
 
 class Machine(em.Interpreter):  # type: ignore[misc]  # EmPy has no types
     """EmPy's interpreter, which templates know as `empy`; it remembers the code it has compiled."""
+
+    included: dict[str, None]
+    """The files that were included."""
+
+    def include(self, fileOrFilename: Any, locals: Any = None) -> None:  # noqa: A002, N803 - EmPy's names
+        """Include as EmPy does."""
+        if isinstance(fileOrFilename, str):
+            self.included[fileOrFilename] = None
+        super().include(fileOrFilename, locals)
 
     def evaluate(self, expression: str, locals: Mapping[str, object] | None = None) -> object:  # noqa: A002 - EmPy's name
         """Evaluate as EmPy does."""

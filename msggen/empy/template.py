@@ -31,6 +31,12 @@ class EmpyTemplate:
         self._modules: dict[str, ModuleType] = {}
         self._program = _program(path, _read(path) if text is None else text)
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The files that were read so far: the template, what it has included, and modules of its own."""
+        modules = (getattr(module, "__file__", None) for module in self._modules.values())
+        return (self.path, *self._program.included, *filter(None, modules))
+
     def expand(self, names: Mapping[str, object], prepare_path: Sequence[str] = ()) -> str:
         """Return the text that the template makes of `names`; it may import from the folders of `prepare_path` too.
 

@@ -2,21 +2,41 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
-from msggen.firmware.consistency import check_bridge, check_names, check_nesting, check_timestamps, check_topics
-from msggen.firmware.manifest import package_name
+from msggen.firmware.consistency import (
+    check_bridge,
+    check_fixed_sizes,
+    check_names,
+    check_nesting,
+    check_timestamps,
+    check_topics,
+)
 from msggen.firmware.release import CONVENTIONS, recognise
 from msggen.firmware.source import File, Sources, read_file, read_files
 from msggen.location import Location
-from msggen.model import DEFAULT_PACKAGE, BridgeEntry, Catalog, Conventions, Message, Service
+from msggen.model import (
+    ARCHIVE_PACKAGE,
+    DEFAULT_PACKAGE,
+    VERSION,
+    BridgeEntry,
+    Catalog,
+    Conventions,
+    Message,
+    Service,
+)
 from msggen.parse import decode_text, parse_message, parse_service
 from msggen.parse.bridge import parse_bridge
 
-COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M202", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"})
+COMPARABLE = frozenset(
+    {"M102", "M103", "M104", "M106", "M202", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"}
+)
 """Faults that leave no doubt about what a definition or an entry of the bridge means."""
+
+_ARCHIVED = re.compile(r"(?P<message>[A-Z][A-Za-z0-9]*)V(?P<version>0|[1-9][0-9]*)")
 
 
 def read_catalog(
@@ -32,38 +52,43 @@ def read_catalog(
     the codes `tolerated`.
     """
     reader = _Reader(sources, read_files(sources) if contents is None else contents)
-    everything, services = reader.messages(), reader.services()
+    everything, services, archived = reader.messages(), reader.services(), reader.archived()
     bridge = reader.bridge()
     messages = everything
+    package = reader.package
     if wanted is not None:
         files = {file.path for file in (*sources.messages, *sources.services)}
-        services = [service for service in services if f"{service.name}.srv" in wanted]
+        services = [each for each in services if each.package == package and f"{each.name}.srv" in wanted]
+        chosen = [each for each in everything if each.package == package and f"{each.name}.msg" in wanted]
         halves = [half for service in services for half in (service.request, service.response)]
-        messages = _needed(everything, [message for message in everything if f"{message.name}.msg" in wanted] + halves)
+        messages = _needed(everything, chosen + halves)
         kept = [message.location.path for message in messages] + [service.location.path for service in services]
         dropped = files.difference(kept)
         reader.faults = [found for found in reader.faults if found.location.path not in dropped]
     unread = reader.paths_with("M101", "M103", "M301", "M303", "M305")
     misread_topics = reader.paths_with("M402")
+    of_uorb = [message for message in messages if message.package == package]
     faults = [
         *reader.faults,
-        *check_names(messages),
+        *check_names([*messages, *(message._replace(package=package) for message in archived)]),
         *check_names(services),
-        *check_nesting(messages, services),
-        *check_timestamps(message for message in messages if message.location.path not in unread),
-        *check_topics(message for message in messages if message.location.path not in misread_topics),
-        *check_bridge(bridge, everything),
+        *check_nesting([*messages, *archived], services, package),
+        *check_timestamps(message for message in of_uorb if message.location.path not in unread),
+        *check_topics(message for message in of_uorb if message.location.path not in misread_topics),
+        *(check_fixed_sizes(of_uorb) if sources.is_tree else ()),
+        *check_bridge(bridge, everything, package),
     ]
     faults = [found for found in faults if found.code not in tolerated]
     if faults:
         raise InputError(faults)
-    names = {message.name for message in messages}
-    topics = {topic for message in messages for topic in message.topic_names}
+    names = {message.name for message in of_uorb}
+    topics = {topic for message in of_uorb for topic in message.topic_names}
     bridge = tuple(entry for entry in bridge if entry.message_name in names and entry.uorb_topic in topics)
     by_key = {message.key: message for message in sorted(messages, key=lambda message: message.key)}
-    services.sort(key=lambda service: service.name)
+    services.sort(key=lambda service: (service.package, service.name))
     conventions = _conventions(sources, everything, bridge)
-    return Catalog(MappingProxyType(by_key), tuple(services), bridge, conventions, reader.package)
+    versions = MappingProxyType({message.key: message for message in archived})
+    return Catalog(MappingProxyType(by_key), tuple(services), bridge, conventions, package, versions)
 
 
 def bridged_names(*sides: Sources) -> set[str]:
@@ -77,14 +102,14 @@ def bridged_names(*sides: Sources) -> set[str]:
         text = "no dds_topics.yaml here to say what crosses the bridge: name one with --topics"
         raise fault(sides[0].label, "S110", text, 0)
     entries, faults = parse_bridge(read_file(bridge), bridge.path)
-    known = {file.stem for side in sides for file in side.messages}
+    known = {file.stem for side in sides for file in side.messages if not file.package}
     for entry in entries:
         if entry.message_name not in known:
             text = f"no message defines the type '{entry.type_name}'{suggestion(entry.message_name, known)}"
             faults.append(Diagnostic(entry.type_location, "Y201", text))
     if faults:
         raise InputError(faults)
-    services = {f"{file.stem}.srv" for side in sides for file in side.services}
+    services = {f"{file.stem}.srv" for side in sides for file in side.services if not file.package}
     return {f"{entry.message_name}.msg" for entry in entries} | services
 
 
@@ -113,6 +138,11 @@ def _conventions(sources: Sources, messages: list[Message], bridge: tuple[Bridge
     return recognise(own, has_versions=has_versions, has_instances=has_instances)
 
 
+def _place_of_version(message: Message) -> Location:
+    places = [constant.location for constant in message.constants if constant.name == VERSION]
+    return places[0] if places else message.location
+
+
 class _Reader:
     """Reads files, and notes what is wrong with them."""
 
@@ -120,12 +150,14 @@ class _Reader:
         self.sources = sources
         self.contents = contents
         self.faults: list[Diagnostic] = []
-        self.package = self._package()
+        self.package = sources.package or DEFAULT_PACKAGE
+        """That of uORB's messages."""
 
     def messages(self) -> list[Message]:
         messages = []
         for file in self.sources.messages:
-            message, faults = parse_message(self.text(file), file.path, file.stem, self.package)
+            package = file.package or self.package
+            message, faults = parse_message(self.text(file), file.path, file.stem, package, of_uorb=not file.package)
             messages.append(message)
             self.faults += faults
         return messages
@@ -133,10 +165,30 @@ class _Reader:
     def services(self) -> list[Service]:
         services = []
         for file in self.sources.services:
-            service, faults = parse_service(self.text(file), file.path, file.stem, self.package)
+            package = file.package or self.package
+            service, faults = parse_service(self.text(file), file.path, file.stem, package, of_uorb=not file.package)
             services.append(service)
             self.faults += faults
         return services
+
+    def archived(self) -> list[Message]:
+        """Return the archived versions. What only uORB asks of a message is not asked of them."""
+        messages = []
+        for file in self.sources.archived:
+            message, faults = parse_message(self.text(file), file.path, file.stem, ARCHIVE_PACKAGE)
+            faults = [found for found in faults if found.code != "M402"]
+            name = _ARCHIVED.fullmatch(file.stem)
+            if name is None:
+                text = f"file name '{file.stem}': archived versions are called as 'VehicleStatusV1'"
+                faults.append(Diagnostic(message.location, "M201", text))
+            else:
+                message = message._replace(version_of=f"{self.package}/{name['message']}")
+                if not faults and message.message_version != int(name["version"]):
+                    text = f"{VERSION} must be {name['version']}, as in the name, found {message.message_version}"
+                    faults.append(Diagnostic(_place_of_version(message), "M404", text))
+            messages.append(message)
+            self.faults += faults
+        return messages
 
     def bridge(self) -> tuple[BridgeEntry, ...]:
         if self.sources.bridge is None:
@@ -152,24 +204,6 @@ class _Reader:
 
     def text(self, file: File) -> str:
         text, faults = decode_text(self.contents[file.path], file.path)
-        self.faults += faults
+        allowed = {"M106"} if file.package else ()  # ROS 2 takes either line end
+        self.faults += [found for found in faults if found.code not in allowed]
         return text
-
-    def _package(self) -> str:
-        """Return the ROS package that all messages belong to."""
-        package = self._name_in(self.sources.manifest) if self.sources.manifest else DEFAULT_PACKAGE
-        for manifest in self.sources.other_manifests:
-            other = self._name_in(manifest)
-            if other != package:
-                text = f"not yet: types of the ROS package '{other}' beside those of '{package}'"
-                text += "; where the firmware builds them, name their msg folder"
-                self.faults.append(Diagnostic(Location(manifest.path, 0), "S106", text))
-        return package
-
-    def _name_in(self, manifest: File) -> str:
-        """Return the name of the package that a package.xml describes."""
-        try:
-            return package_name(self.contents[manifest.path], manifest.path)
-        except InputError as error:
-            self.faults += error.diagnostics
-            return DEFAULT_PACKAGE

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, suggestion
 from msggen.location import Location
-from msggen.model import PRIMITIVES, SIZES, BridgeEntry, Field, Message, Service, snake_case
+from msggen.model import PRIMITIVES, SIZES, STRINGS, BridgeEntry, Field, FieldType, Message, Service, snake_case
 
 MAX_SIZE = 2**16 - 1
 """uORB keeps the size of a message in 16 bits."""
+
+MAX_OTHER_SIZE = 2**24
+"""Bytes of a message of another package: ROS 2 has no limit, but each default value is made as it stands."""
+
+MAX_VALUES = 2**16 - 1
+"""Values of a message, all nested messages unfolded: generated code has a name for each."""
 
 MAX_DEPTH = 64
 """Deepest nesting; PX4's deepest is 2."""
 
 
 def check_names(definitions: Iterable[Message | Service]) -> Iterator[Diagnostic]:
-    """No name twice, nor twice but for case: that would be one file on many machines."""
-    seen: dict[str, Message | Service] = {}
+    """No name twice in a package, nor twice but for case: that would be one file on many machines."""
+    seen: dict[tuple[str, str], Message | Service] = {}
     for definition in definitions:
-        other = seen.setdefault(definition.name.lower(), definition)
+        other = seen.setdefault((definition.package, definition.name.lower()), definition)
         if other is definition:
             continue
         what = "is" if other.name == definition.name else f"differs only in case from '{other.name}',"
@@ -27,8 +34,8 @@ def check_names(definitions: Iterable[Message | Service]) -> Iterator[Diagnostic
         yield Diagnostic(definition.location, "M204", text)
 
 
-def check_nesting(messages: Iterable[Message], services: Iterable[Service]) -> Iterator[Diagnostic]:
-    """Every nested type exists, nothing nests itself, and nothing outgrows uORB."""
+def check_nesting(messages: Iterable[Message], services: Iterable[Service], uorb: str) -> Iterator[Diagnostic]:
+    """Every nested type exists, nothing nests itself, and nothing grows too large; `uorb` is the package of uORB."""
     known = {message.key: message for message in messages}
     halves = [half for service in services for half in (service.request, service.response)]
     unknown = [fault for outer in [*known.values(), *halves] for fault in _unknown_types(outer, known)]
@@ -36,15 +43,9 @@ def check_nesting(messages: Iterable[Message], services: Iterable[Service]) -> I
     cycles = list(_cycles(known))
     yield from cycles
     if not unknown and not cycles:
-        sizes: dict[str, int] = {}
-        for message in known.values():
-            size = _data_size(message, known, sizes)
-            if size > MAX_SIZE:
-                largest = max(message.fields, key=lambda field: _field_size(message, field, known, sizes))
-                text = (
-                    f"'{message.name}' has {size} bytes, uORB carries up to {MAX_SIZE}: '{largest.type}' is too large"
-                )
-                yield Diagnostic(largest.location, "M304", text)
+        extents: dict[str, _Extent] = {}
+        for message in (*known.values(), *halves):
+            yield from _too_large(message, known, extents, uorb)
 
 
 def check_topics(messages: Iterable[Message]) -> Iterator[Diagnostic]:
@@ -75,9 +76,20 @@ def check_timestamps(messages: Iterable[Message]) -> Iterator[Diagnostic]:
             yield Diagnostic(stamps[0].location, "M401", text)
 
 
-def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message]) -> Iterator[Diagnostic]:
-    """Every entry names a message that exists, and a topic that this message declares."""
-    names = {message.name: message for message in messages}
+def check_fixed_sizes(messages: Iterable[Message]) -> Iterator[Diagnostic]:
+    """No strings and no sequences: uORB copies messages of one size, and the firmware's build fails on others."""
+    for message in messages:
+        for field in message.fields:
+            if not field.type.is_fixed_size:
+                example = f"{'char' if field.type.name in STRINGS else field.type.base}[32]"
+                text = f"uORB carries values of fixed size, as '{example}', found '{field.type} {field.name}'"
+                yield Diagnostic(field.location, "M306", text)
+
+
+def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message], uorb: str) -> Iterator[Diagnostic]:
+    """Every entry names a message of the package `uorb` that exists, and a topic that this message declares."""
+    others = {f"{message.package}::msg::{message.name}" for message in messages if message.package != uorb}
+    names = {message.name: message for message in messages if message.package == uorb}
     owners = {topic: message for message in names.values() for topic in message.topic_names}
     seen: dict[tuple[str, int | None], BridgeEntry] = {}
     for entry in entries:
@@ -87,8 +99,10 @@ def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message]) ->
             yield Diagnostic(entry.location, "Y204", text)
         name, topic = entry.message_name, entry.uorb_topic
         if name not in names or entry.package != names[name].package:
-            types = [f"{message.package}::msg::{message.name}" for message in names.values()]
+            types = [f"{uorb}::msg::{known}" for known in names]
             text = f"no message defines the type '{entry.type_name}'{suggestion(entry.type_name, types)}"
+            if entry.type_name in others:
+                text = f"'{entry.type_name}' is no message of uORB: expected one of the package '{uorb}'"
             yield Diagnostic(entry.type_location, "Y201", text)
         elif topic not in owners:
             declared = names[name].topic_names
@@ -102,14 +116,26 @@ def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message]) ->
 def _unknown_types(outer: Message, known: Mapping[str, Message]) -> Iterator[Diagnostic]:
     for field in outer.fields:
         type_ = field.type
-        if type_.is_primitive or outer.key_of(type_) in known:
-            continue
-        if type_.package and not any(key.startswith(f"{type_.package}/") for key in known):
-            text = f"unknown type '{type_.base}': the package '{type_.package}' is not among the sources"
-        else:
-            names = [key.split("/")[1] for key in known if key.startswith(f"{type_.package or outer.package}/")]
-            text = f"unknown type '{type_.base}'{suggestion(type_.name, [*names, *PRIMITIVES])}"
-        yield Diagnostic(field.location, "M301", text)
+        if not type_.is_primitive and outer.key_of(type_) not in known:
+            yield Diagnostic(field.location, "M301", f"unknown type '{type_.base}'{_hint(outer, type_, known)}")
+
+
+def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str:
+    """Return what to write in place of an unknown type, or where to name its package."""
+    names: dict[str, list[str]] = {}
+    for message in known.values():
+        names.setdefault(message.package, []).append(message.name)
+    if type_.package is None:
+        if outer.version_of and type_.name in names.get(outer.released_as[0], ()):
+            return f": archived messages nest archived ones, as '{type_.name}V0'"
+        elsewhere = sorted(package for package in names if type_.name in names[package])
+        if elsewhere:
+            return f", did you mean '{elsewhere[0]}/{type_.name}'?"
+        return suggestion(type_.name, [*names.get(outer.package, ()), *PRIMITIVES])
+    if type_.package in names:
+        return suggestion(type_.base, [f"{type_.package}/{name}" for name in names[type_.package]])
+    text = f": the package '{type_.package}' is not among the sources"
+    return f"{text}, name it with --msg-dir {type_.package}=DIR"
 
 
 def _nested(outer: Message, known: Mapping[str, Message]) -> Iterator[tuple[Field, Message]]:
@@ -133,7 +159,9 @@ def _cycles(known: Mapping[str, Message]) -> Iterator[Diagnostic]:
                 continue
             field, inner = step
             if inner.key in path:
-                names = [key.split("/")[1] for key in [*path[path.index(inner.key) :], inner.key]]
+                cycle = [*path[path.index(inner.key) :], inner.key]
+                is_short = len({key.split("/")[0] for key in cycle}) == 1
+                names = [key.split("/")[1] if is_short else key for key in cycle]
                 yield Diagnostic(field.location, "M302", f"messages nest each other: {' > '.join(names)}")
             elif len(path) == MAX_DEPTH:
                 yield Diagnostic(field.location, "M302", f"'{start.name}' nests more than {MAX_DEPTH} messages deep")
@@ -143,20 +171,54 @@ def _cycles(known: Mapping[str, Message]) -> Iterator[Diagnostic]:
                 stack.append(_nested(inner, known))
 
 
-def _data_size(message: Message, known: Mapping[str, Message], sizes: dict[str, int]) -> int:
-    """Return the bytes of `message` without padding; what has no fixed size counts as nothing."""
-    if message.key not in sizes:
-        sizes[message.key] = sum(_field_size(message, field, known, sizes) for field in message.fields)
-    return sizes[message.key]
+class _Extent(NamedTuple):
+    """How much there is in a message or a field: bytes without padding, values, and messages inside each other.
+
+    What has no fixed size counts as no bytes, an array of numbers as one value.
+    """
+
+    size: int
+    values: int
+    depth: int = 0
 
 
-def _field_size(outer: Message, field: Field, known: Mapping[str, Message], sizes: dict[str, int]) -> int:
+def _too_large(
+    message: Message, known: Mapping[str, Message], extents: dict[str, _Extent], uorb: str
+) -> Iterator[Diagnostic]:
+    size, values, depth = _extent(message, known, extents)
+    if depth == MAX_DEPTH + 1:  # those that nest it are deeper still
+        yield Diagnostic(message.location, "M302", f"'{message.name}' nests more than {MAX_DEPTH} messages deep")
+    is_of_uorb = message.package == uorb and message.folder == "msg"
+    most = MAX_SIZE if is_of_uorb else MAX_OTHER_SIZE
+    if size <= most and values <= MAX_VALUES:
+        return
+    if size > most:
+        text = f"'{message.name}' has {size} bytes, {'uORB carries' if is_of_uorb else 'msggen takes'} up to {most}"
+    else:
+        text = f"'{message.name}' has {values} values, msggen takes up to {MAX_VALUES}"
+    of = 0 if size > most else 1
+    largest = max(message.fields, key=lambda field: _extent_of_field(message, field, known, extents)[of])
+    yield Diagnostic(largest.location, "M304", f"{text}: '{largest.type}' is too large")
+
+
+def _extent(message: Message, known: Mapping[str, Message], extents: dict[str, _Extent]) -> _Extent:
+    if message.key not in extents:
+        fields = [_extent_of_field(message, field, known, extents) for field in message.fields]
+        values = max(1, sum(field.values for field in fields))
+        depth = 1 + max((field.depth for field in fields), default=0)
+        extents[message.key] = _Extent(sum(field.size for field in fields), values, depth)
+    return extents[message.key]
+
+
+def _extent_of_field(
+    outer: Message, field: Field, known: Mapping[str, Message], extents: dict[str, _Extent]
+) -> _Extent:
     type_ = field.type
-    if not type_.is_fixed_size:
-        return 0
     if type_.is_primitive:
-        return SIZES[type_.name] * type_.count
-    return _data_size(known[outer.key_of(type_)], known, sizes) * type_.count
+        size = SIZES[type_.name] * type_.count if type_.is_fixed_size else 0
+        return _Extent(size, type_.count if type_.name == "bool" else 1)
+    size, values, depth = _extent(known[outer.key_of(type_)], known, extents)
+    return _Extent(size * type_.count if type_.is_fixed_size else 0, values * type_.count, depth)
 
 
 def _topics(message: Message) -> Iterator[tuple[str, Location]]:

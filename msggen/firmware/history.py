@@ -10,13 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from msggen.diagnostics import Diagnostic, InputError
+from msggen.firmware import source
 from msggen.firmware.catalog import COMPARABLE
 from msggen.firmware.tree import Tree
-from msggen.model import Message
+from msggen.model import ARCHIVE_PACKAGE, Message
 from msggen.parse import decode_text, parse_message
 
 VERSIONED = "msg/versioned"
-ARCHIVE = "msg/px4_msgs_old/msg"
+ARCHIVE = f"msg/{source.ARCHIVE}"
 TRANSLATIONS = "msg/translation_node/translations"
 ALL_TRANSLATIONS = f"{TRANSLATIONS}/all_translations.h"
 
@@ -77,7 +78,7 @@ def read_history(tree: Tree) -> History:
             continue
         path = f"{ARCHIVE}/{file}"
         text, unclean = decode_text(tree.read(path), tree.place(path))
-        archived[name], wrong = parse_message(text, tree.place(path), name, "px4_msgs_old")
+        archived[name], wrong = parse_message(text, tree.place(path), name, ARCHIVE_PACKAGE)
         faults += [found for found in (*unclean, *wrong) if found.code not in COMPARABLE]
     if faults:
         raise InputError(faults)

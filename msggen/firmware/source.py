@@ -1,10 +1,12 @@
-"""Which files a catalog is made of, and their bytes. What they mean is not known here."""
+"""Which files a catalog is made of, their bytes, and the packages they belong to. What they mean is not known here."""
 
 import os
+import re
 from itertools import chain
 from typing import NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
+from msggen.firmware.manifest import package_name
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
 from msggen.resources import embedded_root
@@ -12,19 +14,27 @@ from msggen.resources import embedded_root
 RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "main")
 """The releases whose conventions are known (`release` has them)."""
 
+ARCHIVE = "px4_msgs_old/msg"
+"""Where a tree keeps earlier versions of its messages, below `msg/`."""
+
 _RELEASE_OPTION = Location("--release", 0)
+_ARCHIVED_OPTION = Location("--archived", 0)
+_FOLDER_OPTION = Location("--msg-dir", 0)
+_PACKAGE_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _BRIDGE_PLACES = ("src/modules/uxrce_dds_client/dds_topics.yaml", "dds_topics.yaml")
 
 
 class File(NamedTuple):
     """One input: `path` names it to the user, `name` cites it in what is generated.
 
-    `tree` reads it by its name; a file that was named by itself has none, and is opened by its path.
+    `tree` reads it by its name; a file that was named by itself has none, and is opened by its path. `package` is the
+    ROS package that it belongs to, "" for that of uORB's messages.
     """
 
     path: str
     name: str
     tree: Tree | None = None
+    package: str = ""
 
     @property
     def stem(self) -> str:
@@ -35,22 +45,37 @@ class File(NamedTuple):
 class Sources(NamedTuple):
     """The files of one catalog.
 
-    `manifest` is the package.xml of the first source, unless that is the firmware, and names the ROS package of all;
-    `other_manifests` are those of further sources. `own` counts the messages of the first source, which come
-    first: by them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in
-    a few words what the sources are. `root` is where the first source lies.
+    `package` is the ROS package of uORB's messages where the package.xml of the first source names it, "" where they
+    are px4_msgs; `manifests` are all such files. `own` counts the messages of the first source, which come first: by
+    them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in a few
+    words what the sources are. `root` is where the first source lies. `archived` are earlier versions of messages,
+    where they were asked for.
     """
 
     messages: tuple[File, ...]
     services: tuple[File, ...]
-    bridge: File | None
-    manifest: File | None
-    other_manifests: tuple[File, ...]
-    release: str | None
-    own: int
+    bridge: File | None = None
+    manifests: tuple[File, ...] = ()
+    package: str = ""
+    release: str | None = None
+    own: int = 0
     is_tree: bool = False
     label: str = ""
     root: Tree | None = None
+    archived: tuple[File, ...] = ()
+
+    @property
+    def has_own(self) -> bool:
+        """Whether any of the files belongs to uORB's package."""
+        return any(not file.package for file in (*self.messages, *self.services))
+
+    def with_packages_of(self, other: "Sources") -> "Sources":
+        """Return these sources with what `other` has of further packages: two sides that nest the same types."""
+        messages, services = (
+            tuple(file for file in files if not _is_own(file.package, self.package))
+            for files in (other.messages, other.services)
+        )
+        return self._replace(messages=self.messages + messages, services=self.services + services)
 
     def dependencies(self) -> tuple[str, ...]:
         """Return the paths of what is read from the disk: files, and archives; a revision never changes."""
@@ -59,8 +84,8 @@ class Sources(NamedTuple):
 
     def files(self) -> tuple[File, ...]:
         """Return all of them, in an order that does not depend on the machine."""
-        single = [file for file in (self.bridge, self.manifest) if file]
-        return (*self.messages, *self.services, *single, *self.other_manifests)
+        single = [self.bridge] if self.bridge else []
+        return (*self.messages, *self.services, *single, *self.manifests, *self.archived)
 
 
 def open_tree(text: str) -> Tree:
@@ -90,8 +115,9 @@ def find_sources(
     release: str | None = None,
     release_place: Location = _RELEASE_OPTION,
 ) -> Sources:
-    """Return the files of the tree or package `px4` and of the bare `folders`.
+    """Return the files of the tree or package `px4` and of the further `folders`.
 
+    These hold more of uORB's messages, or those of another ROS package: the one that `PKG=DIR` or a package.xml names.
     `topics` replaces the bridge's YAML, `release` overrules what the tree looks like. Without `px4` and
     `folders` it is the embedded set. Raises InputError where there is nothing to read, and for a release that does
     not exist, said to stand at `release_place`.
@@ -99,34 +125,49 @@ def find_sources(
     if release is not None and release not in RELEASES:
         hint = suggestion(release, RELEASES) or f": expected {', '.join(RELEASES)}"
         raise fault(release_place.path, "S105", f"unknown release '{release}'{hint}", *release_place[1:])
-    named = [root for root in (px4, *folders) if root is not None]
-    roots = [open_tree(root) if isinstance(root, str) else root for root in named or [embedded_root()]]
+    roots = []
+    package = ""
     if px4 is not None:
-        _refuse_part_of_tree(roots[0])
-    label = ", ".join(root.path for root in roots) if named else "the embedded PX4 v1.17"
+        roots.append(_root(px4))
+        _refuse_part_of_tree(roots[0].tree)
+        package = _name_in(roots[0].manifest)
+    roots += [_further_root(text, package) for text in folders]
+    is_named = bool(roots)
+    roots = sorted(roots or [_root(embedded_root())], key=lambda root: bool(root.package))
     messages = [_definitions(root, "msg", ".msg") for root in roots]
     services = [_definitions(root, "srv", ".srv") for root in roots]
     for root, *found in zip(roots, messages, services, strict=True):
         if not any(found):
-            _fail_without_definitions(root)
-    bridge = File(topics, os.path.basename(topics)) if isinstance(topics, str) else topics
-    if bridge is None and (px4 is not None or not named):
-        bridge = _bridge(roots[0])
-    manifest, *others = map(_manifest, roots)
-    other_manifests = tuple(file for file in others if file)
+            _fail_without_definitions(root.tree)
     first = roots[0]
+    bridge = File(topics, os.path.basename(topics)) if isinstance(topics, str) else topics
+    if bridge is None and (px4 is not None or not is_named):
+        bridge = _bridge(first.tree)
     return Sources(
         tuple(chain(*messages)),
         tuple(chain(*services)),
         bridge,
-        manifest,
-        other_manifests,
+        tuple(root.manifest for root in roots if root.manifest),
+        package,
         release,
-        len(messages[0]),
-        _is_tree(first),
-        label,
-        first,
+        own=0 if first.package else len(messages[0]),
+        is_tree=not first.package and _is_tree(first.tree),
+        label=_label(roots) if is_named else "the embedded PX4 v1.17",
+        root=first.tree,
     )
+
+
+def with_archived(sources: Sources, place: Location = _ARCHIVED_OPTION) -> Sources:
+    """Return `sources` with the archived definitions of the first of them.
+
+    Raises InputError where it has none; they were asked for at `place`.
+    """
+    root = sources.root
+    found = _files(root, f"msg/{ARCHIVE}/" if root.is_folder("msg") else f"{ARCHIVE}/", ".msg") if root else []
+    if not found:
+        text = f"{sources.label} has no earlier versions of messages: PX4 v1.16 and later has them in msg/{ARCHIVE}"
+        raise fault(place.path, "S117", text, *place[1:])
+    return sources._replace(archived=tuple(found))
 
 
 def read_files(sources: Sources) -> dict[str, bytes]:
@@ -142,18 +183,89 @@ def read_file(file: File) -> bytes:
     return Folder(folder).read(name)
 
 
-def _definitions(root: Tree, folder: str, suffix: str) -> list[File]:
+def split_package(text: str, place: Location = _FOLDER_OPTION) -> tuple[str, str]:
+    """Return both parts of `PKG=DIR`; no package where it is a folder alone, or the `=` comes after a `/`.
+
+    Raises InputError, said to stand at `place`, for a name that no package has.
+    """
+    package, mark, folder = text.partition("=")
+    if not mark or "/" in package or os.sep in package:
+        return "", text
+    if not _PACKAGE_NAME.fullmatch(package):
+        hint = f"a folder with '=' in its name is written '{os.path.join(os.curdir, text)}'"
+        raise fault(place.path, "S103", f"{package!r} is no name of a ROS package; {hint}", *place[1:])
+    if not folder:
+        raise fault(place.path, "S101", f"'{text}' names no folder: expected {package}=DIR", *place[1:])
+    return package, os.path.expanduser(folder)
+
+
+def join_package(package: str, folder: str) -> str:
+    """Return what `split_package` takes apart."""
+    return f"{package}={folder}" if package else folder
+
+
+class _Root(NamedTuple):
+    """What is named as one source; `package` is "" where it has messages of uORB's."""
+
+    tree: Tree
+    label: str
+    manifest: File | None
+    package: str = ""
+
+
+def _root(named: str | Tree, label: str = "") -> _Root:
+    tree = open_tree(named) if isinstance(named, str) else named
+    return _Root(tree, label or tree.path, _manifest(tree))
+
+
+def _label(roots: list[_Root]) -> str:
+    """Return what uORB's sources are called; further packages have names, and are called by those elsewhere."""
+    own = [root.label for root in roots if not root.package]
+    return ", ".join(own or [root.label for root in roots])
+
+
+def _further_root(text: str, own: str) -> _Root:
+    """Return a source beside that of uORB's package, which is named `own`."""
+    given, folder = split_package(text)
+    root = _root(folder, text)
+    found = _name_in(root.manifest)
+    if root.manifest and given not in ("", found):
+        text = f"this is the package '{found}', called '{given}' in '{text}'"
+        raise fault(root.manifest.path, "S106", text, 0)
+    package = given or found
+    return root if _is_own(package, own) else root._replace(package=package)
+
+
+def _is_own(package: str, own: str) -> bool:
+    """Whether a package is uORB's, which is named `own`, or px4_msgs where that is ""."""
+    if not package or package == own:
+        return True
+    from msggen.model import DEFAULT_PACKAGE
+
+    return not own and package == DEFAULT_PACKAGE
+
+
+def _name_in(manifest: File | None) -> str:
+    return package_name(read_file(manifest), manifest.path) if manifest else ""
+
+
+def _definitions(root: _Root, folder: str, suffix: str) -> list[File]:
     """Return the definitions in `root`: under `msg/` or `srv/` if it has them there, else in `root` itself.
 
     `versioned/` counts, but not in a ROS package, which is built from what lies flat; `px4_msgs_old/` with its
-    archived versions never does.
+    archived versions does not.
     """
-    prefix = f"{folder}/" if root.is_folder(folder) else ""
-    folders = (prefix,) if _manifest(root) else (prefix, f"{prefix}versioned/")
+    tree = root.tree
+    prefix = f"{folder}/" if tree.is_folder(folder) else ""
+    folders = (prefix,) if root.manifest else (prefix, f"{prefix}versioned/")
+    return [file._replace(package=root.package) for folder in folders for file in _files(tree, folder, suffix)]
+
+
+def _files(tree: Tree, folder: str, suffix: str) -> list[File]:
+    place = tree.place(folder)
     return [
-        File(place + name, folder + name, root)
-        for folder, place in [(folder, root.place(folder)) for folder in folders]
-        for name in root.names(folder)
+        File(place + name, folder + name, tree)
+        for name in tree.names(folder)
         if name.endswith(suffix) and not name.startswith(".")
     ]
 

@@ -5,6 +5,7 @@ compares digests.
 """
 
 import os
+from collections.abc import Iterable
 from contextlib import suppress
 from hashlib import sha256
 from typing import NamedTuple
@@ -83,17 +84,16 @@ class Build:
         state.update(_tool_digest())
         for file in self.sources.files():
             data = self.contents[file.path]
-            state.update(b"\0%s\0%d\0" % (os.fsencode(file.name), len(data)) + data)
+            state.update(b"\0%s\0%s\0%d\0" % (file.package.encode(), os.fsencode(file.name), len(data)) + data)
         return state.hexdigest()
 
 
-def depfile(outcome_folder: str, outputs: tuple[str, ...], sources: Sources) -> str:
-    """Return a Makefile rule that makes the first output depend on every file that all were made from.
+def depfile(target: str, inputs: Iterable[str]) -> str:
+    """Return a Makefile rule that makes `target`, the first of several outputs, depend on what all were made from.
 
     Only the first, because Ninja refuses a rule with outputs that it has not been told of, such as one that has gone.
     """
-    inputs = map(_escaped, sources.dependencies())
-    return " \\\n ".join([f"{_escaped(os.path.join(outcome_folder, outputs[0]))}:", *inputs]) + "\n"
+    return " \\\n ".join([f"{_escaped(target)}:", *map(_escaped, inputs)]) + "\n"
 
 
 def write_if_changed(path: str, text: str) -> None:
@@ -114,16 +114,25 @@ def _escaped(path: str) -> str:
 
 
 def _summary(catalog: "Catalog") -> str:
-    topics = sum(len(message.topic_names) for message in catalog.messages.values())
+    messages, services = catalog.uorb_messages, catalog.own_services
+    further = {
+        "message": len(catalog.messages) - len(messages),
+        "service": len(catalog.services) - len(services),
+    }
+    counted = ", ".join(_count(number, noun) for noun, number in further.items() if number)
+    others = f"{counted} of {', '.join(catalog.other_packages)}" if counted else ""
+    if others and not (messages or services):
+        return others
     counts = (
-        _count(len(catalog.messages), "message"),
-        _count(len(catalog.services), "service"),
-        _count(topics, "uORB topic"),
+        _count(len(messages), "message"),
+        *([_count(len(catalog.archived), "archived version")] if catalog.archived else ()),
+        _count(len(services), "service"),
+        _count(sum(len(message.topic_names) for message in messages), "uORB topic"),
         _count(len(catalog.bridge), "endpoint"),
     )
     release = catalog.conventions.release
     named = release if release < "v1.16" and release != "main" else "v1.16 and later"
-    return f"{', '.join(counts)}; DDS names of {named}"
+    return "; ".join(filter(None, (", ".join(counts), others, f"DDS names of {named}")))
 
 
 def _count(number: int, noun: str) -> str:

@@ -25,6 +25,11 @@ class Plan(NamedTuple):
     edited: tuple[str, ...]
 
     @property
+    def texts(self) -> Mapping[str, str]:
+        """What is to be written."""
+        return {name: self.files[name] for name in self.written}
+
+    @property
     def is_stale(self) -> bool:
         """Whether anything would change."""
         return bool(self.written or self.removed)
@@ -78,28 +83,51 @@ def write_output(folder: str, files: Mapping[str, str], fingerprint: str, summar
         plan = plan_output(folder, files, record)
         digests = {name: digest(text.encode()) for name, text in files.items()}
         obsolete = {name: value for name, value in record.files.items() if name not in {*files, *plan.edited}}
-        stage = os.path.join(folder, STAGE)
-        _clear(stage)
-        os.makedirs(stage)
-        try:
-            _move_into_place(plan, stage, Record("", summary, {**obsolete, **digests}))
-            _remove(folder, obsolete)
-        finally:
-            _clear(stage)
+        during = Record("", summary, {**obsolete, **digests})
+        _write(folder, plan.texts, plan.removed, during)
+        _remove(folder, obsolete)
         write_record(folder, Record(fingerprint, summary, digests))
         return plan
 
 
-def _move_into_place(plan: Plan, stage: str, during: Record) -> None:
-    for index, name in enumerate(plan.written):
-        write_text(os.path.join(stage, str(index)), plan.files[name])
-    for folder in sorted({os.path.dirname(name) for name in (*plan.written, *plan.removed)}):
-        os.makedirs(os.path.join(plan.folder, folder), exist_ok=True)
-        if not os.access(os.path.join(plan.folder, folder), os.W_OK | os.X_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), os.path.join(plan.folder, folder))
-    write_record(plan.folder, during)
-    for index, name in enumerate(plan.written):
-        os.replace(os.path.join(stage, str(index)), os.path.join(plan.folder, name))
+def stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the names of those `files`, texts by name, that stand in `folder` otherwise or not at all."""
+    return tuple(name for name, text in files.items() if digest_of(folder, name) != digest(text.encode()))
+
+
+def write_stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
+    """Write those `files` that are not in `folder` already, whosever they were; return their names.
+
+    All are written aside before the first is moved into place. Runs on the same folder wait for each other.
+    Raises OSError where the folder cannot be written; nothing is changed then.
+    """
+    os.makedirs(folder, exist_ok=True)
+    with locked(folder):
+        stale = stale_files(folder, files)
+        if stale:
+            _write(folder, {name: files[name] for name in stale})
+        return stale
+
+
+def _write(folder: str, texts: Mapping[str, str], removed: tuple[str, ...] = (), during: Record | None = None) -> None:
+    """Write files aside, then the record `during`, then move the files into place."""
+    stage = os.path.join(folder, STAGE)
+    _clear(stage)
+    os.makedirs(stage)
+    try:
+        for index, text in enumerate(texts.values()):
+            write_text(os.path.join(stage, str(index)), text)
+        for parent in sorted({os.path.dirname(name) for name in (*texts, *removed)}):
+            place = os.path.join(folder, parent)
+            os.makedirs(place, exist_ok=True)
+            if not os.access(place, os.W_OK | os.X_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), place)
+        if during:
+            write_record(folder, during)
+        for index, name in enumerate(texts):
+            os.replace(os.path.join(stage, str(index)), os.path.join(folder, name))
+    finally:
+        _clear(stage)
 
 
 def _clear(stage: str) -> None:
@@ -115,6 +143,6 @@ def _remove(folder: str, names: Collection[str]) -> None:
     for name in names:
         with suppress(FileNotFoundError):
             os.unlink(os.path.join(folder, name))
-    for parent in {os.path.dirname(name) for name in names} - {""}:
+    for parent in sorted({os.path.dirname(name) for name in names} - {""}, reverse=True):  # inner folders first
         with suppress(OSError):
             os.rmdir(os.path.join(folder, parent))

@@ -2,82 +2,172 @@
 
 from __future__ import annotations
 
+import keyword
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
+from msggen.diagnostics import Diagnostic, InputError
 from msggen.generate.environment import environment
 from msggen.generate.python import message_view, module_name
 from msggen.generate.source import literal
-from msggen.identity import UorbTopic, endpoints, uorb_topics
-from msggen.layout import check_fixed_size
-from msggen.model import DEFAULT_PACKAGE, Catalog, Message, Service
+from msggen.identity import UorbTopic, endpoint_versions, endpoints, uorb_topics
+from msggen.layout import is_static
+from msggen.location import Location
+from msggen.model import Catalog, Message, Service
 from msggen.resources import resource
 
 _EXAMPLE = "SensorCombined"
-_COPIED = ("arrays.py", "batch.py", "cdr.py", "lazy.py", "places.py", "records.py", "registry.py")
+_COPIED = ("arrays.py", "batch.py", "cdr.py", "lazy.py", "lookup.py", "places.py", "records.py", "registry.py")
 """The files that are the same in every package."""
+
+_STREAM = "stream.py"
+"""And the one that only packages have with messages whose samples differ in layout."""
+
+_VERSIONS = "versions.py"
+"""And the one that only packages have with earlier versions of messages."""
+
+_TAKEN = ("annotations", "msg", "orb_id", "srv", "topics")
+"""Names in a package, besides its copied files, that no other ROS package can have there."""
 
 
 def list_package(catalog: Catalog) -> tuple[str, ...]:
     """Return the names of the files that `render_package` makes, sorted. Raises InputError as that does."""
-    check_fixed_size(_definitions(catalog))
-    names = ["__init__.py", *_COPIED, "orb_id.py", "py.typed", "topics.py", "msg/__init__.py"]
-    names += [f"msg/{module_name(message.name)}.py" for message in catalog.messages.values()]
-    if catalog.services:
-        names.append("srv/__init__.py")
-    for service in catalog.services:
-        names += [f"srv/{module_name(name)}.py" for name in (service.name, service.request.name, service.response.name)]
+    _check_names(catalog)
+    names = ["__init__.py", *_copied_files(catalog), "orb_id.py", "py.typed", "topics.py"]
+    for part in _parts(catalog):
+        modules = [f"{message.folder}/{module_name(message.name)}" for message in (*part.messages, *part.halves)]
+        modules += [f"srv/{module_name(service.name)}" for service in part.services]
+        modules += [f"{folder}/__init__" for folder in part.folders] + (["__init__"] if part.prefix else [])
+        names += [f"{part.prefix}{module}.py" for module in modules]
     return tuple(sorted(names))
 
 
 def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
     """Return the package `name` as texts by file name, `/` between folders.
 
-    Raises InputError where a message has no fixed size.
+    Raises InputError where another ROS package has a name that is taken here.
     """
-    definitions = _definitions(catalog)
-    check_fixed_size(definitions)
-    messages, halves = definitions[: len(catalog.messages)], definitions[len(catalog.messages) :]
-    made = environment()
-
-    def render(template: str, **context: object) -> str:
-        return made.get_template(f"python/{template}.py.j2").render(context)
-
-    package = next((definition.package for definition in definitions), DEFAULT_PACKAGE)
-    names = [message.name for message in messages]
-    example = _EXAMPLE if _EXAMPLE in names else "".join(names[:1])
-    about = {"name": name, "package": package, "messages": messages, "services": catalog.services}
+    _check_names(catalog)
+    own, *others = _parts(catalog)
+    names = [message.name for message in own.messages]
     topics = [_topic(topic) for topic in uorb_topics(catalog)]
+    copied = _copied_files(catalog)
     files = {
-        "__init__.py": render("package", **about, example=example),
-        **{file: _copied(file) for file in _COPIED},
+        "__init__.py": _render(
+            "package",
+            name=name,
+            own=own,
+            others=others,
+            archived=catalog.archived,
+            example=_EXAMPLE if _EXAMPLE in names else "".join(names[:1]),
+            modules=[literal(module) for module in _modules(copied, own, others)],
+        ),
+        **{file: _copied(file) for file in copied},
         "py.typed": "",
-        "orb_id.py": render("orb_id", topics=topics),
-        "topics.py": render("topics", topics=topics, endpoints=endpoints(catalog)),
-        "msg/__init__.py": render("folder", title="Messages", package=package, classes=_classes(messages)),
+        "orb_id.py": _render("orb_id", topics=topics),
+        "topics.py": _render("topics", topics=topics, endpoints=endpoints(catalog), versions=_versions(catalog)),
     }
-    template = made.get_template("python/message.py.j2")
-    for message in definitions:
-        path = f"{message.folder}/{module_name(message.name)}.py"
-        files[path] = template.render(view=message_view(catalog, message))
-    if catalog.services:
-        classes = _classes([*catalog.services, *halves])
-        files["srv/__init__.py"] = render("folder", title="Services", package=package, classes=classes)
-    for service in catalog.services:
-        files[f"srv/{module_name(service.name)}.py"] = render(
-            "service",
-            service=service,
-            comment=service.comment or f"{package}/srv/{service.name}.",
-            request_module=module_name(service.request.name),
-            response_module=module_name(service.response.name),
-        )
+    for part in (own, *others):
+        files |= {part.prefix + path: text for path, text in _render_part(catalog, part).items()}
     return {path: files[path] for path in sorted(files)}
 
 
-def _definitions(catalog: Catalog) -> list[Message]:
-    """Return the messages, then both halves of each service."""
-    halves = [half for service in catalog.services for half in (service.request, service.response)]
-    return [*catalog.messages.values(), *halves]
+class _Part(NamedTuple):
+    """What a generated package has of one ROS package, `prefix` in front of its paths: "" for that of uORB."""
+
+    package: str
+    prefix: str
+    messages: tuple[Message, ...]
+    services: tuple[Service, ...]
+
+    @property
+    def example(self) -> str:
+        """The name of one of its messages, or services."""
+        return (self.messages[0] if self.messages else self.services[0]).name
+
+    @property
+    def path(self) -> str:
+        """One of its files."""
+        return (self.messages[0] if self.messages else self.services[0]).location.path
+
+    @property
+    def halves(self) -> tuple[Message, ...]:
+        """The requests and responses of the services."""
+        return tuple(half for service in self.services for half in (service.request, service.response))
+
+    @property
+    def folders(self) -> tuple[str, ...]:
+        """The folders of its modules."""
+        has_messages = self.messages or not self.prefix
+        return (*(("msg",) if has_messages else ()), *(("srv",) if self.services else ()))
+
+
+def _parts(catalog: Catalog) -> list[_Part]:
+    """Return uORB's package with the earlier versions of its messages, then the others."""
+    messages = (*catalog.messages.values(), *catalog.archived.values())
+    return [
+        _Part(
+            package,
+            "" if package == catalog.package else f"{package}/",
+            tuple(message for message in messages if message.released_as[0] == package),
+            tuple(service for service in catalog.services if service.package == package),
+        )
+        for package in (catalog.package, *catalog.other_packages)
+    ]
+
+
+def _render_part(catalog: Catalog, part: _Part) -> dict[str, str]:
+    files = {}
+    template = environment().get_template("python/message.py.j2")
+    for message in (*part.messages, *part.halves):
+        path = f"{message.folder}/{module_name(message.name)}.py"
+        files[path] = template.render(view=message_view(catalog, message))
+    for service in part.services:
+        files[f"srv/{module_name(service.name)}.py"] = _render(
+            "service",
+            service=service,
+            comment=service.comment or f"{part.package}/srv/{service.name}.",
+            request_module=module_name(service.request.name),
+            response_module=module_name(service.response.name),
+        )
+    services = [service.name for service in part.services] + [half.name for half in part.halves]
+    contents = {"msg": ("Messages", [message.name for message in part.messages]), "srv": ("Services", services)}
+    for folder in part.folders:
+        title, names = contents[folder]
+        classes = sorted((name, module_name(name)) for name in names)
+        files[f"{folder}/__init__.py"] = _render("folder", title=title, package=part.package, classes=classes)
+    if part.prefix:
+        files["__init__.py"] = _render("other_package", part=part)
+    return files
+
+
+def _render(template: str, **context: object) -> str:
+    return environment().get_template(f"python/{template}.py.j2").render(context)
+
+
+def _modules(copied: Iterable[str], own: _Part, others: Iterable[_Part]) -> list[str]:
+    """Return the modules and folders of a package, which are its attributes."""
+    files = [*copied, "orb_id.py", "topics.py"]
+    return sorted([*(file.removesuffix(".py") for file in files), *own.folders, *(part.package for part in others)])
+
+
+def _check_names(catalog: Catalog) -> None:
+    """Raise InputError where another package has a name that Python or the generated package needs for itself."""
+    taken = {*keyword.kwlist, *_TAKEN, *(file.removesuffix(".py") for file in (*_COPIED, _STREAM, _VERSIONS))}
+    faults = []
+    for part in _parts(catalog):
+        if part.prefix and part.package in taken:
+            text = f"no module can be made of the ROS package '{part.package}': the name is taken"
+            faults.append(Diagnostic(Location(part.path, 0), "S103", text))
+    if faults:
+        raise InputError(faults)
+
+
+def _copied_files(catalog: Catalog) -> tuple[str, ...]:
+    definitions = [message for part in _parts(catalog) for message in (*part.messages, *part.halves)]
+    all_static = all(is_static(catalog, message) for message in definitions)
+    return (*_COPIED, *(() if all_static else (_STREAM,)), *((_VERSIONS,) if catalog.archived else ()))
 
 
 def _copied(name: str) -> str:
@@ -91,5 +181,7 @@ def _topic(topic: UorbTopic) -> dict[str, object]:
     return {"name": topic.name, "orb_id": topic.orb_id, "arguments": arguments}
 
 
-def _classes(definitions: Sequence[Message | Service]) -> list[tuple[str, str]]:
-    return sorted((definition.name, module_name(definition.name)) for definition in definitions)
+def _versions(catalog: Catalog) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return ROS name and class of each version of the endpoints that have several, by their own ROS name."""
+    every = [(endpoint.ros_name, endpoint_versions(catalog, endpoint)) for endpoint in endpoints(catalog)]
+    return [(name, [(old, message.name) for old, message in rows]) for name, rows in every if len(rows) > 1]

@@ -1,60 +1,49 @@
-"""A message as the Python templates see it: every expression they need, with a name.
-
-How a value is held in Python, and why (docs/design.md has the measurements):
-
-- one number or bool: itself
-- `uint8[N]`, `char[N]`, `byte[N]`: bytes
-- up to 15 numbers, and bools: a tuple; its values are unpacked through locals, because `pack(*values)` would
-  silently take a 4 and a 2 for two arrays of 3
-- 16 numbers and more: array.array, copied as a block
-- nested messages: unfolded into the one `struct` format of the outer message
-"""
+"""A message as the Python templates see it: every expression they need, with a name."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from msggen.generate.codec import CODES, Codec, as_tuple, is_bytes, is_held_as_array, is_large
 from msggen.generate.source import documentation, literal, wrapped
+from msggen.generate.stream import Function, functions_of
 from msggen.identity import message_hash, type_hash
 from msggen.layout import (
     Encoding,
     Layout,
     Leaf,
+    is_static,
     lay_out,
     struct_format,
     struct_size,
 )
-from msggen.model import FLOATS, ArrayKind, Catalog, Comment, Field, FieldType, Message, snake_case
-
-ARRAY_FROM = 16
-"""Arrays of numbers are tuples below this length."""
+from msggen.model import (
+    FLOATS,
+    INTEGER_RANGES,
+    STRINGS,
+    ArrayKind,
+    Catalog,
+    Comment,
+    Field,
+    FieldType,
+    Message,
+    snake_case,
+)
 
 SPELLED_OUT_TO = 4
 """Tuples up to this length are spelled out in annotations."""
 
-_CODES = {
-    "bool": "?",
-    "byte": "B",
-    "char": "B",
-    "int8": "b",
-    "uint8": "B",
-    "int16": "h",
-    "uint16": "H",
-    "int32": "i",
-    "uint32": "I",
-    "int64": "q",
-    "uint64": "Q",
-    "float32": "f",
-    "float64": "d",
-}
 _UNSIGNED = {1: "B", 2: "H", 4: "I", 8: "Q"}
-_BYTES = ("byte", "char", "uint8")
-_CODEC_LOCALS = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error", "len"})
-_LARGEST_GROUP = 100
-"""Python compiles longer chains of operators by ever deeper recursion."""
-
-_SHADOWING = frozenset({"int", "float", "bool", "bytes", "tuple"})
+_SHADOWING = frozenset({"int", "float", "bool", "bytes", "list", "str", "tuple"})
+_PYTHON_TYPES = {
+    **dict.fromkeys(INTEGER_RANGES, "int"),
+    **dict.fromkeys(FLOATS, "float"),
+    **dict.fromkeys(STRINGS, "str"),
+    "bool": "bool",
+}
+_ZEROS = {"bool": "False", "int": "0", "float": "0.0", "str": '""'}
 
 
 def module_name(name: str) -> str:
@@ -106,29 +95,59 @@ class FieldView(NamedTuple):
         return f"_cdr.Field({wrapped(items, 16)})"
 
 
+class Import(NamedTuple):
+    """A class of a nested message: where it is, what it is called there, and here."""
+
+    module: str
+    name: str
+    here: str
+
+    @property
+    def text(self) -> str:
+        """What stands behind `import`."""
+        return self.name if self.name == self.here else f"{self.name} as {self.here}"
+
+
+class Neighbour(NamedTuple):
+    """The next version of a message, before or after it, and the method that leads there."""
+
+    method: str
+    name: str
+    module: str
+    version: int
+
+
 class MessageView(NamedTuple):
     """One class."""
 
     message: Message
+    root: str
+    """The generated package, as a relative import names it."""
+    topic_names: tuple[str, ...]
+    """The uORB topics of the message; halves of services have none, nor have messages of other packages."""
     constants: tuple[ConstantView, ...]
     fields: tuple[FieldView, ...]
-    codec: Codec
+    codec: Codec | None
+    """For a static layout; else `functions` has something."""
+    functions: tuple[Function, ...]
     cdr_size: int
     struct_size: int
     message_hash: int
     type_hash: str
     layout_arguments: tuple[str, ...]
-    nested: tuple[tuple[str, str], ...]
-    """Module and name of the messages it nests."""
+    nested: tuple[Import, ...]
+    """The messages it nests, at any depth."""
     builtins: str
     """What stands before the names of built-in types: nothing, unless a field hides them."""
-    has_large_arrays: bool
-    """Its own, or in what it nests: the codec unfolds that."""
+    uses_arrays: bool
+    """Whether it needs the module of arrays, for itself or what it nests: the codec unfolds that."""
+    neighbours: tuple[Neighbour, ...]
+    """Its versions before and after this one, where there are."""
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The uORB topics of the message, as literals; halves of services have none."""
-        return tuple(map(literal, self._topic_names))
+        """The uORB topics of the message, as literals."""
+        return tuple(map(literal, self.topic_names))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -145,10 +164,6 @@ class MessageView(NamedTuple):
         """What `decode` asks of the length: nothing where `unpack` has."""
         lengths = ", ".join(str(self.cdr_size + 4 + surplus) for surplus in range(4))
         return f" or len(data) not in ({lengths})" if self.cdr_size % 4 else ""
-
-    @property
-    def _topic_names(self) -> tuple[str, ...]:
-        return self.message.topic_names if self.message.folder == "msg" else ()
 
     @property
     def attributes(self) -> list[tuple[str, str, str]]:
@@ -173,7 +188,7 @@ class MessageView(NamedTuple):
     @property
     def underscore(self) -> str:
         """What stands before names of typing: nothing, unless a message here has such a name."""
-        names = {self.message.name, *(name for _, name in self.nested)}
+        names = {self.message.name, *(nested.here for nested in self.nested)}
         return "_" if names & {"ClassVar", "Final"} else ""
 
     @property
@@ -185,38 +200,77 @@ class MessageView(NamedTuple):
     def units(self) -> str:
         """The fields with their units, for its docstring."""
         fields = [f"{field.name} [{field.comment.unit}]" if field.comment.unit else field.name for field in self.fields]
-        return f"Fields: {', '.join(fields)}."
+        return f"Fields: {', '.join(fields)}." if fields else "No fields."
 
     @property
     def summary(self) -> str:
         """Where the message comes from and goes to, for its docstring."""
-        names = self._topic_names
+        names = self.topic_names
         topics = f"uORB topic{'s' if len(names) > 1 else ''}: {', '.join(names)}. " if names else ""
-        version = f"Version {self.message.message_version}, " if self.message.message_version else ""
-        return f"{topics}{version}{self.cdr_size} bytes."
+        number = self.message.message_version
+        of = f" of {self.message.released_as[1]}, archived" if self.message.version_of else ""
+        version = f"Version {number}{of}, " if number or of else ""
+        size = "Samples differ in size." if self.functions else f"{self.cdr_size} bytes."
+        return f"{topics}{version}{size}"
 
 
 def message_view(catalog: Catalog, message: Message) -> MessageView:
     """Return what the class of `message` is made of."""
-    layout = lay_out(catalog, message)
     shadowed = {field.name for field in message.fields} & _SHADOWING
     prefix = "builtins." if shadowed else ""
-    extents = layout.extents()
-    fields = tuple(_field_view(field, *extents[field.name], prefix) for field in message.fields)
-    return MessageView(
+    extents = _extents(catalog, message)
+    names = _class_names(catalog, message)
+    is_own = message.released_as[0] == catalog.package
+    fields = tuple(
+        _field_view(field, _named(message, field, names), *extents.get(field.name, _NO_EXTENT), prefix)
+        for field in message.fields
+    )
+    view = MessageView(
         message,
+        ".." if is_own else "...",
+        message.topic_names if is_own and message.folder == "msg" else (),
         tuple(_constants(message)),
         fields,
-        Codec.of(catalog, message),
-        layout.size,
-        struct_size(catalog, message),
+        None,
+        (),
+        0,
+        0,
         message_hash(catalog, message),
         type_hash(catalog, message),
-        tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
-        tuple(_nested_imports(catalog, message)),
+        (),
+        tuple(_nested_imports(catalog, message, names)),
         prefix,
-        any(is_large(leaf.type) for leaf in layout.leaves),
+        any(_uses_arrays(field.type) for field in message.fields),
+        tuple(_neighbours(catalog.versions(message), message)) if catalog.archived else (),
     )
+    if not is_static(catalog, message):
+        return view._replace(functions=functions_of(catalog, message, lambda nested: names[nested.key]))
+    layout = lay_out(catalog, message)
+    return view._replace(
+        codec=Codec.of(catalog, message, lambda nested: names[nested.key]),
+        cdr_size=layout.size,
+        struct_size=struct_size(catalog, message) if is_own else 0,
+        layout_arguments=tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
+        uses_arrays=any(is_large(leaf.type) for leaf in layout.leaves),
+    )
+
+
+def _neighbours(versions: tuple[Message, ...], message: Message) -> Iterator[Neighbour]:
+    older = [other for other in versions if other.message_version < message.message_version]
+    newer = [other for other in versions if other.message_version > message.message_version]
+    if message in versions:
+        for method, others in (("upgrade", newer[:1]), ("downgrade", older[-1:])):
+            for other in others:
+                yield Neighbour(method, other.name, module_name(other.name), other.message_version)
+
+
+_NO_EXTENT = (-1, 0)
+
+
+def _extents(catalog: Catalog, message: Message) -> dict[str, tuple[int, int]]:
+    """Return offset and size of the fields that have the same in every sample: those before the first that differs."""
+    static = itertools.takewhile(lambda field: is_static(catalog, message._replace(fields=(field,))), message.fields)
+    return lay_out(catalog, message._replace(fields=tuple(static))).extents()
 
 
 def _constants(message: Message) -> Iterator[ConstantView]:
@@ -228,52 +282,89 @@ def _constants(message: Message) -> Iterator[ConstantView]:
         apart = bool(text)
 
 
-def _nested_imports(catalog: Catalog, message: Message) -> Iterator[tuple[str, str]]:
-    folder = "." if message.folder == "msg" else "..msg."
+def _class_names(catalog: Catalog, message: Message) -> dict[str, str]:
+    """Return what the module of `message` calls it and all that it nests, by key.
+
+    That is the name of each; with its package in front, `std_msgs_Header`, where several packages have that name.
+    """
+    every = (message, *catalog.nested_all(message))
+    names = [each.name for each in every]
+    return {
+        each.key: each.name
+        if each.package == message.package or names.count(each.name) == 1
+        else f"{each.package}_{each.name}"
+        for each in every
+    }
+
+
+def _nested_imports(catalog: Catalog, message: Message, names: Mapping[str, str]) -> Iterator[Import]:
+    own, here = catalog.package, message.released_as[0]
     for inner in catalog.nested_all(message):
-        yield f"{folder}{module_name(inner.name)}", inner.name
+        there = inner.released_as[0]
+        if there == here:
+            folder = "." if message.folder == "msg" else "..msg."
+        else:
+            root = ".." if here == own else "..."
+            folder = f"{root}msg." if there == own else f"{root}{there}.msg."
+        yield Import(f"{folder}{module_name(inner.name)}", inner.name, names[inner.key])
 
 
-def _field_view(field: Field, offset: int, size: int, prefix: str) -> FieldView:
-    annotation = _annotation(field.type, prefix)
-    default, initial = _initial(field, prefix)
+def _named(message: Message, field: Field, names: Mapping[str, str]) -> Field:
+    """Return a field of `message` with the type that its module has for it."""
+    if field.type.is_primitive:
+        return field
+    return field._replace(type=field.type._replace(name=names[message.key_of(field.type)], package=None))
+
+
+def _field_view(field: Field, named: Field, offset: int, size: int, prefix: str) -> FieldView:
+    annotation = _annotation(named.type, prefix)
+    default, initial = _initial(named, prefix)
     parameter = f"{field.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
     return FieldView(field.name, field.type, offset, size, field.comment, annotation, parameter, initial)
 
 
 def _annotation(type_: FieldType, prefix: str) -> str:
-    if type_.array is ArrayKind.FIXED and is_bytes(type_):
+    if type_.array is not ArrayKind.SCALAR and is_bytes(type_):
         return f"{prefix}bytes"
-    if not type_.is_primitive:
-        item = type_.name
-    elif type_.name == "bool":
-        item = f"{prefix}bool"
-    else:
-        item = f"{prefix}float" if type_.name in FLOATS else f"{prefix}int"
+    item = f"{prefix}{_PYTHON_TYPES[type_.name]}" if type_.is_primitive else type_.name
     if type_.array is ArrayKind.SCALAR:
         return item
-    if is_large(type_):
+    if is_large(type_) or type_.array is not ArrayKind.FIXED:
         return f"_arrays.Sequence[{item}]"
     if type_.length <= SPELLED_OUT_TO:
         return f"{prefix}tuple[{', '.join([item] * type_.length)}]"
     return f"{prefix}tuple[{item}, ...]"
 
 
+def _uses_arrays(type_: FieldType) -> bool:
+    """Whether the module of arrays is needed for a field of this type, for its values or its annotation."""
+    is_sequence = type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED)
+    return is_held_as_array(type_) or (is_sequence and not is_bytes(type_))
+
+
 def _initial(field: Field, prefix: str) -> tuple[str, str]:
     """Return the default of the parameter, and what the attribute is set to."""
     name, type_ = field.name, field.type
-    if not type_.is_primitive or is_large(type_):
+    if is_held_as_array(type_) or (not type_.is_primitive and type_.array in (ArrayKind.SCALAR, ArrayKind.FIXED)):
         return "None", f"{_fresh(field)} if {name} is None else {name}"
-    if type_.array is ArrayKind.FIXED and is_bytes(type_):
-        return f"{prefix}bytes({field.default or type_.length!r})", name
-    if field.default is not None:
-        return literal(field.default), name
-    zero = "False" if type_.name == "bool" else "0.0" if type_.name in FLOATS else "0"
+    if field.default is None:
+        return _zero(type_, prefix), name
+    is_block = type_.array is not ArrayKind.SCALAR and is_bytes(type_)
+    return f"{prefix}bytes({field.default})" if is_block else literal(field.default), name
+
+
+def _zero(type_: FieldType, prefix: str) -> str:
+    """Return the default of a value that cannot be changed."""
+    if type_.array is not ArrayKind.SCALAR and is_bytes(type_):
+        return f"{prefix}bytes({type_.length})" if type_.array is ArrayKind.FIXED else 'b""'
+    if type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED):
+        return "()"
+    zero = _ZEROS[_PYTHON_TYPES[type_.name]]
     if type_.array is ArrayKind.SCALAR:
-        return zero, name
+        return zero
     if type_.length <= SPELLED_OUT_TO:
-        return f"({', '.join([zero] * type_.length)}{',' if type_.length == 1 else ''})", name
-    return f"({zero},) * {type_.length}", name
+        return f"({', '.join([zero] * type_.length)}{',' if type_.length == 1 else ''})"
+    return f"({zero},) * {type_.length}"
 
 
 def _fresh(field: Field) -> str:
@@ -284,25 +375,12 @@ def _fresh(field: Field) -> str:
             return f"{type_.name}()"
         spelled_out = type_.length <= SPELLED_OUT_TO
         return (
-            _tuple([f"{type_.name}()"] * type_.length) if spelled_out else f"_cdr.fresh({type_.name}, {type_.length})"
+            as_tuple([f"{type_.name}()"] * type_.length) if spelled_out else f"_cdr.fresh({type_.name}, {type_.length})"
         )
-    code = literal(_CODES[type_.name])
-    return (
-        f"_arrays.array({code}, {literal(field.default)})"
-        if field.default
-        else f"_arrays.zeros({code}, {type_.length})"
-    )
-
-
-def is_bytes(type_: FieldType) -> bool:
-    """Whether an array of this type is held as bytes."""
-    return type_.is_primitive and type_.name in _BYTES
-
-
-def is_large(type_: FieldType) -> bool:
-    """Whether the array is held as array.array."""
-    numeric = type_.is_primitive and type_.name not in (*_BYTES, "bool")
-    return numeric and type_.array is ArrayKind.FIXED and type_.length >= ARRAY_FROM
+    code = literal(CODES[type_.name])
+    if field.default:
+        return f"_arrays.array({code}, {literal(field.default)})"
+    return f"_arrays.zeros({code}, {type_.length})" if type_.array is ArrayKind.FIXED else f"_arrays.array({code})"
 
 
 def _layout_arguments(xcdr1: Layout, xcdr2: Layout) -> Iterator[str]:
@@ -324,7 +402,7 @@ def _values(leaves: tuple[Leaf, ...]) -> Iterator[tuple[int, int, str]]:
         if leaf.type.array is ArrayKind.FIXED and (is_bytes(leaf.type) or is_large(leaf.type)):
             yield leaf.padding, leaf.count * leaf.size, "s"
         else:
-            yield leaf.padding, leaf.count, _CODES[leaf.type.name]
+            yield leaf.padding, leaf.count, CODES[leaf.type.name]
 
 
 def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:
@@ -334,92 +412,3 @@ def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:
             yield item.padding, item.count, "s" if is_block else _UNSIGNED[item.size]
         else:
             yield item.padding + 4, 0, "x"
-
-
-class Codec:
-    """The statements of `encode` and `decode`, as expressions in the order of the wire."""
-
-    def __init__(self) -> None:
-        self.targets: list[str] = []
-        """What `decode` unpacks to."""
-        self.values: list[str] = []
-        """What `encode` packs."""
-        self.created: list[tuple[str, str]] = []
-        """Local and class of the nested messages that `decode` makes."""
-        self.assigned: list[tuple[str, str]] = []
-        """Attribute and value of what `decode` puts together afterwards."""
-        self.unpacked: list[tuple[str, str]] = []
-        """Locals and attribute of what `encode` takes apart before."""
-        self.lengths: list[tuple[str, int]] = []
-        """Attributes of bytes, and how many there must be: `struct` would pad or cut them."""
-        self.bools: list[str] = []
-        """What must be a bool: `struct` would take any object for one."""
-        self._locals: set[str] = set(_CODEC_LOCALS)
-
-    def groups_of_bools(self) -> list[list[str]]:
-        """Return the bools in groups that are joined by an operator, `False` first: alone it would not be applied."""
-        groups = (self.bools[index : index + _LARGEST_GROUP] for index in range(0, len(self.bools), _LARGEST_GROUP))
-        return [["False", *group] for group in groups]
-
-    @classmethod
-    def of(cls, catalog: Catalog, message: Message) -> Codec:
-        """Return the statements for `message`, with all it nests unfolded."""
-        codec = cls()
-        codec._message(catalog, message, "message", "self", "")
-        return codec
-
-    def _message(self, catalog: Catalog, message: Message, decoded: str, encoded: str, stem: str) -> None:
-        for inner in message.fields:
-            here, there = f"{decoded}.{inner.name}", f"{encoded}.{inner.name}"
-            if inner.type.is_primitive:
-                self._primitive(inner.type, here, there, stem + inner.name)
-            else:
-                self._nested(catalog, catalog.nested(message, inner.type), inner.type, (here, there), stem + inner.name)
-
-    def _primitive(self, type_: FieldType, here: str, there: str, stem: str) -> None:
-        if type_.array is ArrayKind.SCALAR:
-            self.targets.append(here)
-            self.values.append(there)
-            self.bools += [there] if type_.name == "bool" else []
-        elif is_bytes(type_):
-            self.targets.append(here)
-            self.values.append(there)
-            self.lengths.append((there, type_.length))
-        elif is_large(type_):
-            code = _CODES[type_.name]
-            raw = self._name(f"{stem}_raw")
-            self.targets.append(raw)
-            self.assigned.append((here, f"_from_raw({literal(code)}, {raw})"))
-            self.values.append(f"_to_raw({literal(code)}, {type_.length}, {there})")
-        else:
-            names = self._names(stem, type_.length)
-            self.targets += names
-            self.assigned.append((here, _tuple(names)))
-            self.unpacked.append((_tuple(names), there))
-            self.values += names
-            self.bools += names if type_.name == "bool" else []
-
-    def _nested(
-        self, catalog: Catalog, message: Message, type_: FieldType, attributes: tuple[str, str], stem: str
-    ) -> None:
-        here, there = attributes
-        is_array = type_.array is ArrayKind.FIXED
-        names = self._names(stem, type_.length) if is_array else [self._name(stem)]
-        self.unpacked.append((_tuple(names) if is_array else names[0], there))
-        self.created += [(name, message.name) for name in names]
-        for name in names:
-            self._message(catalog, message, name, name, f"{name}_")
-        self.assigned.append((here, _tuple(names) if is_array else names[0]))
-
-    def _names(self, stem: str, count: int) -> list[str]:
-        return [self._name(f"{stem}_{index}") for index in range(count)]
-
-    def _name(self, name: str) -> str:
-        while name in self._locals:
-            name += "_"
-        self._locals.add(name)
-        return name
-
-
-def _tuple(names: list[str]) -> str:
-    return f"({', '.join(names)}{',' if len(names) == 1 else ''})"

@@ -43,14 +43,14 @@ def documentation(text: str, indent: int, *, closed: bool = False) -> str:
     if len(safe) <= WIDTH - indent - 6 and "\n" not in safe:
         return safe
     lines: list[str] = []
-    for paragraph in _paragraphs(safe.split("\n")):
+    for paragraph in paragraphs(safe.split("\n")):
         lines += _filled(paragraph.split(" "), " ", WIDTH - indent - 6)
     margin = "\n" + " " * indent
     text = "\n".join([lines[0], *(line and " " * indent + line for line in lines[1:])])
     return text + (margin if closed and len(lines) > 1 else "")
 
 
-def _paragraphs(lines: list[str]) -> list[str]:
+def paragraphs(lines: list[str]) -> list[str]:
     """Join the lines of running text; lists and tables keep their lines."""
     paragraphs: list[str] = []
     joinable = False

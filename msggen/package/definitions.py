@@ -4,25 +4,29 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError
 from msggen.firmware.catalog import bridged_names, read_catalog
 from msggen.firmware.source import File, Sources, read_files
 from msggen.identity import endpoints
-from msggen.model import Catalog, Message
+from msggen.location import Location
+from msggen.model import Catalog, Field, Message
 
 
 class Definitions(NamedTuple):
     """`files` by their name in the package, such as `msg/VehicleStatus.msg`.
 
     `topics` has the ROS names of the endpoints that carry each of them, by itself or nested at any depth;
-    `topics_only` says whether there are no others.
+    `topics_only` says whether there are no others. `dependencies` are the packages whose messages they nest, each with
+    the first place where they do.
     """
 
     files: Mapping[str, bytes]
     topics: Mapping[str, tuple[str, ...]]
     topics_only: bool = False
+    dependencies: Mapping[str, Location] = MappingProxyType({})
 
 
 def read_definitions(sources: Sources, package: str, *, topics_only: bool) -> Definitions:
@@ -33,32 +37,46 @@ def read_definitions(sources: Sources, package: str, *, topics_only: bool) -> De
     """
     contents = read_files(sources)
     catalog = read_catalog(sources, contents, bridged_names(sources) if topics_only else None)
-    halves = [half for service in catalog.services for half in (service.request, service.response)]
-    faults = [*_foreign_types([*catalog.messages.values(), *halves], package)]
+    halves = [half for service in catalog.own_services for half in (service.request, service.response)]
+    spelled = [*_spelled_types([*catalog.uorb_messages, *halves])]
+    faults = [*_misnamed(spelled, catalog, package)]
     if faults:
         raise InputError(faults)
-    known = {message.name for message in catalog.messages.values()}
-    files = {_flat("msg", file): contents[file.path] for file in sources.messages if file.stem in known}
-    files |= {_flat("srv", file): contents[file.path] for file in sources.services}
-    return Definitions(dict(sorted(files.items())), _topics(catalog), topics_only)
+    known = {message.name for message in catalog.uorb_messages}
+    own = [file for file in sources.messages if not file.package and file.stem in known]
+    files = {_flat("msg", file): contents[file.path] for file in own}
+    files |= {_flat("srv", file): contents[file.path] for file in sources.services if not file.package}
+    dependencies = {name: field.location for name, field in reversed(spelled) if name != package}
+    return Definitions(dict(sorted(files.items())), _topics(catalog), topics_only, dict(sorted(dependencies.items())))
 
 
 def _flat(folder: str, file: File) -> str:
     return f"{folder}/{os.path.basename(file.name)}"
 
 
-def _foreign_types(messages: Iterable[Message], package: str) -> Iterator[Diagnostic]:
-    """Spelled with its package, a type is found only in a package of that name."""
+def _spelled_types(messages: Iterable[Message]) -> Iterator[tuple[str, Field]]:
+    """Yield the fields whose types are spelled with a package, each with that."""
     for message in messages:
         for field in message.fields:
-            if field.type.package not in (None, package):
-                text = f"unknown type '{field.type.base}': the package is named '{package}', write '{field.type.name}'"
-                yield Diagnostic(field.location, "M301", text)
+            if field.type.package:
+                yield field.type.package, field
+
+
+def _misnamed(spelled: Iterable[tuple[str, Field]], catalog: Catalog, package: str) -> Iterator[Diagnostic]:
+    """Spelled with its package, a type is found only in a package of that name."""
+    for name, field in spelled:
+        if name != package and name == catalog.package:
+            text = f"unknown type '{field.type.base}': the package is named '{package}', write '{field.type.name}'"
+            yield Diagnostic(field.location, "M301", text)
+        elif name == package and name != catalog.package:
+            text = f"unknown type '{field.type.base}': '{package}' is the package to be written, and has none"
+            yield Diagnostic(field.location, "M301", text)
 
 
 def _topics(catalog: Catalog) -> dict[str, tuple[str, ...]]:
     found: dict[str, list[str]] = {}
     for endpoint in endpoints(catalog):
         for message in (endpoint.message, *catalog.nested_all(endpoint.message)):
-            found.setdefault(f"msg/{message.name}.msg", []).append(endpoint.ros_name)
+            if message.package == catalog.package:
+                found.setdefault(f"msg/{message.name}.msg", []).append(endpoint.ros_name)
     return {name: tuple(sorted(set(names))) for name, names in found.items()}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from shlex import quote
 
 from msggen.diagnostics import Diagnostic, fault
 from msggen.location import Location
 from msggen.package.change import read_halves
-from msggen.package.plan import Plan, entries
+from msggen.package.plan import Plan, entries, read_if_file
 from msggen.package.target import KINDS, Target
 from msggen.record import MANIFEST, digest
 
@@ -18,12 +19,17 @@ _FEW = 3
 _IGNORED = "!!"
 
 
-def find_faults(plan: Plan) -> list[Diagnostic]:
-    """Return what stands against `plan`. Raises InputError where git cannot say what is committed."""
+def find_faults(plan: Plan, dependencies: Mapping[str, Location]) -> list[Diagnostic]:
+    """Return what stands against `plan`, whose definitions nest messages of the packages `dependencies`.
+
+    Raises InputError where git cannot say what is committed.
+    """
     if plan.target.is_new:
         return [*_no_place(plan)]
     faults = [*_bad_links(plan), *_no_folders(plan), *_no_files(plan), *_other_cases(plan)]
-    return [*faults, *_read_only(plan), *_losses(plan), *_orphans(plan)] if plan.is_stale else faults
+    if not plan.is_stale:
+        return faults
+    return [*faults, *_read_only(plan), *_losses(plan), *_orphans(plan), *_missing_dependencies(plan, dependencies)]
 
 
 def _no_place(plan: Plan) -> Iterator[Diagnostic]:
@@ -137,6 +143,18 @@ def _orphans(plan: Plan) -> Iterator[Diagnostic]:
                         f"the firmware's '{field.type.name}' would be removed, so that the package could not be built"
                     )
                     yield Diagnostic(field.location, "M301", f"{text}: change or remove this definition first")
+
+
+def _missing_dependencies(plan: Plan, dependencies: Mapping[str, Location]) -> Iterator[Diagnostic]:
+    """A package.xml or CMakeLists.txt that msggen leaves alone must speak of the packages that are nested now."""
+    remedies = {"package.xml": "<depend>{0}</depend>", "CMakeLists.txt": "find_package({0} REQUIRED), and DEPENDENCIES"}
+    for name, remedy in remedies.items():
+        data = plan.scaffold.get(name) or read_if_file(os.path.join(plan.target.folder, name)) or b""
+        for package, place in dependencies.items():
+            if not re.search(rb"\b%s\b" % package.encode(), data):
+                path = os.path.normpath(plan.target.place(name))
+                text = f"the package '{package}' is not in {path}: add {remedy.format(package)}"
+                yield Diagnostic(place, "M301", text)
 
 
 def _uncommitted(target: Target) -> dict[str, str] | None:

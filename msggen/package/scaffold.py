@@ -14,6 +14,7 @@ from msggen.firmware.revision import split_revision
 from msggen.firmware.source import Sources
 from msggen.firmware.tree import Folder
 from msggen.model import DEFAULT_PACKAGE
+from msggen.package.definitions import Definitions
 from msggen.package.target import KINDS, Target
 from msggen.record import Record, digest, digest_of
 from msggen.resources import embedded_root, resource
@@ -42,7 +43,7 @@ class Origin(NamedTuple):
     further: tuple[str, ...] = ()
 
 
-def plan_scaffold(target: Target, sources: Sources, known: Record, *, topics_only: bool) -> Scaffold:
+def plan_scaffold(target: Target, sources: Sources, known: Record, definitions: Definitions) -> Scaffold:
     """Return what to do with the files that an earlier run wrote and nobody edited, or in a new package with all."""
     recorded = {name: value for name, value in known.files.items() if name in NAMES}
     found = {name: digest_of(target.folder, name) or "" for name in recorded}
@@ -50,21 +51,22 @@ def plan_scaffold(target: Target, sources: Sources, known: Record, *, topics_onl
     if not own and not target.is_new:
         return Scaffold(known.fingerprint, recorded, {})
     origin = origin_of(sources)
-    options = _options(target.name, topics_only=topics_only)
+    dependencies = tuple(definitions.dependencies)
+    options = _options(target.name, dependencies, topics_only=definitions.topics_only)
     fingerprint = _fingerprint(target.name, origin, options)
     if fingerprint == known.fingerprint:
         return Scaffold(fingerprint, recorded, {})
     names = NAMES if target.is_new else tuple(own)
-    rendered = _render(names, package=target.name, origin=origin, options=options)
+    rendered = _render(names, package=target.name, origin=origin, options=options, dependencies=dependencies)
     digests = {name: digest(data) for name, data in rendered.items()}
     changes = {name: data for name, data in rendered.items() if digests[name] != own.get(name)}
     return Scaffold(fingerprint, {**recorded, **digests}, changes)
 
 
 def origin_of(sources: Sources) -> Origin:
-    """Return where the first of `sources` comes from, and the names of the others."""
+    """Return where the first of `sources` comes from, and the names of the others with messages of uORB's."""
     root = sources.root
-    trees = dict.fromkeys(file.tree for file in (*sources.messages, *sources.services))
+    trees = dict.fromkeys(file.tree for file in (*sources.messages, *sources.services) if not file.package)
     further = tuple(_base(tree.path) for tree in trees if tree is not None and tree is not root)
     if root is None or root.path == embedded_root():
         return Origin("PX4 v1.17, as msggen brings it along", further=further)
@@ -100,10 +102,11 @@ def _base(path: str) -> str:
     return "".join(character if character.isprintable() and character not in "`|" else "_" for character in name)
 
 
-def _options(package: str, *, topics_only: bool) -> str:
+def _options(package: str, dependencies: tuple[str, ...], *, topics_only: bool) -> str:
     """Return the options that the next sync needs too, each with a space behind it."""
+    folders = "".join(f"--msg-dir {dependency}={dependency} " for dependency in dependencies)
     name = "" if package == DEFAULT_PACKAGE else f"--package {package} "
-    return name + ("--topics-only " if topics_only else "")
+    return folders + name + ("--topics-only " if topics_only else "")
 
 
 def _fingerprint(package: str, origin: Origin, options: str) -> str:

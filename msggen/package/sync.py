@@ -42,9 +42,9 @@ def sync(sources: Sources, definitions: Definitions, request: Request, *, write:
 
 def _plan(target: Target, sources: Sources, definitions: Definitions) -> Plan:
     known = read_record(target.folder)
-    scaffold = plan_scaffold(target, sources, known, topics_only=definitions.topics_only)
+    scaffold = plan_scaffold(target, sources, known, definitions)
     plan = make_plan(target, definitions.files, known, scaffold)
-    faults = find_faults(plan)
+    faults = find_faults(plan, definitions.dependencies)
     if faults:
         raise InputError(faults)
     return plan

@@ -29,7 +29,10 @@ from msggen.parse.comment import parse_comment
 from msggen.parse.value import parse_value
 
 MAX_LENGTH = 2**16 - 1
-"""Longest fixed array: uORB carries no message of more bytes than this."""
+"""Longest fixed array in a message of uORB, which carries no more bytes than this."""
+
+MAX_OTHER_LENGTH = 2**24
+"""Longest fixed array elsewhere: more would be too much to hold at once (`consistency` has the limit of a message)."""
 
 MAX_BOUND = 2**31 - 1
 """Highest bound of a sequence or string: CDR counts elements in 32 bits."""
@@ -78,14 +81,18 @@ _OTHER_SPELLINGS = {
 _LOOKS_LIKE_TOPICS = re.compile(r"\s*#\s*TOPICS?\b")
 
 
-def parse_message(text: str, path: str, name: str, package: str) -> tuple[Message, list[Diagnostic]]:
+def parse_message(
+    text: str, path: str, name: str, package: str, *, of_uorb: bool = True
+) -> tuple[Message, list[Diagnostic]]:
     """Read the `text` of `path` as the message `name` of `package`; return it with all that is wrong with it.
 
-    A message with faults has only what could be read of it.
+    A message with faults has only what could be read of it. What is not `of_uorb` follows the rules of ROS 2 alone.
     """
-    body = _Body(path, name)
+    body = _Body(path, name, of_uorb=of_uorb)
     _check_name(body, name)
     body.read(text.split("\n"), 1)
+    if not of_uorb:
+        return body.message(package, "msg"), body.faults
     if not body.topics and snake_case(name) in _RESERVED_TOPICS:
         body.fault(
             "M202", 1, 1, f"the topic of '{name}' would be '{snake_case(name)}', which is reserved: see # TOPICS"
@@ -95,11 +102,13 @@ def parse_message(text: str, path: str, name: str, package: str) -> tuple[Messag
     return body.message(package, "msg"), body.faults
 
 
-def parse_service(text: str, path: str, name: str, package: str) -> tuple[Service, list[Diagnostic]]:
+def parse_service(
+    text: str, path: str, name: str, package: str, *, of_uorb: bool = True
+) -> tuple[Service, list[Diagnostic]]:
     """Read the `text` of `path` as the service `name` of `package`; return it with all that is wrong with it."""
     lines = text.split("\n")
     marks = [number for number, line in enumerate(lines, 1) if line.split("#")[0].strip() == "---"]
-    request, response = _Body(path, f"{name}_Request"), _Body(path, f"{name}_Response")
+    request, response = (_Body(path, f"{name}_{half}", of_uorb=of_uorb) for half in ("Request", "Response"))
     _check_name(request, name)
     if len(marks) != 1:
         line = marks[1] if marks else len(lines)
@@ -117,7 +126,7 @@ def _check_name(body: _Body, name: str) -> None:
         near = "".join(part[:1].upper() + part[1:] for part in re.split(r"[^A-Za-z0-9]+", name))
         hint = f", for example '{near}'" if _MESSAGE_NAME.fullmatch(near) else ""
         body.fault("M201", 1, 1, f"file name {name!r}: expected a capital, then letters and digits (CamelCase){hint}")
-    elif keyword.iskeyword(name) or name in {"DecodeError", "EncodeError"}:
+    elif keyword.iskeyword(name) or (body.of_uorb and name in {"DecodeError", "EncodeError"}):
         body.fault("M202", 1, 1, f"message name '{name}' is reserved in the generated package")
 
 
@@ -132,9 +141,10 @@ class _Element(NamedTuple):
 class _Body:
     """A list of fields and constants as it is being read."""
 
-    def __init__(self, path: str, name: str) -> None:
+    def __init__(self, path: str, name: str, *, of_uorb: bool) -> None:
         self.path = path
         self.name = name
+        self.of_uorb = of_uorb
         self.fields: list[Field] = []
         self.constants: list[Constant] = []
         self.topics: list[Topic] = []
@@ -163,7 +173,7 @@ class _Body:
         above: list[str] = []
         for number, line in enumerate(lines, first_line):
             code, remark = _split_comment(line)
-            if remark is not None and "TOPIC" in line and _LOOKS_LIKE_TOPICS.match(line):
+            if remark is not None and self.of_uorb and "TOPIC" in line and _LOOKS_LIKE_TOPICS.match(line):
                 self._read_topics(line.rstrip(), number)
             elif code.strip():
                 trailing = [] if remark is None else [remark]
@@ -217,7 +227,7 @@ class _Body:
         is_constant = bool(equals)
         self._check_field_name(name, element.line, name_column, is_constant=is_constant)
         try:
-            type_ = parse_type(spelling)
+            type_ = parse_type(spelling, MAX_LENGTH if self.of_uorb else MAX_OTHER_LENGTH)
         except TypeSpellingError as wrong:
             self.fault(wrong.code, element.line, type_column, wrong.message)
             return
@@ -256,14 +266,14 @@ class _Body:
         elif keyword.iskeyword(name) or name in RESERVED_NAMES:
             owner = "a Python keyword" if keyword.iskeyword(name) else "reserved in generated classes"
             self.fault("M202", line, column, f"{kind} name '{name}' is {owner}, for example '{name}_value' is free")
-        before = self._seen.setdefault(name.lower(), (name, line))
+        before = self._seen.setdefault(name.lower() if self.of_uorb else name, (name, line))
         if before[1] != line:
             differ = "" if before[0] == name else f" but for case ('{before[0]}')"
             self.fault("M203", line, column, f"'{name}' is already defined on line {before[1]}{differ}")
 
     def _check_special(self, name: str, type_: FieldType, value: object, location: Location) -> None:
         """The firmware gives two constants a meaning of their own."""
-        low = {"MESSAGE_VERSION": 0, "ORB_QUEUE_LENGTH": 1}.get(name)
+        low = {"MESSAGE_VERSION": 0, "ORB_QUEUE_LENGTH": 1}.get(name) if self.of_uorb else None
         if low is not None and (type_.name not in INTEGER_RANGES or not isinstance(value, int) or value < low):
             found = f"found '{type_} {name} = {value}'"
             text = f"{name} must be an integer of at least {low}, {found}"
@@ -302,10 +312,10 @@ class TypeSpellingError(Exception):
 
 
 @lru_cache(maxsize=4096)
-def parse_type(text: str) -> FieldType:
+def parse_type(text: str, most: int = MAX_LENGTH) -> FieldType:
     """Return the type that `text` spells, as `float32[3]`, `string<=10`, `EscReport[8]` or `std_msgs/Header`.
 
-    Raises TypeSpellingError.
+    Raises TypeSpellingError, also for a fixed array of more than `most` elements.
     """
     match = _TYPE.fullmatch(text)
     if match is None:
@@ -330,7 +340,7 @@ def parse_type(text: str) -> FieldType:
         return FieldType(name, package, ArrayKind.UNBOUNDED, string_bound=bound)
     if match["atmost"]:
         return FieldType(name, package, ArrayKind.BOUNDED, _length(match["length"], text, MAX_BOUND), bound)
-    return FieldType(name, package, ArrayKind.FIXED, _length(match["length"], text, MAX_LENGTH), bound)
+    return FieldType(name, package, ArrayKind.FIXED, _length(match["length"], text, most), bound)
 
 
 def _length(digits: str, text: str, most: int) -> int:

@@ -67,7 +67,7 @@ class Definitions:
         given = {name: path for name, path in zip(names, paths, strict=True) if path.endswith(".msg")}
         messages = self._read_nested(given, search_path, faults)
         if not faults:
-            faults += _inconsistencies([messages[name] for name in names], messages.values())
+            faults += _inconsistencies([messages[name] for name in names], messages.values(), package)
         if faults:
             raise InputError(faults)
         return [self.read(path, name) for name, path in zip(names, paths, strict=True)]
@@ -184,12 +184,12 @@ def _unknown_to_the_firmware(message: Message) -> Iterator[Diagnostic]:
             yield Diagnostic(field.location, "T106", f"'{field.type}': the firmware's templates know no bounds")
 
 
-def _inconsistencies(messages: Sequence[Message], known: Iterable[Message]) -> Iterator[Diagnostic]:
+def _inconsistencies(messages: Sequence[Message], known: Iterable[Message], package: str) -> Iterator[Diagnostic]:
     from msggen.firmware.consistency import check_nesting, check_timestamps, check_topics
 
     yield from check_timestamps(messages)
     yield from check_topics(messages)
-    yield from check_nesting(known, ())
+    yield from check_nesting(known, (), package)
 
 
 def _spelled(field: Field, message: Message) -> str:

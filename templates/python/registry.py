@@ -6,12 +6,24 @@ from .cdr import Frozen, Message
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Literal
+    from collections.abc import Mapping, Sequence
+    from typing import Literal, TypeAlias
 
-__all__ = ["Endpoint", "Qos", "QosPair", "UorbTopic", "find_endpoint", "in_namespace"]
+    Versions: TypeAlias = Mapping[str, tuple[tuple[str, str], ...]]
 
-_NAMESPACE = r"/?([A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*)/?"
+__all__ = [
+    "NAMESPACE",
+    "Endpoint",
+    "Qos",
+    "QosPair",
+    "UnknownEndpoint",
+    "UorbTopic",
+    "find_endpoint",
+    "in_namespace",
+    "renamed",
+]
+
+NAMESPACE = r"/?([A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*)/?"
 
 
 def _message_class(name: str) -> type[Message]:
@@ -141,41 +153,46 @@ class Endpoint(Frozen):
         return _message_class(self.message_name)
 
 
-class _UnknownEndpoint(KeyError):
+class UnknownEndpoint(KeyError):  # noqa: N818
     """A KeyError whose text is shown as it is."""
 
     def __str__(self) -> str:
         return str(self.args[0])
 
 
-def find_endpoint(endpoints: Sequence[Endpoint], name: str) -> Endpoint:
-    """Return the endpoint whose ROS or DDS name is `name`."""
+def find_endpoint(endpoints: Sequence[Endpoint], versions: Versions, name: str) -> Endpoint:
+    """Return the endpoint whose ROS or DDS name is `name`, in whatever namespace. Raises UnknownEndpoint.
+
+    `versions` has ROS name and message of all versions of an endpoint, the oldest first, by its own ROS name.
+    """
     by_name = {found: endpoint for endpoint in endpoints for found in (endpoint.dds_name, endpoint.ros_name)}
     if name in by_name:
         return by_name[name]
-    from difflib import get_close_matches
+    from .lookup import find
 
-    near = get_close_matches(name, by_name, n=1)
-    hint = f", did you mean '{near[0]}'?" if near else ""
-    raise _UnknownEndpoint(f"no endpoint '{name}'{hint}")
+    return find(endpoints, versions, name)
+
+
+def renamed(endpoint: Endpoint, ros_name: str, message_name: str) -> Endpoint:
+    """Return `endpoint` with another name and message."""
+    return Endpoint(
+        endpoint.direction,
+        ros_name,
+        message_name,
+        object_id=endpoint.object_id,
+        rate_limit_hz=endpoint.rate_limit_hz,
+        instance=endpoint.instance,
+        qos=endpoint.qos,
+    )
 
 
 def in_namespace(endpoints: Sequence[Endpoint], namespace: str) -> tuple[Endpoint, ...]:
     """Return `endpoints` with their names below `namespace`."""
     from re import fullmatch
 
-    parts = fullmatch(_NAMESPACE, namespace)
+    parts = fullmatch(NAMESPACE, namespace)
     if parts is None:
         raise ValueError(f"'{namespace}' is no namespace: expected a name such as 'uav_1'")
     return tuple(
-        Endpoint(
-            endpoint.direction,
-            f"/{parts[1]}{endpoint.ros_name}",
-            endpoint.message_name,
-            object_id=endpoint.object_id,
-            rate_limit_hz=endpoint.rate_limit_hz,
-            instance=endpoint.instance,
-            qos=endpoint.qos,
-        )
-        for endpoint in endpoints
+        [renamed(endpoint, f"/{parts[1]}{endpoint.ros_name}", endpoint.message_name) for endpoint in endpoints]
     )

@@ -244,7 +244,7 @@ if TYPE_CHECKING:
     from ._yaw_estimator_status import YawEstimatorStatus as YawEstimatorStatus
 
 _AttributeError = AttributeError  # a message may have this name
-_MODULES = {
+_MODULES: dict[str, str] = {
     "ActionRequest": "_action_request",
     "ActuatorArmed": "_actuator_armed",
     "ActuatorControlsStatus": "_actuator_controls_status",
@@ -482,7 +482,7 @@ _MODULES = {
     "YawEstimatorStatus": "_yaw_estimator_status",
 }
 
-__all__ = [
+__all__: list[str] = [
     "ActionRequest",
     "ActuatorArmed",
     "ActuatorControlsStatus",

@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from ._vehicle_command__response import VehicleCommand_Response as VehicleCommand_Response
 
 _AttributeError = AttributeError  # a message may have this name
-_MODULES = {
+_MODULES: dict[str, str] = {
     "VehicleCommand": "_vehicle_command",
     "VehicleCommand_Request": "_vehicle_command__request",
     "VehicleCommand_Response": "_vehicle_command__response",
 }
 
-__all__ = [
+__all__: list[str] = [
     "VehicleCommand",
     "VehicleCommand_Request",
     "VehicleCommand_Response",

@@ -1,0 +1,27 @@
+"""EmPy templates, with the same names as those of Jinja2; the filters are functions."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+
+from msggen.empy import EmpyTemplate
+from msggen.render.words import FILTERS
+
+
+class Empy:
+    """One template, to be expanded any number of times. It may import modules from its folder."""
+
+    def __init__(self, path: str) -> None:
+        """Read the template at `path`. Raises InputError: it cannot be read, or is no EmPy."""
+        self.path = path
+        self._template = EmpyTemplate(path)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The files that were read so far: the template, what it has included, and modules of its own."""
+        return self._template.inputs
+
+    def expand(self, names: Mapping[str, object]) -> str:
+        """Return the text that the template makes of `names`. Raises InputError, with the line at fault."""
+        return self._template.expand({**FILTERS, **names}, [os.path.dirname(self.path) or os.curdir])

@@ -1,0 +1,162 @@
+"""One template for many things: which, what their outputs are called, and what is in them. Nothing is written here."""
+
+from __future__ import annotations
+
+import os
+import posixpath
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+from msggen.diagnostics import Diagnostic, InputError, fault
+from msggen.location import Location
+from msggen.model import Catalog
+from msggen.render.jinja import JinjaTemplate, Pattern
+from msggen.render.views import CatalogView, Views
+
+OPTION = "--name"
+"""What a pattern of names is given by."""
+
+_NAMES = {
+    "message": "{{ message.name | snake_case }}",
+    "service": "{{ service.name | snake_case }}",
+    "endpoint": "{{ endpoint.ros_name[1:] }}",
+}
+"""What outputs are called where no pattern says otherwise, before the suffix; that for a catalog as the template."""
+
+
+class Template(Protocol):
+    """What Jinja2 and EmPy have in common."""
+
+    path: str
+
+    @property
+    def inputs(self) -> Collection[str]:
+        """The files that were read so far: the template, and what it has included."""
+
+    def expand(self, names: Mapping[str, object]) -> str:
+        """Return the text that the template makes of `names`. Raises InputError."""
+
+
+class Item(NamedTuple):
+    """What a template is rendered for, once: a label to tell it by, and the names that the template has."""
+
+    label: str
+    names: Mapping[str, object]
+
+
+def open_template(path: str) -> Template:
+    """Return the template at `path`. Raises InputError: it cannot be read, or is no template."""
+    kind = os.path.splitext(path)[1]
+    if kind == ".j2":
+        return JinjaTemplate(path)
+    if kind == ".em":
+        from msggen.render.empy import Empy
+
+        return Empy(path)
+    raise fault(path, "T205", "expected a template of Jinja2, named *.j2, or of EmPy, named *.em", 0)
+
+
+def items_of(catalog: Catalog, thing: str) -> tuple[Item, ...]:
+    """Return what there is of `thing`: message, service, endpoint or catalog. Raises InputError where there is none."""
+    view = Views(catalog).catalog
+    items = tuple(Item(label, {"catalog": view, thing: found}) for label, found in _found(view, thing))
+    if items:
+        return items
+    hint = ": name the dds_topics.yaml that has them with --topics" if thing == "endpoint" else ""
+    raise fault("--each", "T208", f"the sources have no {thing}s{hint}", 0)
+
+
+def _found(view: CatalogView, thing: str) -> Iterator[tuple[str, object]]:
+    if thing == "message":
+        for message in view.messages:
+            yield message.name if message.package == view.package else f"{message.package}/{message.name}", message
+    elif thing == "service":
+        yield from ((service.name, service) for service in view.services)
+    elif thing == "endpoint":
+        yield from ((endpoint.ros_name, endpoint) for endpoint in view.endpoints)
+    else:
+        yield "", view
+
+
+def output_names(items: Sequence[Item], thing: str, path: str, pattern: str | None) -> tuple[str, ...]:
+    """Return the name of each item's output: by `pattern`, or else with the suffix of the template at `path`.
+
+    Raises InputError for names that cannot be, and for two outputs of one name.
+    """
+    stem, dot, suffix = os.path.splitext(os.path.basename(path))[0].partition(".")
+    made = Pattern(f"{_NAMES.get(thing, stem)}{dot}{suffix}" if pattern is None else pattern, OPTION)
+    names = _each(items, lambda item: _checked(made.expand(item.names)))
+    owners: dict[str, str] = {}
+    for item, name in zip(items, names, strict=True):
+        other = owners.setdefault(name.casefold(), item.label)
+        if other is not item.label:
+            raise fault(OPTION, "T207", f"'{name}' would be the output for both {other} and {item.label}", 0)
+    for name in names:
+        parents = (name[:end] for end, character in enumerate(name) if character == "/")
+        folder = next((parent for parent in parents if parent.casefold() in owners), None)
+        if folder:
+            raise fault(OPTION, "T207", f"'{folder}' would be an output, and the folder of '{name}'", 0)
+    return names
+
+
+def _checked(name: str) -> str:
+    """Return `name` in its shortest form. Raises InputError unless it is one of a file in the output folder."""
+    shortest = posixpath.normpath(name)
+    if not name.strip():
+        raise fault(OPTION, "T206", "the name of the output is empty", 0)
+    if not name.isprintable():
+        raise fault(OPTION, "T206", f"{name!r} has a control character in it", 0)
+    if posixpath.isabs(name) or shortest.split("/")[0] == "..":
+        raise fault(OPTION, "T206", f"'{name}' leads out of the output folder", 0)
+    if shortest == "." or name.endswith("/"):
+        raise fault(OPTION, "T206", f"'{name}' is a folder, not a file", 0)
+    return shortest
+
+
+def check_places(folder: str, names: Sequence[str], inputs: Collection[str]) -> None:
+    """Raise InputError where a folder is in the way of an output, or one would replace an input of this run."""
+    kept = {os.path.realpath(path) for path in inputs}
+    for name in names:
+        path = os.path.join(folder, name)
+        if os.path.isdir(path):
+            raise fault(path, "T206", "a folder is in the way of the output of this name", 0)
+        if os.path.realpath(path) in kept:
+            raise fault(path, "T206", "this output would replace a file that it is made from", 0)
+
+
+def texts_of(template: Template, items: Sequence[Item]) -> tuple[str, ...]:
+    """Return what `template` makes of each item. Raises InputError, and says for which items."""
+    return _each(items, lambda item: _encodable(template.expand(item.names), template.path))
+
+
+def _encodable(text: str, path: str) -> str:
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise fault(path, "T204", f"{text[error.start]!r} in the output cannot be written as UTF-8", 0) from None
+    return text
+
+
+def _each(items: Sequence[Item], function: Callable[[Item], str]) -> tuple[str, ...]:
+    """Return the text that `function` makes of each item. Faults of one place are told once, with all who have them."""
+    texts: list[str] = []
+    faults: dict[tuple[Location, str], tuple[str, list[str]]] = {}
+    for item in items:
+        try:
+            texts.append(function(item))
+        except InputError as error:
+            for place, code, message in error.diagnostics:
+                faults.setdefault((place, code), (message, []))[1].append(item.label)
+    if faults:
+        raise InputError(
+            Diagnostic(*which, f"{_listed(labels)}{message}") for which, (message, labels) in faults.items()
+        )
+    return tuple(texts)
+
+
+def _listed(labels: Sequence[str]) -> str:
+    first, *others = labels
+    if not first:
+        return ""
+    more = f" and {len(others)} other{'' if len(others) == 1 else 's'}" if others else ""
+    return f"{first}{more}: "

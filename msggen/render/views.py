@@ -1,0 +1,487 @@
+"""What templates see: the documented model. docs/render.md lists every name, and a test holds the two together.
+
+A view joins what model, layout and identity know of one thing. Each fact is asked for when a template first does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from msggen.identity import Endpoint, Qos, UorbTopic, endpoints, message_hash, type_hash, uorb_topics
+from msggen.layout import Encoding, Layout, Path, is_static, lay_out, struct_size
+from msggen.model import ArrayKind, Catalog, Comment, Constant, Field, Message, Service, Value
+
+
+class Views:
+    """The views of one catalog, each made once: two places that name a message name the same thing."""
+
+    def __init__(self, catalog: Catalog) -> None:
+        self.model = catalog
+        self.catalog = CatalogView(catalog, self)
+        self._messages: dict[str, MessageView] = {}
+
+    @cached_property
+    def topics(self) -> dict[str, TopicView]:
+        """The uORB topics by name."""
+        return {topic.name: topic for topic in self.catalog.topics}
+
+    def message(self, message: Message) -> MessageView:
+        """Return the view of `message`."""
+        return self._messages.setdefault(message.ros_type, MessageView(message, self))
+
+
+@dataclass(frozen=True, eq=False)
+class CatalogView:
+    """All definitions of one firmware, and of further packages."""
+
+    _model: Catalog
+    _views: Views
+
+    @property
+    def package(self) -> str:
+        """The ROS 2 package of the firmware's messages."""
+        return self._model.package
+
+    @property
+    def release(self) -> str:
+        """The release whose conventions names and ids follow."""
+        return self._model.conventions.release
+
+    @cached_property
+    def messages(self) -> tuple[MessageView, ...]:
+        """The messages of all packages, by package and name."""
+        return tuple(map(self._views.message, self._model.messages.values()))
+
+    @cached_property
+    def services(self) -> tuple[ServiceView, ...]:
+        """The services, by name."""
+        return tuple(ServiceView(service, self._views) for service in self._model.services)
+
+    @cached_property
+    def topics(self) -> tuple[TopicView, ...]:
+        """The uORB topics, in the order of their ids."""
+        return tuple(TopicView(topic, self._views) for topic in uorb_topics(self._model))
+
+    @cached_property
+    def endpoints(self) -> tuple[EndpointView, ...]:
+        """What crosses the bridge, in the order of dds_topics.yaml."""
+        return tuple(EndpointView(endpoint, self._views) for endpoint in endpoints(self._model))
+
+
+@dataclass(frozen=True, eq=False)
+class MessageView:
+    """A message, or one half of a service."""
+
+    _model: Message
+    _views: Views
+
+    @property
+    def name(self) -> str:
+        """`VehicleStatus`."""
+        return self._model.name
+
+    @property
+    def package(self) -> str:
+        """`px4_msgs`."""
+        return self._model.package
+
+    @property
+    def ros_type(self) -> str:
+        """`px4_msgs/msg/VehicleStatus`."""
+        return self._model.ros_type
+
+    @property
+    def dds_type(self) -> str:
+        """`px4_msgs::msg::dds_::VehicleStatus_`."""
+        return self._model.dds_type
+
+    @property
+    def comment(self) -> str:
+        """What the definition says about the whole."""
+        return self._model.comment
+
+    @cached_property
+    def fields(self) -> tuple[FieldView, ...]:
+        """The fields, in the order of the definition, which is that of the wire."""
+        return tuple(map(self._field, self._model.fields))
+
+    @cached_property
+    def constants(self) -> tuple[ConstantView, ...]:
+        """The constants, in the order of the definition."""
+        return tuple(map(ConstantView, self._model.constants))
+
+    @cached_property
+    def nested(self) -> tuple[MessageView, ...]:
+        """The messages nested in it, at any depth, once each, sorted by ROS type."""
+        return tuple(map(self._views.message, self._views.model.nested_all(self._model)))
+
+    @cached_property
+    def is_static(self) -> bool:
+        """Whether every sample has the same layout: no strings, no sequences, at least one field."""
+        return is_static(self._views.model, self._model)
+
+    @property
+    def cdr_size(self) -> int | None:
+        """Bytes of a sample in XCDR1, without its header; None unless static."""
+        return self._layouts[0].size if self._layouts else None
+
+    @property
+    def cdr_size_xcdr2(self) -> int | None:
+        """The same in XCDR2."""
+        return self._layouts[1].size if self._layouts else None
+
+    @cached_property
+    def struct_size(self) -> int | None:
+        """Bytes of the firmware's C++ struct without padding at its end; None unless static."""
+        return struct_size(self._views.model, self._model) if self.is_static else None
+
+    @cached_property
+    def leaves(self) -> tuple[LeafView, ...]:
+        """The primitives and arrays of primitives, all nested messages unfolded; none unless static."""
+        if not self._layouts:
+            return ()
+        pairs = zip(*(layout.leaves for layout in self._layouts), strict=True)
+        return tuple(
+            LeafView(
+                _written(leaf.path),
+                _reached(self, leaf.path),
+                leaf.count,
+                leaf.size,
+                leaf.offset,
+                leaf.padding,
+                other.offset,
+            )
+            for leaf, other in pairs
+        )
+
+    @property
+    def message_version(self) -> int:
+        """MESSAGE_VERSION, or 0."""
+        return self._model.message_version
+
+    @property
+    def is_versioned(self) -> bool:
+        """Whether the definition has MESSAGE_VERSION."""
+        return self._model.is_versioned
+
+    @cached_property
+    def message_hash(self) -> int:
+        """What the firmware's compatibility check compares."""
+        return message_hash(self._views.model, self._model)
+
+    @cached_property
+    def type_hash(self) -> str:
+        """ROS 2's `RIHS01_...`."""
+        return type_hash(self._views.model, self._model)
+
+    @cached_property
+    def topics(self) -> tuple[TopicView, ...]:
+        """Its uORB topics, in the order of the definition; none if uORB does not carry it."""
+        found = (self._views.topics.get(name) for name in self._model.topic_names)
+        return tuple(topic for topic in found if topic and topic.message is self)
+
+    @property
+    def queue_length(self) -> int:
+        """How many samples uORB keeps: ORB_QUEUE_LENGTH, or 1."""
+        return self._model.queue_length
+
+    @cached_property
+    def endpoints(self) -> tuple[EndpointView, ...]:
+        """What crosses the bridge with this type."""
+        return tuple(endpoint for endpoint in self._views.catalog.endpoints if endpoint.message is self)
+
+    @cached_property
+    def _layouts(self) -> tuple[Layout, Layout] | None:
+        """The layouts in XCDR1 and XCDR2."""
+        if not self.is_static:
+            return None
+        catalog = self._views.model
+        return lay_out(catalog, self._model), lay_out(catalog, self._model, Encoding.XCDR2)
+
+    @cached_property
+    def _places(self) -> dict[str, tuple[int, int, int, int, int]]:
+        """What FieldView says of bytes, by field; empty unless static."""
+        if not self._layouts:
+            return {}
+        first, second = (layout.extents() for layout in self._layouts)
+        padding = {leaf.offset: leaf.padding for leaf in self._layouts[0].leaves}
+        return {name: (*first[name], padding[first[name][0]], *second[name]) for name in first}
+
+    def _field(self, field: Field) -> FieldView:
+        is_nested = not field.type.is_primitive
+        prefix = f"{field.comment.enum}_"
+        return FieldView(
+            field,
+            self._views.message(self._views.model.nested(self._model, field.type)) if is_nested else None,
+            tuple(found for found in self.constants if field.comment.enum and found.name.startswith(prefix)),
+            *self._places.get(field.name, (None,) * 5),
+        )
+
+
+class _Described:
+    """What a definition says about a field or a constant."""
+
+    _model: Field | Constant
+
+    @property
+    def name(self) -> str:
+        """`gyro_rad`, `CLIPPING_X`."""
+        return self._model.name
+
+    @property
+    def type(self) -> str:
+        """As the definition spells it: `float32[3]`."""
+        return str(self._model.type)
+
+    @property
+    def base(self) -> str:
+        """The type of one value, without package and bound: `float32`, `string`, `EscReport`."""
+        return self._model.type.name
+
+    @property
+    def comment(self) -> str:
+        """The sentences, without the tags."""
+        return self._comment.text
+
+    @property
+    def unit(self) -> str:
+        """`m/s`; empty, as the other tags, where the definition has none."""
+        return self._comment.unit
+
+    @property
+    def range(self) -> str:
+        """What stands in `[@range ...]`."""
+        return self._comment.range
+
+    @property
+    def enum(self) -> str:
+        """What stands in `[@enum ...]`: the prefix of the constants that are its values."""
+        return self._comment.enum
+
+    @property
+    def invalid(self) -> str:
+        """What stands in `[@invalid ...]`."""
+        return self._comment.invalid
+
+    @property
+    def frame(self) -> str:
+        """What stands in `[@frame ...]`."""
+        return self._comment.frame
+
+    @property
+    def documentation(self) -> str:
+        """Tags and sentences, as in the definition."""
+        return str(self._comment)
+
+    @property
+    def _comment(self) -> Comment:
+        return self._model.comment
+
+
+@dataclass(frozen=True, eq=False)
+class FieldView(_Described):
+    """A field of a message. What it says of bytes is None unless the message is static."""
+
+    _model: Field
+    message: MessageView | None
+    """The message that is nested here; None for primitives."""
+    enum_constants: tuple[ConstantView, ...]
+    """The constants that are its values: those whose names begin with the prefix in `[@enum PREFIX]`."""
+    offset: int | None
+    """Where its first value lies in XCDR1, counted from behind the header."""
+    size: int | None
+    """Bytes from its first value to its last in XCDR1."""
+    padding: int | None
+    """Bytes of padding before it in XCDR1."""
+    offset_xcdr2: int | None
+    """The offset in XCDR2; an array of messages has its delimiter before that."""
+    size_xcdr2: int | None
+    """The size in XCDR2."""
+
+    @property
+    def array(self) -> str:
+        """`scalar`, `fixed` (`T[N]`), `bounded` (`T[<=N]`) or `unbounded` (`T[]`)."""
+        return self._model.type.array.name.lower()
+
+    @property
+    def is_array(self) -> bool:
+        """Whether it is anything but `scalar`."""
+        return self._model.type.array is not ArrayKind.SCALAR
+
+    @property
+    def length(self) -> int:
+        """The N of a fixed or bounded array, else 0."""
+        return self._model.type.length
+
+    @property
+    def string_bound(self) -> int | None:
+        """The N of `string<=N`, else None."""
+        return self._model.type.string_bound
+
+    @property
+    def default(self) -> Value | None:
+        """The default value, or None."""
+        return self._model.default
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantView(_Described):
+    """A constant of a message."""
+
+    _model: Constant
+
+    @property
+    def value(self) -> Value:
+        """A number, a bool or a text."""
+        return self._model.value
+
+
+@dataclass(frozen=True, slots=True)
+class LeafView:
+    """A primitive or an array of primitives, at any depth of a message."""
+
+    path: str
+    """How to reach it: `esc[0].esc_rpm`."""
+    field: FieldView
+    """The field that it is, of the message that has it."""
+    count: int
+    """How many values: 1, or the length of the array."""
+    item_size: int
+    """Bytes of one value."""
+    offset: int
+    """Where it lies in XCDR1, counted from behind the header."""
+    padding: int
+    """Bytes of padding before it in XCDR1."""
+    offset_xcdr2: int
+    """Where it lies in XCDR2."""
+
+
+@dataclass(frozen=True, eq=False)
+class TopicView:
+    """A uORB topic."""
+
+    _model: UorbTopic
+    _views: Views
+
+    @property
+    def name(self) -> str:
+        """`vehicle_odometry`."""
+        return self._model.name
+
+    @property
+    def orb_id(self) -> int:
+        """Its position among all topics, sorted by name."""
+        return self._model.orb_id
+
+    @property
+    def message(self) -> MessageView:
+        """What it carries."""
+        return self._views.message(self._model.message)
+
+
+@dataclass(frozen=True, eq=False)
+class EndpointView:
+    """A topic that crosses the bridge to DDS and ROS 2."""
+
+    _model: Endpoint
+    _views: Views
+
+    @property
+    def ros_name(self) -> str:
+        """`/fmu/out/vehicle_status_v1`."""
+        return self._model.ros_name
+
+    @property
+    def dds_name(self) -> str:
+        """`rt/fmu/out/vehicle_status_v1`."""
+        return self._model.dds_name
+
+    @property
+    def direction(self) -> str:
+        """Seen from the vehicle: `out` or `in`."""
+        return self._model.entry.direction.value
+
+    @property
+    def message(self) -> MessageView:
+        """What it carries."""
+        return self._views.message(self._model.message)
+
+    @cached_property
+    def topic(self) -> TopicView:
+        """The uORB topic behind it."""
+        return self._views.topics[self._model.entry.uorb_topic]
+
+    @property
+    def object_id(self) -> int:
+        """The id that the firmware's client gives it."""
+        return self._model.object_id
+
+    @property
+    def rate_limit_hz(self) -> float | None:
+        """None where the YAML has none (the firmware then sends at most 100 Hz), 0.0 for no limit."""
+        return self._model.entry.rate_limit_hz
+
+    @property
+    def instance(self) -> int | None:
+        """The uORB instance, or None where the YAML names none."""
+        return self._model.entry.instance
+
+    @property
+    def writer_qos(self) -> Qos:
+        """The quality of service of who writes: PX4 on the way out, the application on the way in."""
+        return self._model.writer_qos
+
+    @property
+    def reader_qos(self) -> Qos:
+        """That of who reads."""
+        return self._model.reader_qos
+
+
+@dataclass(frozen=True, eq=False)
+class ServiceView:
+    """A service."""
+
+    _model: Service
+    _views: Views
+
+    @property
+    def name(self) -> str:
+        """`VehicleCommand`."""
+        return self._model.name
+
+    @property
+    def package(self) -> str:
+        """`px4_msgs`."""
+        return self._model.package
+
+    @property
+    def ros_type(self) -> str:
+        """`px4_msgs/srv/VehicleCommand`."""
+        return f"{self._model.package}/srv/{self._model.name}"
+
+    @property
+    def comment(self) -> str:
+        """What the definition says about the whole."""
+        return self._model.comment
+
+    @property
+    def request(self) -> MessageView:
+        """The half that the client sends."""
+        return self._views.message(self._model.request)
+
+    @property
+    def response(self) -> MessageView:
+        """The half that comes back."""
+        return self._views.message(self._model.response)
+
+
+def _reached(message: MessageView, path: Path) -> FieldView:
+    """Return the field at the end of `path`."""
+    (name, _), *rest = path
+    field = next(field for field in message.fields if field.name == name)
+    return _reached(field.message, tuple(rest)) if field.message else field
+
+
+def _written(path: Path) -> str:
+    return ".".join(name if index is None else f"{name}[{index}]" for name, index in path)
