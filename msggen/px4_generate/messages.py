@@ -41,8 +41,7 @@ class Request(NamedTuple):
 
 def generate_messages(request: Request) -> dict[str, str]:
     """Return the texts of all files, by name. Raises InputError for faulty definitions and templates."""
-    name, list_name = request.kind.value
-    template = EmpyTemplate(_find(request.templates, name))
+    template = EmpyTemplate(_find(request.templates, request.kind.value[0]))
     definitions = Definitions()
     read = definitions.read_all(request.files, request.package, _search_path(request))
     topics = [topic for definition in read for topic in definition.topics]
@@ -51,12 +50,19 @@ def generate_messages(request: Request) -> dict[str, str]:
         for definition in read:
             names = _names(definition, request)
             made[_output(request.kind, definition)] = _expand(template, {**names, "all_topics": sorted(topics)})
-        list_path = os.path.join(request.templates, list_name)
-        if os.path.isfile(list_path):
-            files = [snake_case(os.path.basename(path)) for path in request.files]
-            names = {"msgs": files, "topics": topics, "all_topics": sorted(topics)}
-            made[list_name.removesuffix(".em")] = EmpyTemplate(list_path).expand(names)
+        made.update(_made_of_all(request, topics))
     return made
+
+
+def _made_of_all(request: Request, topics: list[str]) -> dict[str, str]:
+    """Return the text of the file about all messages, by name, where there is a template for it."""
+    name = request.kind.value[1]
+    path = os.path.join(request.templates, name)
+    if not os.path.isfile(path):
+        return {}
+    files = [snake_case(os.path.basename(path)) for path in request.files]
+    text = EmpyTemplate(path).expand({"msgs": files, "topics": topics, "all_topics": sorted(topics)})
+    return {name.removesuffix(".em"): text}
 
 
 def _find(folder: str, name: str) -> str:
