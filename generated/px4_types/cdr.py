@@ -669,7 +669,8 @@ def _value_problem(outer: Message, base: str, value: Any, path: str) -> str:
     if base in _RANGES:
         low, high = _RANGES[base]
         index = _index_of(value)
-        return "" if index is not None and low <= index <= high else f"{path}: expected {base}, {low} to {high}, got {_given(value)}"
+        fits = index is not None and low <= index <= high
+        return "" if fits else f"{path}: expected {base}, {low} to {high}, got {_given(value)}"
     if not isinstance(value, nested(outer.__class__, base)):
         given = value.__msg__.ros_type if isinstance(value, Message) else _given(value)
         return f"{path}: expected {base}, got {given}"
