@@ -123,6 +123,7 @@ FAULTS = [
     line("M305", 12, "expected 2 values, found 3", "uint8[2] x [1, 2, 3]"),
     line("M305", 10, "expected true, false, 1 or 0", "bool A = maybe"),
     line("M305", 15, "up to 3 characters, found 4", "string<=3 A = four"),
+    line("M305", 15, "expected values with commas between them", 'string[<=2] x ["a" "b"]'),
     in_a_tree("M306", "as 'char[32]', found 'string x'", "string x"),
     in_a_tree("M306", "as 'uint8[32]', found 'uint8[] x'", "uint8[] x"),
     in_a_tree("M306", "as 'float32[32]', found 'float32[<=3] x'", "float32[<=3] x"),

@@ -420,6 +420,23 @@ def test_typescript_decodes_strings_and_sequences(growing: Path) -> None:
     assert list(map(numbers, node(growing / "decode.ts", LINES))) == EXPECTED
 
 
+def test_typescript_keeps_messages_of_one_name_apart(tmp_path: Path) -> None:
+    """Those of other packages have the package's name in front."""
+    files = {
+        "a/msg/Inner.msg": "uint64 timestamp\nuint8 a\n",
+        "a/msg/Outer.msg": "uint64 timestamp\nInner inner\nother_msgs/Inner other\n",
+        "b/msg/Inner.msg": "uint16 b\n",
+    }
+    source = write_definitions(tmp_path, files)
+    options = ("--px4", source / "a", "--msg-dir", f"other_msgs={source / 'b'}")
+    render(GALLERY / "messages.ts.j2", tmp_path, "--each", "catalog", *options)
+    shutil.copy(HELPERS / "decode.ts", tmp_path)
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+    outer = b"\0\1\0\0" + struct.pack("<QQBxH", 1, 2, 3, 4)
+    given = f"Outer {outer.hex()}\nOtherMsgsInner 000100000500\n"
+    assert [numbers(line) for line in node(tmp_path / "decode.ts", given)] == [[1, 2, 3, 4], [5]]
+
+
 def test_wireshark_shows_strings_and_sequences(growing: Path, tmp_path: Path) -> None:
     message = Message("Outer", "px4_msgs", Location("Outer.msg"))
     samples = [Sample(message, USUAL, data, ()) for data in (XCDR1, XCDR2, HOSTILE)]

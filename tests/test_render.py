@@ -642,3 +642,15 @@ def test_both_templates_of_the_page_make_the_same() -> None:
     texts = made()
     assert texts["Bar.em"] == texts["Bar.j2"]
     assert "foo[1].x" in texts["Bar.j2"]
+
+
+def test_a_whole_written_by_mistake_is_a_short_text(embedded: Catalog) -> None:
+    catalog = Views(embedded).catalog
+    message = catalog.messages[0]
+    assert f"{message} {message.fields[:1]}" == "<message ActionRequest> (<field timestamp>,)"
+    assert str(catalog) == "<catalog px4_msgs>"
+
+
+def test_an_indent_is_a_number() -> None:
+    with pytest.raises(TypeError, match="expected a number of spaces as indent, got '  '"):
+        comment("text", "//", "  ")  # type: ignore[arg-type]

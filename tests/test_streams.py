@@ -87,6 +87,12 @@ def test_every_encapsulation_is_read_back(scan: Any, cdr: Any, encapsulation: by
     assert type(scan).decode(memoryview(bytearray(sample))) == scan
 
 
+@pytest.mark.parametrize("wrong", [b"\0\2", "xcdr2", b"\0\7\0\0"])
+def test_an_encapsulation_that_is_none_is_told(scan: Any, cdr: Any, wrong: Any) -> None:
+    with pytest.raises(cdr.EncodeError, match=r"Scan: expected the encapsulation b'.*, got"):
+        cdr.encode_as(scan, wrong)
+
+
 def test_values_come_as_the_documentation_says(scan: Any, msg: Any) -> None:
     decoded = msg.Scan.decode(scan.encode())
     assert decoded.ranges == array("f", [1.0, 2.5])

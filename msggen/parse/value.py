@@ -8,7 +8,7 @@ from msggen.model import FLOATS, INTEGER_RANGES, STRINGS, ArrayKind, FieldType, 
 
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 _LARGEST = {"float32": 3.4028234663852886e38, "float64": 1.7976931348623157e308}
-_STRING_ITEM = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,\[\]]+?)\s*(?:,|$)""")
+_STRING_ITEM = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,\[\]"'][^,\[\]]*?)\s*(?:,|$)""")
 
 
 def parse_value(type_: FieldType, text: str, *, is_constant: bool) -> Value:
@@ -44,7 +44,9 @@ def _items(inside: str) -> list[str]:
     while position < len(inside):
         match = _STRING_ITEM.match(inside, position)
         if match is None:
-            raise ValueError(f"cannot read the list from {inside[position:]!r}")
+            raise ValueError(
+                f"cannot read the list from {inside[position:]!r}: expected values with commas between them"
+            )
         items.append(match[1])
         position = match.end()
     return items

@@ -31,8 +31,17 @@ class Views:
         return self._messages.setdefault(message.ros_type, MessageView(message, self))
 
 
-@dataclass(frozen=True, eq=False)
-class CatalogView:
+class _View:
+    """What the views share."""
+
+    def __repr__(self) -> str:
+        """Return a short text, for a template that writes a whole where it meant one of its names."""
+        name = getattr(self, "ros_name", None) or getattr(self, "name", None) or getattr(self, "package", "")
+        return f"<{type(self).__name__.removesuffix('View').lower()} {name}>"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CatalogView(_View):
     """All definitions of one firmware, and of further packages."""
 
     _model: Catalog
@@ -69,8 +78,8 @@ class CatalogView:
         return tuple(EndpointView(endpoint, self._views) for endpoint in endpoints(self._model))
 
 
-@dataclass(frozen=True, eq=False)
-class MessageView:
+@dataclass(frozen=True, eq=False, repr=False)
+class MessageView(_View):
     """A message, or one half of a service."""
 
     _model: Message
@@ -219,7 +228,7 @@ class MessageView:
         )
 
 
-class _Described:
+class _Described(_View):
     """What a definition says about a field or a constant."""
 
     _model: Field | Constant
@@ -279,7 +288,7 @@ class _Described:
         return self._model.comment
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FieldView(_Described):
     """A field of a message. What it says of bytes is None unless the message is static."""
 
@@ -325,7 +334,7 @@ class FieldView(_Described):
         return self._model.default
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ConstantView(_Described):
     """A constant of a message."""
 
@@ -357,8 +366,8 @@ class LeafView:
     """Where it lies in XCDR2."""
 
 
-@dataclass(frozen=True, eq=False)
-class TopicView:
+@dataclass(frozen=True, eq=False, repr=False)
+class TopicView(_View):
     """A uORB topic."""
 
     _model: UorbTopic
@@ -380,8 +389,8 @@ class TopicView:
         return self._views.message(self._model.message)
 
 
-@dataclass(frozen=True, eq=False)
-class EndpointView:
+@dataclass(frozen=True, eq=False, repr=False)
+class EndpointView(_View):
     """A topic that crosses the bridge to DDS and ROS 2."""
 
     _model: Endpoint
@@ -438,8 +447,8 @@ class EndpointView:
         return self._model.reader_qos
 
 
-@dataclass(frozen=True, eq=False)
-class ServiceView:
+@dataclass(frozen=True, eq=False, repr=False)
+class ServiceView(_View):
     """A service."""
 
     _model: Service

@@ -27,8 +27,11 @@ def camel_case(name: str) -> str:
 def comment(text: str, prefix: str = "//", indent: int = 0) -> str:
     """Return `text` as lines of comments, each with `prefix`, all but the first indented; running text is filled.
 
-    No line ends in a backslash: C would take the next one for comment too.
+    No line ends in a backslash: C would take the next one for comment too. Raises TypeError for an indent that is no
+    number.
     """
+    if not isinstance(indent, int):
+        raise TypeError(f"comment: expected a number of spaces as indent, got {indent!r}")
     room = _WIDTH - indent - len(prefix) - 1
     lines = [part for line in paragraphs(text.splitlines()) for part in wrap(line, room) or [""]]
     return f"\n{' ' * indent}".join(f"{prefix} {line}".rstrip("\\ ") for line in lines)

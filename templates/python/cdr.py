@@ -519,8 +519,11 @@ def layout_of(cls: type[Message]) -> Layout:
 def encode_as(message: Message, encapsulation: bytes) -> bytes:
     """Return `message` as a sample with another encapsulation than `encode` writes: one of the keys of ENCODINGS.
 
-    Raises EncodeError, and KeyError for an encapsulation that is none of them.
+    Raises EncodeError, also for an encapsulation that is none of them.
     """
+    if encapsulation not in ENCODINGS:
+        text = f"{message.__msg__.name}: expected the encapsulation b'\\0\\1', b'\\0\\0', b'\\0\\7' or b'\\0\\6'"
+        raise EncodeError(f"{text}, got {_given(encapsulation)}")
     order, version = ENCODINGS[encapsulation]
     header = encapsulation + HEADER[2:]
     if hasattr(message, "__stream__"):
