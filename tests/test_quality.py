@@ -111,7 +111,7 @@ def test_pyright_is_content_with_the_generated_packages(tmp_path: Path, unusual:
         "pythonVersion": "3.10",
     }
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
-    run("basedpyright", "--level", "error", "-p", str(tmp_path))
+    run("basedpyright", "--level", "error", "--pythonpath", sys.executable, "-p", str(tmp_path))
 
 
 APPLICATION = """

@@ -1158,7 +1158,9 @@ def test_pyright_is_content_with_a_package_of_versions(typed: Path, tmp_path: Pa
         "pythonVersion": "3.10",
     }
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(configuration))
-    code, output = checked(tmp_path, "basedpyright", "--level", "error", "-p", str(tmp_path))
+    code, output = checked(
+        tmp_path, "basedpyright", "--level", "error", "--pythonpath", sys.executable, "-p", str(tmp_path)
+    )
     assert code == 0, output
 
 
