@@ -1,5 +1,5 @@
-@[for include in type_includes]@
-#include <uORB/topics/@(include).h>
+@[for each in type_includes]@
+#include <uORB/topics/@(each).h>
 @[end for]@
 // namespace '@namespace'
 @[for pub in publications]@

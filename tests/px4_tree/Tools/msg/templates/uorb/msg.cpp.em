@@ -7,10 +7,7 @@ def lines(fields):
         if not field.is_builtin:
             yield from lines(fields_of(field.base_type, search_path))
 
-queue_length = 1
-for constant in spec.constants:
-    if constant.name == 'ORB_QUEUE_LENGTH':
-        queue_length = constant.val
+queue_length = {each.name: each.val for each in spec.constants}.get('ORB_QUEUE_LENGTH', 1)
 }@
 // @(' | '.join(lines(spec.parsed_fields())))
 // nests: @(' '.join(msg_context.get_all_depends(spec.full_name)))
