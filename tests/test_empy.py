@@ -199,6 +199,12 @@ def test_an_error_in_a_module_says_where(tmp_path: Path) -> None:
         EmpyTemplate("some.em", "@{import helper}\n@helper.fail()").expand({}, [str(tmp_path)])
 
 
+def test_a_module_that_is_not_python_is_told_at_its_own_line(tmp_path: Path) -> None:
+    write_definitions(tmp_path, {"helper.py": "ok = 1\ndef broken(: pass\n"})
+    with pytest.raises(InputError, match=r"some.em:2:1: T105 SyntaxError: invalid syntax, raised at .*helper.py:2"):
+        EmpyTemplate("some.em", "\n@{from helper import ok}").expand({}, [str(tmp_path)])
+
+
 def test_what_a_template_is_given_is_not_changed() -> None:
     names = {"x": 1}
     EmpyTemplate("some.em", "@{x = 2; y = 3}").expand(names)

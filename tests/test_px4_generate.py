@@ -161,7 +161,6 @@ ACCEPTED = {
     "lines from Windows": f"{STAMP}uint8 a\n".replace("\n", "\r\n"),
     "a control character in a comment": f"{STAMP}uint8 a # \x07\n",
     "a version of any kind": f"{STAMP}float32 MESSAGE_VERSION = 1.5\n",
-    "unbounded arrays and strings": f"{STAMP}string name\nuint8[] data\n",
 }
 
 
@@ -191,6 +190,15 @@ REFUSED = {
     ),
     "msg/Own.msg:2:1: T106 'x' has a default value, which the firmware's templates do not know": f"{STAMP}uint8 x 5\n",
     "msg/Own.msg:2:1: T106 'uint8[<=5]': the firmware's templates know no bounds": f"{STAMP}uint8[<=5] x\n",
+    "msg/Own.msg:2:1: T106 'uint8[]': the firmware's templates need a length": f"{STAMP}uint8[] x\n",
+    "msg/Own.msg:2:1: T106 'string': the firmware's templates know no strings, use 'char' with a length": (
+        f"{STAMP}string x\n"
+    ),
+    "msg/Own.msg:2:1: T106 'wstring[2]': the firmware's templates know no strings, use 'char' with a length": (
+        f"{STAMP}wstring[2] x\n"
+    ),
+    "msg/Own.msg:2:1: M301 unknown type 'std_msgs/Header': messages of other packages are not looked for "
+    "in the folders of -i": f"{STAMP}std_msgs/Header x\n",
 }
 
 
@@ -214,6 +222,21 @@ def test_all_faults_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None
         ["msg/Two.msg:2:11:", "M305"],
         ["msg/four.txt:", "S101"],
     ]
+
+
+def test_unknown_nested_types_are_told_with_other_faults_of_the_definition(capsys: pytest.CaptureFixture[str]) -> None:
+    write_definitions(Path(), {"msg/Own.msg": f"{STAMP}Nope[2] x\nfloat3 y\nCellRepport z\n"})
+    assert generate("--headers", "msg/Own.msg") == FAILED
+    assert faults(capsys) == [
+        "msg/Own.msg:2:1: M301 unknown type 'Nope'",
+        "msg/Own.msg:3:1: M301 unknown type 'float3', did you mean 'float32'?",
+        "msg/Own.msg:4:1: M301 unknown type 'CellRepport', did you mean 'CellReport'?",
+    ]
+
+
+def test_a_folder_to_look_in_that_is_not_there_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert generate("--headers", includes=["msg", "msg/version"]) == FAILED
+    assert faults(capsys) == ["msg/version: S101 no such folder, did you mean 'msg/versioned'?"]
 
 
 def test_a_message_given_twice_is_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -265,11 +288,21 @@ def test_an_error_of_the_list_of_topics_has_its_line_too(capsys: pytest.CaptureF
 
 
 def test_an_error_within_the_helper_says_where_it_was_raised(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_definitions(Path(), {"msg/Own.msg": f"{STAMP}uint8[] data\n"})
-    assert generate("--headers", "msg/Own.msg") == FAILED
+    helper = tree / "Tools/msg/px_generate_uorb_topic_helper.py"
+    helper.write_text(helper.read_text().replace("return total + rest", "return total + None"))
+    assert generate("--headers", "msg/CellReport.msg") == FAILED
     (said,) = faults(capsys)
     assert said.startswith(f"{TEMPLATES}/uorb/msg.h.em:9:1: T105 TypeError: ")
-    assert re.search(rf", raised at {tree}/Tools/msg/px_\w+\.py:\d+ \(for msg/Own\.msg\)$", said)
+    assert re.search(rf", raised at {helper}:\d+ \(for msg/CellReport\.msg\)$", said)
+
+
+def test_a_helper_that_is_not_python_is_told_at_its_own_line(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    helper = tree / "Tools/msg/px_generate_uorb_topic_helper.py"
+    line = len(helper.read_text().splitlines()) + 1
+    helper.write_text(f"{helper.read_text()}def broken(: pass\n")
+    assert generate("--headers", "msg/CellReport.msg") == FAILED
+    said = f"SyntaxError: invalid syntax, raised at {helper}:{line} (for msg/CellReport.msg)"
+    assert faults(capsys) == [f"{TEMPLATES}/uorb/msg.h.em:6:1: T105 {said}"]
 
 
 def test_a_missing_helper_is_named(capsys: pytest.CaptureFixture[str]) -> None:
@@ -302,13 +335,24 @@ def test_a_message_that_a_template_asks_for_in_vain_is_told(capsys: pytest.Captu
     ("folder", "said"),
     [
         (TEMPLATES, f"{TEMPLATES}: T102 has no template 'msg.json.em', did you mean '{TEMPLATES}/uorb'?"),
-        (f"{TEMPLATES}/cdrstream", f"{TEMPLATES}/cdrstream: T102 has no template 'msg.json.em'"),
+        ("msg", "msg: T102 has no template 'msg.json.em'"),
+        (
+            f"{TEMPLATES}/cdrstream",
+            f"{TEMPLATES}/cdrstream: T102 has no template 'msg.json.em', did you mean '{TEMPLATES}/uorb'?",
+        ),
         (f"{TEMPLATES}/urb", f"{TEMPLATES}/urb: T102 no such folder, did you mean '{TEMPLATES}/uorb'?"),
     ],
 )
 def test_templates_that_are_not_there_are_told(folder: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert generate("--json", templates=folder) == FAILED
     assert faults(capsys) == [said]
+
+
+def test_all_folders_that_have_the_template_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(f"{TEMPLATES}/uorb", f"{TEMPLATES}/ucdr")
+    assert generate("--headers", templates=TEMPLATES) == FAILED
+    said = f"has no template 'msg.h.em', did you mean '{TEMPLATES}/ucdr' or '{TEMPLATES}/uorb'?"
+    assert faults(capsys) == [f"{TEMPLATES}: T102 {said}"]
 
 
 @pytest.mark.parametrize(

@@ -293,7 +293,13 @@ FAULTS = [
     Fault("any.h.j2:1:1", "T204", "RecursionError", "{% include 'any.h.j2' %}"),
     Fault("any.h.j2", "T204", "cannot be written as UTF-8", "{{ '\\udc80' }}"),
     # EmPy
-    Fault("any.em:3:1", "T105", f"{BOTH}AttributeError: ", "\n\n@message.nam", template="any.em"),
+    Fault(
+        "any.em:3:1",
+        "T105",
+        f"{BOTH}a message has no 'nam', did you mean 'name'?",
+        "\n\n@message.nam",
+        template="any.em",
+    ),
     Fault("any.em:1:1", "T105", "did you mean 'message'?", "@mesage.name", template="any.em"),
     Fault("any.em:2:1", "T104", f"{BOTH}not Python", "\n@(message..name)", template="any.em"),
     Fault("any.em:2:1", "T103", "", "\n@[for x in y]@", template="any.em"),

@@ -49,7 +49,9 @@ def _add_bridge(parser: argparse.ArgumentParser) -> None:
     bridge.add_argument("-y", "--dds-topics-file", dest="yaml_file", metavar="FILE", type=given, help="dds_topics.yaml")
     bridge.add_argument("-t", "--template_file", metavar="FILE", type=given, help="the template")
     bridge.add_argument("-u", "--client-outdir", dest="clientdir", metavar="DIR", type=given, help="folder to write to")
-    bridge.add_argument("-m", "--topic-msg-dir", metavar="DIR", help="taken, but of no effect, as in the script")
+    bridge.add_argument(
+        "-m", "--topic-msg-dir", metavar="DIR", help="taken, but of no effect: an option of older scripts"
+    )
 
 
 def _generate(options: argparse.Namespace) -> int:

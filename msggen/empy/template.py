@@ -51,7 +51,7 @@ class EmpyTemplate:
             except (Exception, SystemExit) as error:
                 if isinstance(error, InputError):
                     raise
-                code, said = _said(error)
+                code, said = _said(error, self.path)
                 raise fault(self.path, code, said, self._program.line_of(error)) from error
         return text
 
@@ -89,14 +89,16 @@ def _check_empy(path: str) -> None:
         raise fault(path, "T101", f"{wanted}: the module 'em' found is {version}, from {em.__file__}", 0)
 
 
-def _said(error: BaseException) -> tuple[str, str]:
-    """Return the code and the words for what a template raised."""
+def _said(error: BaseException, path: str) -> tuple[str, str]:
+    """Return the code and the words for what the template at `path` raised."""
     from msggen.empy.program import is_of_empy
 
     if is_of_empy(error):
         return "T103", str(error)
     if isinstance(error, SyntaxError) and error.filename is not None:
-        return "T104", f"not Python: {error.msg}"
+        if error.filename == path or error.filename.startswith("<"):
+            return "T104", f"not Python: {error.msg}"
+        return "T105", f"{type(error).__name__}: {error.msg}, raised at {error.filename}:{error.lineno}"
     if isinstance(error, SystemExit):
         return "T105", f"the template ended the run: exit({'' if error.code is None else error.code!r})"
     text = f"{type(error).__name__}: {error}".rstrip(": ")

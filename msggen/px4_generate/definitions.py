@@ -10,8 +10,9 @@ from contextvars import ContextVar
 from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
+from msggen.firmware.neighbour import neighbour
 from msggen.location import Location
-from msggen.model import PRIMITIVES, ArrayKind, Field, Message, snake_case
+from msggen.model import PRIMITIVES, STRINGS, ArrayKind, Field, Message, snake_case
 from msggen.parse import decode_text, parse_message
 
 _TOPICS = "# TOPICS "
@@ -35,11 +36,18 @@ class Definitions:
     """What has been read so far."""
 
     def __init__(self) -> None:
-        self._read: dict[tuple[str, str], Definition] = {}
+        self._read: dict[tuple[str, str], tuple[Definition, list[Diagnostic]]] = {}
         self._found: dict[str, bool] = {}
 
     def read(self, path: str, full_name: str) -> Definition:
         """Return the definition in `path` of the message `full_name`. Raises InputError with all faults of the file."""
+        definition, faults = self._read_once(path, full_name)
+        if faults:
+            raise InputError(faults)
+        return definition
+
+    def _read_once(self, path: str, full_name: str) -> tuple[Definition, list[Diagnostic]]:
+        """Return what could be read of a definition, and its faults. Raises InputError if the file cannot be read."""
         known = self._read.get((path, full_name))
         if known is None:
             known = self._read[path, full_name] = _read(path, *full_name.split("/"))
@@ -63,7 +71,7 @@ class Definitions:
         Raises InputError with all faults of all files.
         """
         names = [f"{package}/{os.path.basename(path).removesuffix('.msg')}" for path in paths]
-        faults = [*_misgiven(paths)]
+        faults = [*_misgiven(paths), *_missing(search_path.get(package, ()))]
         given = {name: path for name, path in zip(names, paths, strict=True) if path.endswith(".msg")}
         messages = self._read_nested(given, search_path, faults)
         if not faults:
@@ -80,16 +88,19 @@ class Definitions:
         waiting = list(paths)
         for name in waiting:  # which grows as it is gone through
             try:
-                message = messages[name] = self.read(paths[name], name).message
+                definition, found = self._read_once(paths[name], name)
             except InputError as error:
                 faults += error.diagnostics
                 continue
+            faults += found
+            message = messages[name] = definition.message
             for field in (field for field in message.fields if not field.type.is_primitive):
                 nested = message.key_of(field.type)
-                folders = search_path.get(nested.split("/")[0], ())
+                package = nested.split("/")[0]
+                folders = search_path.get(package, ())
                 path = self.find(folders, field.type.name)
                 if path is None:
-                    faults.append(_unknown_type(field, folders))
+                    faults.append(_unknown_type(field, folders, is_own=package == message.package))
                 elif nested not in paths:
                     paths[nested] = path
                     waiting.append(nested)
@@ -114,7 +125,7 @@ def definitions() -> Definitions:
     return _current.get()
 
 
-def _read(path: str, package: str, name: str) -> Definition:
+def _read(path: str, package: str, name: str) -> tuple[Definition, list[Diagnostic]]:
     try:
         with open(path, "rb") as stream:
             data = stream.read()
@@ -125,11 +136,9 @@ def _read(path: str, package: str, name: str) -> Definition:
     topics = tuple(_topics(text)) or (snake_case(name),)
     faults = [found for found in (*faults, *more) if not _is_built_all_the_same(found, message, topics)]
     faults += _unknown_to_the_firmware(message)
-    if faults:
-        raise InputError(faults)
     constants = tuple((str(constant.type), constant.name, constant.value) for constant in message.constants)
     fields = tuple((field.name, _spelled(field, message)) for field in message.fields)
-    return Definition(message, text, topics, fields, constants)
+    return Definition(message, text, topics, fields, constants), faults
 
 
 def _topics(text: str) -> Iterator[str]:
@@ -150,7 +159,16 @@ def _misgiven(paths: Iterable[str]) -> Iterator[Diagnostic]:
             yield Diagnostic(Location(path, 0), "M204", f"this message is given twice, also by {other}")
 
 
-def _unknown_type(field: Field, folders: Sequence[str]) -> Diagnostic:
+def _missing(folders: Iterable[str]) -> Iterator[Diagnostic]:
+    for folder in folders:
+        if not os.path.isdir(folder):
+            yield Diagnostic(Location(folder, 0), "S101", f"no such folder{neighbour(folder)}")
+
+
+def _unknown_type(field: Field, folders: Sequence[str], *, is_own: bool) -> Diagnostic:
+    if not is_own:
+        text = f"unknown type '{field.type.base}': messages of other packages are not looked for in the folders of -i"
+        return Diagnostic(field.location, "M301", text)
     known = [name.removesuffix(".msg") for folder in folders if os.path.isdir(folder) for name in os.listdir(folder)]
     hint = suggestion(field.type.name, [*known, *PRIMITIVES]) if known else ": no folder to look for it, see -i"
     return Diagnostic(field.location, "M301", f"unknown type '{field.type.base}'{hint}")
@@ -182,6 +200,11 @@ def _unknown_to_the_firmware(message: Message) -> Iterator[Diagnostic]:
             yield Diagnostic(field.location, "T106", text)
         if field.type.array is ArrayKind.BOUNDED or field.type.string_bound is not None:
             yield Diagnostic(field.location, "T106", f"'{field.type}': the firmware's templates know no bounds")
+        elif field.type.array is ArrayKind.UNBOUNDED:
+            yield Diagnostic(field.location, "T106", f"'{field.type}': the firmware's templates need a length")
+        elif field.type.name in STRINGS:
+            text = f"'{field.type}': the firmware's templates know no strings, use 'char' with a length"
+            yield Diagnostic(field.location, "T106", text)
 
 
 def _inconsistencies(messages: Sequence[Message], known: Iterable[Message], package: str) -> Iterator[Diagnostic]:

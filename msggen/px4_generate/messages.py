@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Mapping
 from enum import Enum
+from glob import escape, glob
 from types import ModuleType
 from typing import NamedTuple
 
@@ -72,9 +73,14 @@ def _find(folder: str, name: str) -> str:
         return path
     if not os.path.isdir(folder):
         raise fault(folder, "T102", f"no such folder{neighbour(folder)}", 0)
-    below = [entry.path for entry in os.scandir(folder) if os.path.isfile(os.path.join(entry.path, name))]
-    hint = f", did you mean '{min(below)}'?" if below else ""
+    others = _folders_with(name, folder) or _folders_with(name, os.path.normpath(os.path.join(folder, os.pardir)))
+    hint = f", did you mean {' or '.join(map(repr, others))}?" if others else ""
     raise fault(folder, "T102", f"has no template '{name}'{hint}", 0)
+
+
+def _folders_with(name: str, parent: str) -> list[str]:
+    """Return the folders in `parent` that have the template."""
+    return sorted(os.path.normpath(os.path.dirname(path)) for path in glob(os.path.join(escape(parent), "*", name)))
 
 
 def _output(kind: Kind, definition: Definition) -> str:

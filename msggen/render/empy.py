@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 
+from msggen.diagnostics import InputError
 from msggen.empy import EmpyTemplate
-from msggen.render.words import FILTERS
+from msggen.render.words import FILTERS, unknown_name
 
 
 class Empy:
@@ -24,4 +25,13 @@ class Empy:
 
     def expand(self, names: Mapping[str, object]) -> str:
         """Return the text that the template makes of `names`. Raises InputError, with the line at fault."""
-        return self._template.expand({**FILTERS, **names}, [os.path.dirname(self.path) or os.curdir])
+        try:
+            return self._template.expand({**FILTERS, **names}, [os.path.dirname(self.path) or os.curdir])
+        except InputError as error:
+            cause = error.__cause__
+            said = unknown_name(cause.obj, cause.name or "") if isinstance(cause, AttributeError) else ""
+            if not said:
+                raise
+            found = error.diagnostics[0]
+            message = found.message.replace(f"AttributeError: {cause}", said, 1)
+            raise InputError([found._replace(message=message)]) from cause

@@ -11,7 +11,7 @@ import jinja2
 
 from msggen.diagnostics import InputError, fault, suggestion
 from msggen.render import THINGS
-from msggen.render.words import FILTERS
+from msggen.render.words import FILTERS, unknown_name
 
 
 class JinjaTemplate:
@@ -111,10 +111,9 @@ class _Undefined(jinja2.StrictUndefined):
             if owner is jinja2.utils.missing:
                 hint = f": it needs --each {name}" if name in THINGS else suggestion(name, THINGS)
                 return f"'{name}' is not defined{hint}"
-            kind = type(owner).__name__
-            if kind.endswith("View"):
-                known = [found for found in dir(owner) if not found.startswith("_")]
-                return f"a {kind.removesuffix('View').lower()} has no '{name}'{suggestion(name, known)}"
+            said = unknown_name(owner, name)
+            if said:
+                return said + suggestion(name, [known for known in dir(owner) if not known.startswith("_")])
         return super()._undefined_message
 
 

@@ -13,6 +13,12 @@ from msggen.model import snake_case
 _WIDTH = 100
 
 
+def unknown_name(owner: object, name: str) -> str:
+    """Return in plain words that a thing of the catalog has no such name, or "" where `owner` is another object."""
+    kind = type(owner).__name__
+    return f"a {kind.removesuffix('View').lower()} has no '{name}'" if kind.endswith("View") else ""
+
+
 def pascal_case(name: str) -> str:
     """Return `name` as types are spelled: `gyro_rad` as `GyroRad`."""
     return re.sub(r"(?:^|_)([a-z0-9])", lambda match: match[1].upper(), name)
