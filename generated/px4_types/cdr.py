@@ -401,7 +401,7 @@ class Message:
 
         Header and padding are no values, and undefined in arrays: `encode_batch` writes them. Needs numpy.
         """
-        found: DType[void] = _batch().dtype_of(cls)
+        found: DType[void] = _batch(cls).dtype_of(cls)
         return found
 
     @classmethod
@@ -412,7 +412,7 @@ class Message:
         iterable of samples is copied once. All samples need the same encapsulation; other than little-endian
         XCDR1 is converted. Raises DecodeError that names the first sample at fault. Needs numpy.
         """
-        array: NDArray[void] = _batch().decode_batch(cls, payloads)
+        array: NDArray[void] = _batch(cls).decode_batch(cls, payloads)
         return array
 
     @classmethod
@@ -421,13 +421,13 @@ class Message:
 
         The array has the fields of `dtype()`; where they lie in it does not matter. Raises EncodeError. Needs numpy.
         """
-        samples: list[bytes] = _batch().encode_batch(cls, array)
+        samples: list[bytes] = _batch(cls).encode_batch(cls, array)
         return samples
 
     @classmethod
     def from_row(cls, row: void) -> Self:
         """Return one element of a structured array as a message. Raises EncodeError as `encode_batch` does."""
-        message: Self = _batch().from_row(cls, row)
+        message: Self = _batch(cls).from_row(cls, row)
         return message
 
     def __eq__(self, other: object) -> bool:
@@ -462,10 +462,15 @@ class Message:
 _loaded: Any = None
 
 
-def _batch() -> Any:
-    """Return the module of batches; importing it takes as long as numpy does."""
+def _batch(cls: type[Message]) -> Any:
+    """Return the module of batches; importing it takes as long as numpy does.
+
+    Without numpy, a message that has no batches is still told so.
+    """
     global _loaded
     if _loaded is None:
+        if cls is not Message:
+            layout_of(cls)
         from . import batch
 
         _loaded = batch
