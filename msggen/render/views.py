@@ -78,22 +78,33 @@ class CatalogView(_View):
         return tuple(EndpointView(endpoint, self._views) for endpoint in endpoints(self._model))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class MessageView(_View):
-    """A message, or one half of a service."""
+class _Definition(_View):
+    """What the views of messages and services share."""
 
-    _model: Message
-    _views: Views
+    _model: Message | Service
 
     @property
     def name(self) -> str:
-        """`VehicleStatus`."""
+        """`VehicleStatus`, `VehicleCommand`."""
         return self._model.name
 
     @property
     def package(self) -> str:
         """`px4_msgs`."""
         return self._model.package
+
+    @property
+    def comment(self) -> str:
+        """What the definition says about the whole."""
+        return self._model.comment
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MessageView(_Definition):
+    """A message, or one half of a service."""
+
+    _model: Message
+    _views: Views
 
     @property
     def ros_type(self) -> str:
@@ -104,11 +115,6 @@ class MessageView(_View):
     def dds_type(self) -> str:
         """`px4_msgs::msg::dds_::VehicleStatus_`."""
         return self._model.dds_type
-
-    @property
-    def comment(self) -> str:
-        """What the definition says about the whole."""
-        return self._model.comment
 
     @cached_property
     def fields(self) -> tuple[FieldView, ...]:
@@ -448,31 +454,16 @@ class EndpointView(_View):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ServiceView(_View):
+class ServiceView(_Definition):
     """A service."""
 
     _model: Service
     _views: Views
 
     @property
-    def name(self) -> str:
-        """`VehicleCommand`."""
-        return self._model.name
-
-    @property
-    def package(self) -> str:
-        """`px4_msgs`."""
-        return self._model.package
-
-    @property
     def ros_type(self) -> str:
         """`px4_msgs/srv/VehicleCommand`."""
         return f"{self._model.package}/srv/{self._model.name}"
-
-    @property
-    def comment(self) -> str:
-        """What the definition says about the whole."""
-        return self._model.comment
 
     @property
     def request(self) -> MessageView:
