@@ -10,6 +10,7 @@ from fnmatch import fnmatchcase
 from msggen.compare.comparison import Comparison, Extra, Side
 from msggen.compare.finding import Category, Finding, Report, Rule, Severity
 from msggen.compare.rules import BREAKING, CHECKED, find
+from msggen.diagnostics import counted
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
 from msggen.firmware.source import Sources, find_sources
@@ -115,9 +116,9 @@ def _report(
     services = _names(previous.catalog.own_services) & _names(current.catalog.own_services)
     failing = [finding for finding in findings if finding.fails]
     counts = [
-        f"{_count(len(failing), 'finding')} in {_count(len({each.change.subject for each in failing}), 'definition')}"
+        f"{counted(len(failing), 'finding')} in {counted(len({each.change.subject for each in failing}), 'definition')}"
         if failing
-        else f"{_count(len(messages), 'message')}, {_count(len(services), 'service')}",
+        else f"{counted(len(messages), 'message')}, {counted(len(services), 'service')}",
         *_counted(sum(finding.is_silent for finding in failing), "silent"),
         *_counted(sum(finding.is_handled for finding in findings), "handled"),
         *_counted(sum(finding.rule.severity is Severity.WARNING for finding in findings), "only warned of"),
@@ -133,7 +134,3 @@ def _names(definitions: Iterable[Message | Service]) -> set[str]:
 
 def _counted(number: int, what: str) -> list[str]:
     return [f"{number} {what}"] if number else []
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"

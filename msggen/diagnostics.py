@@ -106,6 +106,11 @@ def fault(path: str, code: str, message: str, line: int = 1, column: int = 1) ->
     return InputError([Diagnostic(Location(path, line, column), code, message)])
 
 
+def counted(number: int, noun: str) -> str:
+    """Return `1 message`, `2 messages`."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 def suggestion(wrong: str, known: Iterable[str]) -> str:
     """Return ", did you mean 'x'?" for the nearest of `known`, or "" when none is near."""
     from difflib import get_close_matches

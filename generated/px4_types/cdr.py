@@ -541,6 +541,17 @@ def encode_as(message: Message, encapsulation: bytes) -> bytes:
     return header + body
 
 
+def encapsulation_of(cls: type[Message], sample: bytes) -> bytes:
+    """Return the first two bytes of a sample, one of the keys of ENCODINGS. Raises DecodeError."""
+    name, encapsulation = cls.__msg__.name, sample[:2]
+    if len(sample) < len(HEADER):
+        raise DecodeError(f"{name}: expected an encapsulation header of 4 bytes, got {len(sample)} in all")
+    if encapsulation not in ENCODINGS:
+        given = encapsulation.hex(" ")
+        raise DecodeError(f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {given}")
+    return encapsulation
+
+
 def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes:
     """Return the sample in `data`, whatever its encoding, as `encode` would have written it.
 
@@ -548,12 +559,7 @@ def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes
     """
     name, layout = cls.__msg__.name, layout_of(cls)
     view = memoryview(data).tobytes()
-    if len(view) < len(HEADER):
-        raise DecodeError(f"{name}: expected an encapsulation header of 4 bytes, got {len(view)} in all")
-    header, body = view[:2], view[4:]
-    if header not in ENCODINGS:
-        given = header.hex(" ")
-        raise DecodeError(f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {given}")
+    header, body = encapsulation_of(cls, view), view[4:]
     order, version = ENCODINGS[header]
     words = order + (layout.words if version == 1 else layout.xcdr2)
     size = struct.calcsize(words)

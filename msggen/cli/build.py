@@ -8,10 +8,9 @@ import os
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_diff, sources_of
-from msggen.diagnostics import fault
+from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_change, sources_of
+from msggen.diagnostics import counted, fault
 from msggen.firmware.source import Sources, with_archived
 from msggen.generate.build import Build, Outcome, depfile, write_if_changed
 from msggen.generate.output import Plan
@@ -108,22 +107,14 @@ def _report(outcome: Outcome, label: str, seconds: float, *, writes: bool, verbo
     if not writes and len(changes) > shown:
         yield f"... and {len(changes) - shown} more"
     if not writes:
-        yield f"{plan.folder} is stale: {_files(len(plan.written))} to write, {len(plan.removed)} to remove"
+        yield f"{plan.folder} is stale: {counted(len(plan.written), 'file')} to write, {len(plan.removed)} to remove"
         return
     unchanged = len(plan.files) - len(plan.written)
-    counts = f"{_files(len(plan.written))} written, {len(plan.removed)} removed, {unchanged} unchanged"
+    counts = f"{counted(len(plan.written), 'file')} written, {len(plan.removed)} removed, {unchanged} unchanged"
     yield f"{os.path.basename(outcome.folder)} from {label}: {outcome.summary}"
     yield f"{plan.folder}: {counts}, in {seconds:.2f} s"
 
 
-def _files(number: int) -> str:
-    return f"{number} file{'' if number == 1 else 's'}"
-
-
 def _print_diffs(plan: Plan) -> None:
     for name in (*plan.written, *plan.removed):
-        path = os.path.join(plan.folder, name)
-        before = None
-        with suppress(OSError), open(path, "rb") as stream:
-            before = stream.read()
-        print_diff(path, before, plan.files[name].encode() if name in plan.files else None)
+        print_change(os.path.join(plan.folder, name), plan.files.get(name))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from msggen.diagnostics import Diagnostic, InputError, fault
+from msggen.diagnostics import Diagnostic, InputError, counted, fault
 from msggen.firmware.source import Sources, find_sources, split_package
 from msggen.location import Location
 from msggen.settings import Settings
@@ -187,6 +187,14 @@ def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:
         sys.stdout.write(whole)
 
 
+def print_change(path: str, text: str | None) -> None:
+    """Print what `text` changes in the file at `path` as a patch; None removes it."""
+    before = None
+    with suppress(OSError), open(path, "rb") as stream:
+        before = stream.read()
+    print_diff(path, before, None if text is None else text.encode())
+
+
 def print_faults(faults: Sequence[Diagnostic], outcome: str) -> None:
     """Print `faults`, their number and what follows to stderr."""
     colour = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
@@ -194,4 +202,4 @@ def print_faults(faults: Sequence[Diagnostic], outcome: str) -> None:
         place, code, message = found
         text = f"\033[1m{place}\033[0m: \033[31m{code}\033[0m {message}" if colour else str(found)
         print(text, file=sys.stderr)
-    print(f"{len(faults)} error{'' if len(faults) == 1 else 's'}, {outcome}", file=sys.stderr)
+    print(f"{counted(len(faults), 'error')}, {outcome}", file=sys.stderr)

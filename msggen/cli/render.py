@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_diff, sources_of
+from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_change, sources_of
+from msggen.diagnostics import counted
 from msggen.generate.build import depfile, write_if_changed
 from msggen.generate.output import stale_files, write_stale_files
 from msggen.render import THINGS
@@ -75,17 +75,10 @@ def _render(options: argparse.Namespace) -> int:
         write_if_changed(options.depfile, depfile(places[0], inputs))
     if options.diff:
         for name in stale:
-            _print_diff(os.path.join(options.output, name), files[name])
+            print_change(os.path.join(options.output, name), files[name])
     if not options.quiet:
         print("\n".join(_report(options, stale, len(files), sources.label)))
     return FINDINGS if stale and not writes else DONE
-
-
-def _print_diff(path: str, text: str) -> None:
-    before = None
-    with suppress(OSError), open(path, "rb") as stream:
-        before = stream.read()
-    print_diff(path, before, text.encode())
 
 
 def _report(options: argparse.Namespace, stale: Sequence[str], number: int, label: str) -> Iterator[str]:
@@ -96,15 +89,11 @@ def _report(options: argparse.Namespace, stale: Sequence[str], number: int, labe
         if len(stale) > _FEW:
             yield f"... and {len(stale) - _FEW} more"
     else:
-        what = "" if options.each == "catalog" else f": {_count(number, options.each)}"
+        what = "" if options.each == "catalog" else f": {counted(number, options.each)}"
         yield f"{os.path.basename(options.template)} from {label}{what}"
     if not stale:
-        yield f"{options.output} is up to date, {_count(number, 'file')}"
+        yield f"{options.output} is up to date, {counted(number, 'file')}"
     elif writes:
-        yield f"{options.output}: {_count(len(stale), 'file')} written, {number - len(stale)} unchanged"
+        yield f"{options.output}: {counted(len(stale), 'file')} written, {number - len(stale)} unchanged"
     else:
-        yield f"{options.output} is stale: {_count(len(stale), 'file')} to write"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+        yield f"{options.output} is stale: {counted(len(stale), 'file')} to write"

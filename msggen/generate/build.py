@@ -11,7 +11,7 @@ from hashlib import sha256
 from typing import NamedTuple
 
 from msggen import __version__
-from msggen.diagnostics import fault
+from msggen.diagnostics import counted, fault
 from msggen.firmware.source import Sources, read_files
 from msggen.generate.output import ForeignFileError, Plan, is_current, plan_output, write_output
 from msggen.record import read_record
@@ -119,24 +119,20 @@ def _summary(catalog: "Catalog") -> str:
         "message": len(catalog.messages) - len(messages),
         "service": len(catalog.services) - len(services),
     }
-    counted = ", ".join(_count(number, noun) for noun, number in further.items() if number)
-    others = f"{counted} of {', '.join(catalog.other_packages)}" if counted else ""
+    listed = ", ".join(counted(number, noun) for noun, number in further.items() if number)
+    others = f"{listed} of {', '.join(catalog.other_packages)}" if listed else ""
     if others and not (messages or services):
         return others
     counts = (
-        _count(len(messages), "message"),
-        *([_count(len(catalog.archived), "archived version")] if catalog.archived else ()),
-        _count(len(services), "service"),
-        _count(sum(len(message.topic_names) for message in messages), "uORB topic"),
-        _count(len(catalog.bridge), "endpoint"),
+        counted(len(messages), "message"),
+        *([counted(len(catalog.archived), "archived version")] if catalog.archived else ()),
+        counted(len(services), "service"),
+        counted(sum(len(message.topic_names) for message in messages), "uORB topic"),
+        counted(len(catalog.bridge), "endpoint"),
     )
     release = catalog.conventions.release
     named = release if release < "v1.16" and release != "main" else "v1.16 and later"
     return "; ".join(filter(None, (", ".join(counts), others, f"DDS names of {named}")))
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 _ROOMS = ("firmware", "generate", "parse")

@@ -67,11 +67,9 @@ def items_of(catalog: Catalog, thing: str) -> tuple[Item, ...]:
 
 
 def _found(view: CatalogView, thing: str) -> Iterator[tuple[str, object]]:
-    if thing == "message":
-        for message in view.messages:
-            yield message.name if message.package == view.package else f"{message.package}/{message.name}", message
-    elif thing == "service":
-        yield from ((service.name, service) for service in view.services)
+    if thing in ("message", "service"):
+        for found in view.messages if thing == "message" else view.services:
+            yield found.name if found.package == view.package else f"{found.package}/{found.name}", found
     elif thing == "endpoint":
         yield from ((endpoint.ros_name, endpoint) for endpoint in view.endpoints)
     else:
@@ -86,11 +84,11 @@ def output_names(items: Sequence[Item], thing: str, path: str, pattern: str | No
     stem, dot, suffix = os.path.splitext(os.path.basename(path))[0].partition(".")
     made = Pattern(f"{_NAMES.get(thing, stem)}{dot}{suffix}" if pattern is None else pattern, OPTION)
     names = _each(items, lambda item: _checked(made.expand(item.names)))
-    owners: dict[str, str] = {}
+    owners: dict[str, Item] = {}
     for item, name in zip(items, names, strict=True):
-        other = owners.setdefault(name.casefold(), item.label)
-        if other is not item.label:
-            raise fault(OPTION, "T207", f"'{name}' would be the output for both {other} and {item.label}", 0)
+        other = owners.setdefault(name.casefold(), item)
+        if other is not item:
+            raise fault(OPTION, "T207", f"'{name}' would be the output for both {other.label} and {item.label}", 0)
     for name in names:
         parents = (name[:end] for end, character in enumerate(name) if character == "/")
         folder = next((parent for parent in parents if parent.casefold() in owners), None)

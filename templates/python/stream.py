@@ -24,6 +24,7 @@ from .cdr import (
     DecodeError,
     Message,
     Refused,
+    encapsulation_of,
     encode_error,
     new,
 )
@@ -112,9 +113,7 @@ class Stream:
     def decode(self, cls: type[MessageType], data: BytesLike, allow_surplus: bool) -> MessageType:
         """Return the message in a sample of any encoding. Raises DecodeError."""
         sample = data if isinstance(data, bytes) else memoryview(data).tobytes()
-        wire = WIRES.get(sample[:2])
-        if wire is None or len(sample) < len(HEADER):
-            raise _no_header(cls, sample)
+        wire = WIRES[encapsulation_of(cls, sample)]
         message = new(cls)
         try:
             end = self.read(message, sample, len(HEADER), wire)
@@ -153,14 +152,6 @@ def _overestimated(message: Message) -> int:
         else:
             count += sum([_overestimated(each) for each in values if isinstance(each, Message)])
     return count
-
-
-def _no_header(cls: type[Message], sample: bytes) -> DecodeError:
-    name = cls.__msg__.name
-    if len(sample) < len(HEADER):
-        return DecodeError(f"{name}: expected an encapsulation header of 4 bytes, got {len(sample)} in all")
-    given = sample[:2].hex(" ")
-    return DecodeError(f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {given}")
 
 
 def fault_of(run: Format, at: int, data: bytes, error: Exception) -> Fault:
@@ -213,7 +204,7 @@ def numbers(
     if not count:
         return array(code), at
     size = _SIZES[code]
-    at += (len(HEADER) - at) & (size - 1) & (3 if wire & XCDR2 else 7)
+    at += _padding(at, wire, size)
     end = at + count * size
     raw = data[at:end]
     if len(raw) != end - at or most:
@@ -474,7 +465,7 @@ def _put_delimiter(parts: list[bytes], index: int, start: int, end: int, wire: i
 
 def _padding(at: int, wire: int, size: int) -> int:
     """Return how many bytes are missing to the alignment of a value."""
-    return (len(HEADER) - at) & (min(size, 4 if wire & XCDR2 else 8) - 1)
+    return (len(HEADER) - at) & (size - 1) & (3 if wire & XCDR2 else 7)
 
 
 def _order(wire: int) -> str:
