@@ -61,6 +61,7 @@ CODES: dict[str, str] = {
     "S116": "a file that differs only in case from one of the firmware",
     "S117": "no earlier versions of messages",
     "S119": "a firmware that has more than the newest release msggen knows",
+    "S120": "a path or revision with the name of an embedded release",
     "B101": "a firmware that `bump` cannot write to",
     "B102": "a message that has no versions",
     "B103": "a version that is not one more than the old one",
@@ -105,6 +106,7 @@ _LEVELS: Mapping[str, Level] = MappingProxyType(
         "Y106": Level.WARNING,
         "Y107": Level.WARNING,
         "S119": Level.NOTE,
+        "S120": Level.NOTE,
     }
 )
 """The codes that are no errors. What PX4 may add to its files is a warning, so that its next release still builds."""

@@ -121,7 +121,8 @@ def _is_archived(comparison: Comparison, pair: MessagePair) -> bool:
 
 
 def _is_translated(comparison: Comparison, pair: MessagePair) -> bool:
-    return bool(_translating(comparison, pair))
+    history = comparison.current.history
+    return (history is not None and history.is_translated) or bool(_translating(comparison, pair))
 
 
 def _translating(comparison: Comparison, pair: MessagePair) -> dict[str, str]:

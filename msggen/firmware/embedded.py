@@ -8,11 +8,12 @@ newer release that knows it, so each comment is written once. `tests/embed.py` w
 import os
 import re
 
+from msggen.diagnostics import fault, suggestion
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.resources import embedded_root
 
 EMBEDDED = ("v1.18", "v1.17", "v1.16", "v1.15", "v1.14")
-"""The embedded releases, the newest first."""
+"""The releases of PX4 whose definitions are embedded, the newest first."""
 
 PREFIX = "embedded:"
 """What names an embedded release for certain, as in `embedded:v1.16`; `v1.16` may also be a path."""
@@ -20,7 +21,32 @@ PREFIX = "embedded:"
 FOLDERS = ("", "msg/", "msg/versioned/", "msg/px4_msgs_old/msg/", "srv/")
 """Where the files of a release lie."""
 
+_NAME = re.compile(r"v\d+\.\d+")
 _HEAD = re.compile(r"(?:#.*\n)*")
+
+
+def names_release(text: str) -> bool:
+    """Whether `text` names an embedded release, be there one of that name or not; a path of the same name wins."""
+    is_name = _NAME.fullmatch(text) is not None and not os.path.exists(text)
+    return is_name or text.startswith(PREFIX)
+
+
+def unknown_release(text: str) -> str:
+    """Return what is wrong with the name of an embedded release, "" for nothing."""
+    name = text.removeprefix(PREFIX)
+    if name in EMBEDDED:
+        return ""
+    what = "neither a folder nor an embedded release" if name == text else "no such embedded release"
+    return what + (suggestion(name, EMBEDDED) or f": expected {', '.join(EMBEDDED)}")
+
+
+def open_release(text: str) -> tuple[str, Tree]:
+    """Return name and files of the embedded release that `text` names. Raises InputError."""
+    wrong = unknown_release(text)
+    if wrong:
+        raise fault(text, "S105", wrong, 0)
+    release = text.removeprefix(PREFIX)
+    return release, embedded_tree(release)
 
 
 def embedded_tree(release: str) -> Tree:
