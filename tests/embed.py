@@ -115,7 +115,9 @@ def _without(text: str, newer: list[str]) -> str:
 def commented(lines: list[str], comments: Mapping[str, str]) -> list[str]:
     """Return the lines of a definition with comments by field or constant."""
     names = [_name(line) for line in lines]
-    return [f"{line}  # {comments[name]}" if name in comments else line for line, name in zip(lines, names, strict=True)]
+    return [
+        f"{line}  # {comments[name]}" if name in comments else line for line, name in zip(lines, names, strict=True)
+    ]
 
 
 def _name(line: str) -> str:
@@ -124,8 +126,8 @@ def _name(line: str) -> str:
 
 def merged(old: str, new: str) -> str:
     """Return the definition `new` in the layout and with the comments of `old`."""
-    comments = comments_in(old)
-    rows = old.rstrip("\n").split("\n")
+    head, comments = head_of(old), comments_in(old)
+    rows = old.removeprefix(head).strip("\n").split("\n")
     ours, theirs = [lines_of(row)[:1] or [row] for row in rows], [[line] for line in lines_of(new)]
     result: list[str] = []
     matcher = SequenceMatcher(None, [str(row) for row in ours], [str(row) for row in theirs], autojunk=False)
@@ -135,7 +137,8 @@ def merged(old: str, new: str) -> str:
             continue
         result += commented([line for (line,) in theirs[first:last]], comments)
         result += [row for row in rows[start:end] if not lines_of(row)]
-    return re.sub(r"\n{3,}", "\n\n", "\n".join(result)).strip("\n") + "\n"
+    body = re.sub(r"\n{3,}", "\n\n", "\n".join(result)).strip("\n")
+    return f"{head}\n{body}\n" if head else f"{body}\n"
 
 
 def embed(firmware: str, release: str) -> list[str]:

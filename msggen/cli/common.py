@@ -43,8 +43,8 @@ def add_source_options(parser: argparse.ArgumentParser) -> argparse._ArgumentGro
         "--px4",
         metavar="PATH",
         type=given,
-        help="PX4-Autopilot tree, px4_msgs package, folder of .msg files, PATH@REVISION of git, an archive of one, or an "
-        "embedded release such as v1.16",
+        help="PX4-Autopilot tree, px4_msgs package, folder of .msg files, PATH@REVISION of git, an archive of one, or "
+        "an embedded release such as v1.16",
     )
     source.add_argument(
         "--msg-dir",
@@ -132,7 +132,9 @@ def _missing_folder(path: str, settings: Settings, key: str | None) -> Iterator[
     if names_release(path):
         wrong = unknown_release(path)
         if wrong:
-            yield Diagnostic(settings.place(key) if key else Location(path, 0), "S105", f"'{path}': {wrong}" if key else wrong)
+            yield Diagnostic(
+                settings.place(key) if key else Location(path, 0), "S105", f"'{path}': {wrong}" if key else wrong
+            )
         return
     from msggen.firmware.neighbour import neighbour
     from msggen.firmware.revision import split_revision

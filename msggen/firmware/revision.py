@@ -34,8 +34,12 @@ def revised(tree: str, against: str) -> str:
         _fail("--against", "S108", f"{text}, or '{folder}@{against}' for the revision")
     if known:
         return f"{folder}@{against}"
-    if against in EMBEDDED or os.path.exists(against) or split_revision(against)[0] != against:
-        return against
+    if not (against in EMBEDDED or os.path.exists(against) or split_revision(against)[1]):
+        _fail_to_find(folder, against)
+    return against
+
+
+def _fail_to_find(folder: str, against: str) -> NoReturn:
     if names_release(against):
         near = suggestion(against, EMBEDDED)
         _fail("--against", "S108", f"'{against}' is no folder, no revision of {folder} and no embedded release{near}")

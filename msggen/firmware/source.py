@@ -54,8 +54,9 @@ class Sources(NamedTuple):
     are px4_msgs; `manifests` are all such files. `own` counts the messages of the first source, which come first: by
     them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in a few
     words what the sources are. `root` is where the first source lies. `archived` are earlier versions of messages,
-    where they were asked for. `embedded` names the embedded release that the first source is. `client` are CLIENT_SOURCES, as far as a tree has them. With `strict`, warnings are
-    errors. `notices` are what there is to say of the sources themselves.
+    where they were asked for. `embedded` names the embedded release that the first source is. `client` are
+    CLIENT_SOURCES, as far as a tree has them. With `strict`, warnings are errors. `notices` are what there is to say of
+    the sources themselves.
     """
 
     messages: tuple[File, ...]
@@ -131,8 +132,8 @@ def find_sources(
 
     These hold more of uORB's messages, or those of another ROS package: the one that `PKG=DIR` or a package.xml names.
     `topics` replaces the bridge's YAML, `release` overrules what the tree looks like. Without `px4` and
-    `folders` it is the newest embedded release. Raises InputError where there is nothing to read, and for a release that does
-    not exist, said to stand at `release_place`.
+    `folders` it is the newest embedded release. Raises InputError where there is nothing to read, and for a release
+    that does not exist, said to stand at `release_place`.
     """
     if release is not None and release not in RELEASES:
         hint = suggestion(release, RELEASES) or f": expected {', '.join(RELEASES)}"
