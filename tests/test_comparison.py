@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import comparison as slow
 import pytest
-from conftest import ROOT, shared, write_definitions
+from conftest import DEFINITIONS, shared, write_definitions
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -21,7 +21,7 @@ from msggen.check import breaking, check
 from msggen.compare.finding import Category, Report
 from msggen.firmware.source import find_sources
 
-RELEASES = ("v1.14", "v1.16", "v1.17", "main-2026-03")
+RELEASES = ("v1.14", "v1.16", "v1.17", "v1.18", "main-2026-03")
 PAIRS = list(itertools.permutations(RELEASES, 2))
 
 
@@ -132,7 +132,7 @@ def test_a_flattened_package_matches_its_firmware(release: str, tmp_path: Path) 
 
 # --- Random edits of real definitions
 
-TEXTS = {path.stem: path.read_text() for path in (ROOT / "msg").rglob("*.msg")}
+TEXTS = {path.stem: path.read_text() for path in DEFINITIONS}
 NAMES = ("EscStatus", "EscReport", "VehicleStatus", "PositionSetpointTriplet", "PositionSetpoint", "SensorCombined")
 
 

@@ -165,7 +165,7 @@ def find_sources(
         bridge,
         tuple(root.manifest for root in roots if root.manifest),
         package,
-        release or first.embedded or None,
+        release,
         own=0 if first.package else len(messages[0]),
         is_tree=is_tree,
         label=_label(roots),
