@@ -13,6 +13,10 @@ from typing import NamedTuple, Union
 
 from msggen.location import Location
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from msggen.translation import Translation
+
 Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated, and it names itself
 """What a constant or a default may hold; tuples only as defaults of arrays."""
 
@@ -291,6 +295,7 @@ class Catalog(NamedTuple):
 
     The messages of `package` are uORB's, and have topics; those of other packages only ROS 2 knows. `archived` has
     earlier versions of messages by key, where they were asked for: they are no longer on uORB, and have no topics.
+    `translations` say how the firmware makes one version from another.
     """
 
     messages: Mapping[str, Message]
@@ -299,6 +304,7 @@ class Catalog(NamedTuple):
     conventions: Conventions
     package: str = DEFAULT_PACKAGE
     archived: Mapping[str, Message] = MappingProxyType({})
+    translations: tuple["Translation", ...] = ()
 
     @property
     def uorb_messages(self) -> tuple[Message, ...]:

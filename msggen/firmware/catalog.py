@@ -31,6 +31,10 @@ from msggen.model import (
 from msggen.parse import decode_text, parse_message, parse_service
 from msggen.parse.bridge import parse_bridge
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from msggen.translation import Translation
+
 COMPARABLE = frozenset(
     {"M102", "M103", "M104", "M106", "M202", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"}
 )
@@ -90,7 +94,8 @@ def read_catalog(
     services.sort(key=lambda service: (service.package, service.name))
     conventions = _conventions(sources, everything, bridge)
     versions = MappingProxyType({message.key: message for message in archived})
-    return Catalog(MappingProxyType(by_key), tuple(services), bridge, conventions, package, versions)
+    translations = reader.translations()
+    return Catalog(MappingProxyType(by_key), tuple(services), bridge, conventions, package, versions, translations)
 
 
 def bridged_names(*sides: Sources) -> set[str]:
@@ -191,6 +196,15 @@ class _Reader:
             messages.append(message)
             self.faults += faults
         return messages
+
+    def translations(self) -> tuple[Translation, ...]:
+        """Return what the headers say that the firmware includes. Headers that cannot be read say nothing."""
+        if not self.sources.translations:
+            return ()
+        from msggen.parse.translation import read_headers
+
+        headers = {file.name.rpartition("/")[2]: self.contents[file.path] for file in self.sources.translations}
+        return read_headers({name: data.decode(errors="replace") for name, data in headers.items()})
 
     def bridge(self) -> tuple[BridgeEntry, ...]:
         if self.sources.bridge is None:

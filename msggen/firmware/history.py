@@ -18,7 +18,7 @@ from msggen.parse import decode_text, parse_message
 
 VERSIONED = "msg/versioned"
 ARCHIVE = f"msg/{source.ARCHIVE}"
-TRANSLATIONS = "msg/translation_node/translations"
+TRANSLATIONS = f"msg/{source.TRANSLATIONS}"
 ALL_TRANSLATIONS = f"{TRANSLATIONS}/all_translations.h"
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)

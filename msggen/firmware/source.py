@@ -17,6 +17,9 @@ RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "main")
 ARCHIVE = "px4_msgs_old/msg"
 """Where a tree keeps earlier versions of its messages, below `msg/`."""
 
+TRANSLATIONS = "translation_node/translations"
+"""Where it keeps the headers that translate between versions, below `msg/`."""
+
 _RELEASE_OPTION = Location("--release", 0)
 _ARCHIVED_OPTION = Location("--archived", 0)
 _FOLDER_OPTION = Location("--msg-dir", 0)
@@ -63,6 +66,7 @@ class Sources(NamedTuple):
     label: str = ""
     root: Tree | None = None
     archived: tuple[File, ...] = ()
+    translations: tuple[File, ...] = ()
 
     @property
     def has_own(self) -> bool:
@@ -85,7 +89,7 @@ class Sources(NamedTuple):
     def files(self) -> tuple[File, ...]:
         """Return all of them, in an order that does not depend on the machine."""
         single = [self.bridge] if self.bridge else []
-        return (*self.messages, *self.services, *single, *self.manifests, *self.archived)
+        return (*self.messages, *self.services, *single, *self.manifests, *self.archived, *self.translations)
 
 
 def open_tree(text: str) -> Tree:
@@ -158,16 +162,18 @@ def find_sources(
 
 
 def with_archived(sources: Sources, place: Location = _ARCHIVED_OPTION) -> Sources:
-    """Return `sources` with the archived definitions of the first of them.
+    """Return `sources` with the archived definitions of the first of them, and the headers that translate them.
 
     Raises InputError where it has none; they were asked for at `place`.
     """
     root = sources.root
-    found = _files(root, f"msg/{ARCHIVE}/" if root.is_folder("msg") else f"{ARCHIVE}/", ".msg") if root else []
-    if not found:
+    folder = "msg/" if root and root.is_folder("msg") else ""
+    found = _files(root, f"{folder}{ARCHIVE}/", ".msg") if root else []
+    if not root or not found:
         text = f"{sources.label} has no earlier versions of messages: PX4 v1.16 and later has them in msg/{ARCHIVE}"
         raise fault(place.path, "S117", text, *place[1:])
-    return sources._replace(archived=tuple(found))
+    headers = _files(root, f"{folder}{TRANSLATIONS}/", ".h")
+    return sources._replace(archived=tuple(found), translations=tuple(headers))
 
 
 def read_files(sources: Sources) -> dict[str, bytes]:

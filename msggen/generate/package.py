@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError
 from msggen.generate.environment import environment
-from msggen.generate.python import message_view, module_name
-from msggen.generate.source import literal
+from msggen.generate.python import message_view
+from msggen.generate.source import literal, module_name
+from msggen.generate.versions import translation_table
 from msggen.identity import UorbTopic, endpoint_versions, endpoints, uorb_topics
 from msggen.layout import is_static
 from msggen.location import Location
@@ -27,7 +28,10 @@ _STREAM = "stream.py"
 _VERSIONS = "versions.py"
 """And the one that only packages have with earlier versions of messages."""
 
-_TAKEN = ("annotations", "msg", "orb_id", "srv", "topics")
+_TRANSLATIONS = "translations.py"
+"""And what the firmware's translations between them say."""
+
+_TAKEN = ("annotations", "msg", "orb_id", "srv", "topics", "translations")
 """Names in a package, besides its copied files, that no other ROS package can have there."""
 
 
@@ -35,6 +39,7 @@ def list_package(catalog: Catalog) -> tuple[str, ...]:
     """Return the names of the files that `render_package` makes, sorted. Raises InputError as that does."""
     _check_names(catalog)
     names = ["__init__.py", *_copied_files(catalog), "orb_id.py", "py.typed", "topics.py"]
+    names += [_TRANSLATIONS] if catalog.archived else []
     for part in _parts(catalog):
         modules = [f"{message.folder}/{module_name(message.name)}" for message in (*part.messages, *part.halves)]
         modules += [f"srv/{module_name(service.name)}" for service in part.services]
@@ -61,13 +66,15 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
             others=others,
             archived=catalog.archived,
             example=_EXAMPLE if _EXAMPLE in names else "".join(names[:1]),
-            modules=[literal(module) for module in _modules(copied, own, others)],
+            modules=[literal(module) for module in _modules(catalog, own, others)],
         ),
         **{file: _copied(file) for file in copied},
         "py.typed": "",
         "orb_id.py": _render("orb_id", topics=topics),
         "topics.py": _render("topics", topics=topics, endpoints=endpoints(catalog), versions=_versions(catalog)),
     }
+    if catalog.archived:
+        files[_TRANSLATIONS] = _render("translations", table=translation_table(catalog))
     for part in (own, *others):
         files |= {part.prefix + path: text for path, text in _render_part(catalog, part).items()}
     return {path: files[path] for path in sorted(files)}
@@ -146,9 +153,9 @@ def _render(template: str, **context: object) -> str:
     return environment().get_template(f"python/{template}.py.j2").render(context)
 
 
-def _modules(copied: Iterable[str], own: _Part, others: Iterable[_Part]) -> list[str]:
+def _modules(catalog: Catalog, own: _Part, others: Iterable[_Part]) -> list[str]:
     """Return the modules and folders of a package, which are its attributes."""
-    files = [*copied, "orb_id.py", "topics.py"]
+    files = [*_copied_files(catalog), "orb_id.py", "topics.py", *((_TRANSLATIONS,) if catalog.archived else ())]
     return sorted([*(file.removesuffix(".py") for file in files), *own.folders, *(part.package for part in others)])
 
 

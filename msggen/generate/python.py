@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from msggen.generate.codec import CODES, Codec, as_tuple, is_bytes, is_held_as_array, is_large
-from msggen.generate.source import documentation, literal, wrapped
+from msggen.generate.source import documentation, literal, module_name, wrapped
 from msggen.generate.stream import Function, functions_of
+from msggen.generate.versions import Neighbour, neighbours_of
 from msggen.identity import message_hash, type_hash
 from msggen.layout import (
     Encoding,
@@ -29,7 +30,6 @@ from msggen.model import (
     Field,
     FieldType,
     Message,
-    snake_case,
 )
 
 SPELLED_OUT_TO = 4
@@ -44,11 +44,6 @@ _PYTHON_TYPES = {
     "bool": "bool",
 }
 _ZEROS = {"bool": "False", "int": "0", "float": "0.0", "str": '""'}
-
-
-def module_name(name: str) -> str:
-    """Return the module of the class `name`; the underscore keeps it apart from keywords and from the class."""
-    return f"_{snake_case(name)}"
 
 
 class ConstantView(NamedTuple):
@@ -106,15 +101,6 @@ class Import(NamedTuple):
     def text(self) -> str:
         """What stands behind `import`."""
         return self.name if self.name == self.here else f"{self.name} as {self.here}"
-
-
-class Neighbour(NamedTuple):
-    """The next version of a message, before or after it, and the method that leads there."""
-
-    method: str
-    name: str
-    module: str
-    version: int
 
 
 class MessageView(NamedTuple):
@@ -241,7 +227,7 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         tuple(_nested_imports(catalog, message, names)),
         prefix,
         any(_uses_arrays(field.type) for field in message.fields),
-        tuple(_neighbours(catalog.versions(message), message)) if catalog.archived else (),
+        neighbours_of(catalog, message) if catalog.archived else (),
     )
     if not is_static(catalog, message):
         return view._replace(functions=functions_of(catalog, message, lambda nested: names[nested.key]))
@@ -253,15 +239,6 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         layout_arguments=tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
         uses_arrays=any(is_large(leaf.type) for leaf in layout.leaves),
     )
-
-
-def _neighbours(versions: tuple[Message, ...], message: Message) -> Iterator[Neighbour]:
-    older = [other for other in versions if other.message_version < message.message_version]
-    newer = [other for other in versions if other.message_version > message.message_version]
-    if message in versions:
-        for method, others in (("upgrade", newer[:1]), ("downgrade", older[-1:])):
-            for other in others:
-                yield Neighbour(method, other.name, module_name(other.name), other.message_version)
 
 
 _NO_EXTENT = (-1, 0)
