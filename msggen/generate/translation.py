@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from itertools import chain
+from itertools import chain, pairwise
 from struct import pack, unpack
 from typing import NamedTuple
 
@@ -42,6 +42,9 @@ _PYTHON = {"&&": "and", "||": "or"}
 _BINDING = {CHOICE: 0, "||": 1, "&&": 2, "!": 3, **dict.fromkeys(("<", "<=", ">", ">=", "==", "!="), 4)}
 _LONG = 80
 """Expressions of that length are written on lines of their own."""
+
+_MAX_SIZE = 500
+"""Operators and operands in the value of a field."""
 
 _PROMOTED_BELOW = 2**31
 """Types whose values are all smaller are compared as `int` in C++, others as they are."""
@@ -310,7 +313,7 @@ class _Reader:
         name = statement.target.field
         if name in self.theirs:
             try:
-                state[name] = self._assigned(statement, state.get(name, ()), loops)
+                state[name] = _limited(self._assigned(statement, state.get(name, ()), loops))
             except _UnclearError:
                 state[name] = None
 
@@ -334,7 +337,7 @@ class _Reader:
         self.run(branch.otherwise, otherwise, loops)
         for name in {**then, **otherwise}:
             one, other = then.get(name), otherwise.get(name)
-            state[name] = one if one == other else _chosen(condition, one, other)
+            state[name] = one if one == other else _limited(_chosen(condition, one, other))
 
     def _condition(self, expression: Expression) -> Expression:
         found = self._resolved(expression, None)
@@ -489,13 +492,34 @@ def _chosen(condition: Expression, one: _Value, other: _Value) -> _Value:
     """Return one value or the other; unclear unless both have the same elements."""
     if one is None or other is None or isinstance(one, _Whole) or isinstance(other, _Whole):
         return None
-    one, other = _joined(one), _joined(other)
-    if [part[:2] for part in one] != [part[:2] for part in other]:
+    limits = sorted({limit for part in (*one, *other) for limit in part[:2]})
+    first, second = _cut(one, limits), _cut(other, limits)
+    if [part[:2] for part in first] != [part[:2] for part in second]:
         return None
     return tuple(
-        part._replace(value=Operation(CHOICE, (condition, part.value, twin.value)))
-        for part, twin in zip(one, other, strict=True)
+        part if part == twin else part._replace(value=Operation(CHOICE, (condition, part.value, twin.value)))
+        for part, twin in zip(first, second, strict=True)
     )
+
+
+def _limited(value: _Value) -> _Value:
+    """Return `value` unless it is too large: conditions in conditions double it each time."""
+    if value is None or isinstance(value, _Whole):
+        return value
+    return value if len(value) <= _MAX_SIZE and sum(_size(part.value) for part in value) <= _MAX_SIZE else None
+
+
+def _size(value: Expression) -> int:
+    return 1 + sum(map(_size, value.operands)) if isinstance(value, Operation) else 1
+
+
+def _cut(parts: Iterable[Part], limits: list[int]) -> list[Part]:
+    """Return `parts` in their order, cut where one of `limits` is inside."""
+    return [
+        Part(start, stop, part.value)
+        for part in sorted(parts, key=lambda part: part.start)
+        for start, stop in pairwise([limit for limit in limits if part.start <= limit <= part.stop])
+    ]
 
 
 def _fitted(value: Expression, type_: FieldType, mine: Mapping[str, Field]) -> Expression:
@@ -527,7 +551,7 @@ def _converted(value: float | None, type_: FieldType) -> bool | int | float:
             raise _UnclearError
         return int(value)
     try:
-        return float(unpack("f", pack("f", value))[0]) if type_.name == "float32" else float(value)
+        return float(unpack("<f", pack("<f", value))[0]) if type_.name == "float32" else float(value)
     except OverflowError:
         raise _UnclearError from None
 
@@ -641,6 +665,6 @@ def _short(value: float) -> str:
     for digits in range(1, 10):
         text = f"{value:.{digits}g}"
         with suppress(OverflowError):
-            if unpack("f", pack("f", float(text)))[0] == value:
+            if unpack("<f", pack("<f", float(text)))[0] == value:
                 return repr(float(text))
     return repr(value)

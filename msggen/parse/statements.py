@@ -441,7 +441,7 @@ class Body:
                 if dot not in (".", "->") or not _NAME.fullmatch(name):
                     raise OpaqueError
                 fields[name] = None
-        if not fields and any(map(_CAPITALS.fullmatch, code)):
+        if any(map(_CAPITALS.fullmatch, code[:1] if fields else code)):
             raise OpaqueError  # it may be a macro of another file
         if not fields and self._changes_variable(code):
             raise _UnclearError
@@ -469,6 +469,6 @@ def _number(word: str) -> int | float:
     if real[2] not in ("f", "F"):
         return value
     try:
-        return float(unpack("f", pack("f", value))[0])
+        return float(unpack("<f", pack("<f", value))[0])
     except OverflowError:
         raise _UnclearError from None
