@@ -921,7 +921,7 @@ def test_archived_versions_come_on_request(capsys: Capture) -> None:
 @OWN_FOLDER
 def test_the_page_shows_what_really_happens(capsys: Capture) -> None:
     shutil.copytree(shared("firmware/main-2026-03"), "PX4-Autopilot")
-    write_definitions(Path("PX4-Autopilot"), STATUS_HEADERS)
+    write_definitions(Path("PX4-Autopilot"), headers_of_vehicle_status(Path("PX4-Autopilot")))
     command, summary, written = between(PAGE, "console").splitlines()
     assert main(command.removeprefix("$ msggen ").split()) == DONE
     printed = capsys.readouterr().out.splitlines()
@@ -935,18 +935,18 @@ def test_the_page_shows_what_really_happens(capsys: Capture) -> None:
         assert done.stdout == expected
 
 
-STATUS_HEADERS = {
-    f"{TRANSLATIONS}/all_translations.h": '#include "status.h"\n',
-    f"{TRANSLATIONS}/status.h": class_of(
-        "VehicleStatus",
-        """#define COPY(name) n.name = o.name;
-        COPY(system_id) COPY(nav_state)
-        n.nav_state_display = o.nav_state;
-        n.traffic_avoidance_system_present = false;""",
-        older="px4_msgs_old::msg::VehicleStatusV1",
-    ),
-}
-"""What the page needs of the translations that PX4 has."""
+def headers_of_vehicle_status(tree: Path) -> dict[str, str]:
+    """Return what the page needs of the translations that PX4 has."""
+    catalog = catalog_with_archived(tree)
+    older, newer = catalog.versions(catalog.messages["px4_msgs/VehicleStatus"])[-2:]
+    both = {field.name for field in older.fields} & {field.name for field in newer.fields}
+    copied = " ".join(f"n.{name} = o.{name};" for name in sorted(both))
+    statements = f"{copied} n.nav_state_display = o.nav_state; n.traffic_avoidance_system_present = false;"
+    return {
+        f"{TRANSLATIONS}/all_translations.h": '#include "status.h"\n',
+        f"{TRANSLATIONS}/status.h": class_of("VehicleStatus", statements, older="px4_msgs_old::msg::VehicleStatusV1"),
+    }
+
 
 PROGRAM = """
 from px4_types import VehicleStatusV0
