@@ -9,7 +9,17 @@ import sys
 import time
 from collections.abc import Iterator
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_change, sources_of
+from msggen.cli.common import (
+    DONE,
+    FINDINGS,
+    Commands,
+    add_board,
+    add_command,
+    add_source_options,
+    given,
+    print_change,
+    sources_of,
+)
 from msggen.diagnostics import counted, fault
 from msggen.firmware.source import Sources, with_archived
 from msggen.generate.build import Build, Outcome, depfile, write_if_changed
@@ -34,6 +44,7 @@ def add_to(commands: Commands) -> None:
         "Options may stand in [tool.msggen] of pyproject.toml.",
     )
     sources = add_source_options(build)
+    add_board(sources)
     sources.add_argument(
         "--archived",
         action=argparse.BooleanOptionalAction,

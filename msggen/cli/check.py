@@ -8,15 +8,17 @@ from msggen.cli.common import (
     DONE,
     FINDINGS,
     Commands,
+    add_board,
     add_command,
     add_output_format,
     add_source_options,
+    board_of,
     firmware_of,
     given,
     print_report,
 )
-from msggen.firmware.source import Sources, find_sources
-from msggen.settings import read_settings
+from msggen.firmware.source import Sources, find_sources, with_board
+from msggen.settings import Settings, read_settings
 
 
 def add_to(commands: Commands) -> None:
@@ -34,7 +36,7 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument("side", metavar="PKG", type=given, help="what is judged")
     parser.add_argument("other", metavar="B", type=given, nargs="?", help="with two sides, B is judged by the first")
-    add_source_options(parser)
+    add_board(add_source_options(parser))
     parser.add_argument(
         "--topics-only", action="store_true", help="only what crosses the bridge, what that nests, and services"
     )
@@ -44,11 +46,13 @@ def add_to(commands: Commands) -> None:
 def _check(options: argparse.Namespace) -> int:
     from msggen.check import check
 
+    settings = read_settings(".") if options.other is None else Settings()
     if options.other is None:
-        previous, judged = firmware_of(options, read_settings(".")), options.side
+        previous, judged = firmware_of(options, settings), options.side
     else:
         previous, judged = _first_of_two(options), options.other
-    report = check(previous, find_sources(judged).with_packages_of(previous), topics_only=options.topics_only)
+    current = with_board(find_sources(judged), board_of(options, settings, optional=True))
+    report = check(previous, current.with_packages_of(previous), topics_only=options.topics_only)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
 
@@ -56,6 +60,7 @@ def _check(options: argparse.Namespace) -> int:
 def _first_of_two(options: argparse.Namespace) -> Sources:
     """Return the side that the other is judged by; --msg-dir may name further packages, which both nest."""
     sources = find_sources(options.side, tuple(options.msg_dir or ()), options.topics, options.release)
+    sources = with_board(sources, board_of(options, Settings()))
     files = (*sources.messages, *sources.services)
     if options.px4 or any(file.tree is not sources.root and not file.package for file in files):
         text = "two sides need no --px4, and --msg-dir only for other packages"

@@ -6,7 +6,17 @@ import argparse
 import os
 from collections.abc import Iterator, Sequence
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_change, sources_of
+from msggen.cli.common import (
+    DONE,
+    FINDINGS,
+    Commands,
+    add_board,
+    add_command,
+    add_source_options,
+    given,
+    print_change,
+    sources_of,
+)
 from msggen.diagnostics import counted
 from msggen.generate.build import depfile, write_if_changed
 from msggen.generate.output import stale_files, write_stale_files
@@ -35,7 +45,7 @@ def add_to(commands: Commands) -> None:
     template.add_argument(
         "--each", choices=THINGS, default="message", metavar="THING", help=f"{', '.join(THINGS)} (message)"
     )
-    add_source_options(parser)
+    add_board(add_source_options(parser))
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="DIR", type=given, required=True, help="folder to put the files into")
     output.add_argument(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
 from msggen.firmware.consistency import (
@@ -30,6 +31,9 @@ from msggen.model import (
 )
 from msggen.parse import decode_text, parse_message, parse_service
 from msggen.parse.bridge import parse_bridge
+
+if TYPE_CHECKING:
+    from msggen.firmware.cmake import MessageLists
 
 COMPARABLE = frozenset(
     {"M102", "M103", "M104", "M106", "M202", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"}
@@ -69,7 +73,8 @@ def read_catalog(
     unread = reader.paths_with("M101", "M103", "M301", "M303", "M305")
     misread_topics = reader.paths_with("M402")
     of_uorb = [message for message in messages if message.package == package]
-    nesting = [*check_nesting([*messages, *archived], services, package)]
+    reasons = sources.reasons()
+    nesting = [*check_nesting([*messages, *archived], services, package, reasons)]
     faults = [
         *reader.faults,
         *check_names([*messages, *(message._replace(package=package) for message in archived)]),
@@ -78,7 +83,7 @@ def read_catalog(
         *check_timestamps(message for message in of_uorb if message.location.path not in unread),
         *check_topics(message for message in of_uorb if message.location.path not in misread_topics),
         *(check_fixed_sizes(of_uorb, () if nesting else everything) if sources.is_tree else ()),
-        *check_bridge(bridge, everything, package),
+        *check_bridge(bridge, everything, package, reasons),
     ]
     faults = [found for found in faults if found.code not in tolerated]
     if faults:
@@ -105,9 +110,11 @@ def bridged_names(*sides: Sources) -> set[str]:
         raise fault(sides[0].label, "S110", text, 0)
     entries, faults = parse_bridge(read_file(bridge), bridge.path)
     known = {file.stem for side in sides for file in side.messages if not file.package}
+    reasons = sides[0].reasons()
     for entry in entries:
         if entry.message_name not in known:
-            text = f"no message defines the type '{entry.type_name}'{suggestion(entry.message_name, known)}"
+            hint = reasons.get(entry.message_name) or suggestion(entry.message_name, known)
+            text = f"no message defines the type '{entry.type_name}'{hint}"
             faults.append(Diagnostic(entry.type_location, "Y201", text))
     if faults:
         raise InputError(faults)
@@ -140,6 +147,15 @@ def _conventions(sources: Sources, messages: list[Message], bridge: tuple[Bridge
     return recognise(own, has_versions=has_versions, has_instances=has_instances)
 
 
+def _lists(file: File | None, contents: Mapping[str, bytes]) -> MessageLists | None:
+    """Return what a tree lists, None without lists."""
+    if file is None:
+        return None
+    from msggen.firmware.cmake import parse_lists
+
+    return parse_lists(contents[file.path].decode(errors="replace"), file.path)
+
+
 def _place_of_version(message: Message) -> Location:
     places = [constant.location for constant in message.constants if constant.name == VERSION]
     return places[0] if places else message.location
@@ -154,15 +170,22 @@ class _Reader:
         self.faults: list[Diagnostic] = []
         self.package = sources.package or DEFAULT_PACKAGE
         """That of uORB's messages."""
+        self.lists = _lists(sources.lists, contents)
 
     def messages(self) -> list[Message]:
         messages = []
         for file in self.sources.messages:
             package = file.package or self.package
             message, faults = parse_message(self.text(file), file.path, file.stem, package, of_uorb=not file.package)
-            messages.append(message)
+            messages.append(self._with_condition(message, file))
             self.faults += faults
         return messages
+
+    def _with_condition(self, message: Message, file: File) -> Message:
+        """Return the message of a file with the condition that the tree lists it under, if any."""
+        known = self.lists.listed if self.lists and file.tree is self.sources.root else {}
+        entry = known.get(file.name.removeprefix("msg/"))
+        return message._replace(condition=entry.condition) if entry and entry.condition else message
 
     def services(self) -> list[Service]:
         services = []
