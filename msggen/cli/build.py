@@ -18,6 +18,7 @@ from msggen.cli.common import (
     add_source_options,
     given,
     print_change,
+    print_notices,
     sources_of,
 )
 from msggen.diagnostics import counted, fault
@@ -75,6 +76,7 @@ def _build(options: argparse.Namespace) -> int:
     if options.depfile and writes:
         first = os.path.join(outcome.folder, outcome.outputs[0])
         write_if_changed(options.depfile, depfile(first, sources.dependencies()))
+    print_notices(outcome.notices, quiet=options.quiet)
     lines = list(_report(outcome, sources.label, time.perf_counter() - started, writes=writes, verbose=options.verbose))
     if options.diff and outcome.plan:
         _print_diffs(outcome.plan)

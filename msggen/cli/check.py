@@ -15,6 +15,7 @@ from msggen.cli.common import (
     board_of,
     firmware_of,
     given,
+    is_strict,
     print_report,
 )
 from msggen.firmware.source import Sources, find_sources, with_board
@@ -52,7 +53,8 @@ def _check(options: argparse.Namespace) -> int:
     else:
         previous, judged = _first_of_two(options), options.other
     current = with_board(find_sources(judged), board_of(options, settings, optional=True))
-    report = check(previous, current.with_packages_of(previous), topics_only=options.topics_only)
+    current = current.with_packages_of(previous)._replace(strict=previous.strict)
+    report = check(previous, current, topics_only=options.topics_only)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
 
@@ -61,6 +63,7 @@ def _first_of_two(options: argparse.Namespace) -> Sources:
     """Return the side that the other is judged by; --msg-dir may name further packages, which both nest."""
     sources = find_sources(options.side, tuple(options.msg_dir or ()), options.topics, options.release)
     sources = with_board(sources, board_of(options, Settings()))
+    sources = sources._replace(strict=is_strict(options, read_settings(".")))
     files = (*sources.messages, *sources.services)
     if options.px4 or any(file.tree is not sources.root and not file.package for file in files):
         text = "two sides need no --px4, and --msg-dir only for other packages"

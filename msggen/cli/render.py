@@ -15,6 +15,7 @@ from msggen.cli.common import (
     add_source_options,
     given,
     print_change,
+    print_notices,
     sources_of,
 )
 from msggen.diagnostics import counted
@@ -70,7 +71,9 @@ def _render(options: argparse.Namespace) -> int:
     from msggen.render.run import check_places, items_of, open_template, output_names, texts_of
 
     template = open_template(options.template)
-    items = items_of(read_catalog(sources), options.each)
+    catalog = read_catalog(sources)
+    print_notices(catalog.notices, quiet=options.quiet)
+    items = items_of(catalog, options.each)
     names = output_names(items, options.each, options.template, options.name)
     places = [os.path.join(options.output, name) for name in names]
     if options.list_outputs:

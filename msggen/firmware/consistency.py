@@ -10,6 +10,7 @@ from msggen.diagnostics import Diagnostic, counted, few, suggestion
 from msggen.firmware.source import LISTS, Sources
 from msggen.location import Location
 from msggen.model import (
+    INTEGER_RANGES,
     PRIMITIVES,
     SIZES,
     STRINGS,
@@ -158,6 +159,20 @@ def check_bridge(
         elif owners[topic] is not names[name]:
             text = f"topic '{topic}' carries '{owners[topic].name}', found '{name}'"
             yield Diagnostic(entry.type_location, "Y203", text)
+        elif entry.route_field:
+            yield from _check_route(entry, names[name])
+
+
+def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
+    """The field to route by exists; PX4 keeps its values as uint32, so it must be a single integer."""
+    fields = {field.name: field.type for field in message.fields}
+    found = fields.get(entry.route_field or "")
+    if found is None:
+        text = f"'{message.name}' has no field '{entry.route_field}' to route by"
+        yield Diagnostic(entry.location, "Y205", f"{text}{suggestion(entry.route_field or '', fields)}")
+    elif found.name not in INTEGER_RANGES or found.array is not ArrayKind.SCALAR:
+        text = f"'{message.name}' is routed by '{entry.route_field}': expected an integer, found {found}"
+        yield Diagnostic(entry.location, "Y205", text)
 
 
 def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
@@ -167,7 +182,7 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
         entry = lists.listed.get(file.name.removeprefix("msg/")) if file.tree is sources.root else None
         if entry and entry.condition:
             conditional.setdefault(entry.condition, []).append(file.stem)
-        elif lists.complete and not entry and file.tree is sources.root:
+        elif sources.is_tree and lists.complete and not entry and file.tree is sources.root:
             text = f"{LISTS} does not list '{file.stem}': the firmware does not build it"
             yield Diagnostic(Location(file.path), "M408", text)
     places = {entry.condition: entry.location for entry in reversed([*lists.listed.values()])}

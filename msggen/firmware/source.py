@@ -7,7 +7,7 @@ from itertools import chain
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from msggen.diagnostics import fault, suggestion
+from msggen.diagnostics import Diagnostic, fault, suggestion
 from msggen.firmware.manifest import package_name
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
@@ -16,7 +16,7 @@ from msggen.resources import embedded_root
 if TYPE_CHECKING:
     from msggen.firmware.board import Board
 
-RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "main")
+RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main")
 """The releases whose conventions are known (`release` has them)."""
 
 ARCHIVE = "px4_msgs_old/msg"
@@ -29,7 +29,11 @@ _RELEASE_OPTION = Location("--release", 0)
 _ARCHIVED_OPTION = Location("--archived", 0)
 _FOLDER_OPTION = Location("--msg-dir", 0)
 _PACKAGE_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
-_BRIDGE_PLACES = ("src/modules/uxrce_dds_client/dds_topics.yaml", "dds_topics.yaml")
+_CLIENT = "src/modules/uxrce_dds_client"
+_BRIDGE_PLACES = (f"{_CLIENT}/dds_topics.yaml", "dds_topics.yaml")
+
+CLIENT_SOURCES = (f"{_CLIENT}/dds_topics.h.em", f"{_CLIENT}/utilities.hpp")
+"""The sources of the bridge's client that show its conventions."""
 
 
 class File(NamedTuple):
@@ -73,9 +77,10 @@ class Sources(NamedTuple):
     are px4_msgs; `manifests` are all such files. `own` counts the messages of the first source, which come first: by
     them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in a few
     words what the sources are. `root` is where the first source lies. `archived` are earlier versions of messages,
-    where they were asked for. `lists` is the file in which a tree lists what it builds. `unbuilt` has the messages that
-    the `board` does not build, which are not among `messages`, with the condition that each is listed under, "" for
-    those that no list names.
+    where they were asked for. `client` are CLIENT_SOURCES, as far as a tree has them. With `strict`, warnings are
+    errors. `notices` are what there is to say of the sources themselves. `lists` is the file in which a tree lists what
+    it builds. `unbuilt` has the messages that the `board` does not build, which are not among `messages`, with the
+    condition that each is listed under, "" for those that no list names.
     """
 
     messages: tuple[File, ...]
@@ -89,6 +94,9 @@ class Sources(NamedTuple):
     label: str = ""
     root: Tree | None = None
     archived: tuple[File, ...] = ()
+    client: tuple[File, ...] = ()
+    strict: bool = False
+    notices: tuple[Diagnostic, ...] = ()
     lists: File | None = None
     board: "Board | None" = None
     unbuilt: Mapping[File, str] = MappingProxyType({})
@@ -121,7 +129,7 @@ class Sources(NamedTuple):
         """Return all of them, in an order that does not depend on the machine."""
         single = [file for file in (self.bridge, self.lists) if file]
         board = self.board.files if self.board else ()
-        return (*self.messages, *self.services, *single, *self.manifests, *self.archived, *board)
+        return (*self.messages, *self.services, *single, *self.manifests, *self.archived, *self.client, *board)
 
 
 def open_tree(text: str) -> Tree:
@@ -179,6 +187,8 @@ def find_sources(
     bridge = File(topics, os.path.basename(topics)) if isinstance(topics, str) else topics
     if bridge is None and (px4 is not None or not is_named):
         bridge = _bridge(first.tree)
+    is_tree = not first.package and _is_tree(first.tree)
+    client = [name for name in CLIENT_SOURCES if is_tree and first.tree.is_file(name)]
     return Sources(
         tuple(chain(*messages)),
         tuple(chain(*services)),
@@ -187,10 +197,11 @@ def find_sources(
         package,
         release,
         own=0 if first.package else len(messages[0]),
-        is_tree=not first.package and _is_tree(first.tree),
+        is_tree=is_tree,
         label=_label(roots) if is_named else "the embedded PX4 v1.17",
         root=first.tree,
-        lists=_file(first.tree, LISTS),
+        client=tuple(File(first.tree.place(name), name, first.tree) for name in client),
+        lists=None if first.package else _file(first.tree, LISTS),
     )
 
 
