@@ -188,12 +188,15 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
     places = {entry.condition: entry.location for entry in reversed([*lists.listed.values()])}
     if sources.board is None and conditional:
         number = counted(sum(map(len, conditional.values())), "message")
-        named = "; ".join(f"with {condition} {few(names)}" for condition, names in conditional.items())
-        text = f"{number} built only by some boards, on which ORB ids and object ids of publications depend: {named}"
+        named = "; ".join(f"{few(names)} with {condition}" for condition, names in conditional.items())
+        text = f"{number} only in the firmware of some boards: {named}"
+        text += "; ORB ids and object ids of publications depend on them, name the board with --board"
         yield Diagnostic(places[next(iter(conditional))], "M407", text)
     for condition, names in conditional.items():
         if sources.board and sources.board.builds(condition) is None:
-            text = f"cannot tell whether '{condition}' holds for {sources.board.name}: {few(names)} count as built"
+            text = (
+                f"cannot tell whether '{condition}' holds for {sources.board.name}, its messages are kept: {few(names)}"
+            )
             yield Diagnostic(places[condition], "M409", text)
 
 

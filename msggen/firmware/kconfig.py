@@ -104,13 +104,13 @@ def read_definitions(tree: Tree) -> dict[str, list[Definition]]:
     waiting: list[tuple[str, tuple[str, ...]]] = [(_ROOT, ())]
     seen: set[str] = set()
     while waiting:
-        name, outer = waiting.pop()
+        name, outer = waiting.pop(0)
         if name in seen or not tree.is_file(name):
             continue
         seen.add(name)
         text = tree.read(name).decode(errors="replace").replace("\\\n", " ")
         sources = _parse(text, name, outer, found)
-        waiting += [(file, depends) for pattern, depends in sources for file in _matching(tree, pattern)]
+        waiting[:0] = [(file, depends) for pattern, depends in sources for file in _matching(tree, pattern)]
     return found
 
 
