@@ -312,7 +312,7 @@ def test_what_a_board_does_not_build_cannot_be_used(firmware: Path, capsys: pyte
     reason = "not built for vendor_model_small, needs CONFIG_MODULES_TARGET"
     assert capsys.readouterr().err.splitlines() == [
         f"firmware/msg/Always.msg:2:1: M301 unknown type 'TargetPart': {reason}",
-        f"firmware/{bridge}:7:11: Y201 no message defines the type 'px4_msgs::msg::Target': {reason}",
+        f"firmware/{bridge}:8:11: Y201 no message defines the type 'px4_msgs::msg::Target': {reason}",
         "2 errors, nothing written",
     ]
     assert main(["check", "--px4", "firmware", "firmware", "--topics-only", "--board", "vendor_model_small"]) == FAILED

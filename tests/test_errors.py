@@ -228,7 +228,7 @@ DOUBTS = [
 ]
 
 OF_OTHER_COMMANDS = {"M407", "S110", "S111", "S112", "S113", "S114", "S115", "S116", "S119"}
-"""What no build stops at: test_boards.py has M407, test_check.py S110, test_novelties.py S119, test_sync_refused.py
+"""What no build stops at: test_boards.py has M407, test_check.py S110, test_next_firmware.py S119, test_sync_refused.py
 the others."""
 
 
