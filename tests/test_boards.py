@@ -18,6 +18,7 @@ from msggen.firmware.kconfig import Configuration, parse_assignments, read_defin
 from msggen.firmware.source import BoardOption, Sources, find_sources, with_board
 from msggen.firmware.tree import Folder
 from msggen.identity import endpoints, uorb_topics
+from msggen.model import Catalog
 
 STAMP = "uint64 timestamp\n"
 LISTS = """
@@ -235,7 +236,9 @@ def test_boards_that_cannot_be_used_are_refused_with_help(firmware: Path) -> Non
     assert "'./x.px4board': no such file" in refusal(firmware, "./x.px4board")
     assert "without --board all messages count" in refusal(firmware, "vendor_model_allyes")
     shutil.rmtree(firmware / "boards")
-    assert "has no boards to look for 'vendor_model' in: name a .px4board file" in refusal(firmware, "vendor_model")
+    assert "no boards/ to look for 'vendor_model' in: a board needs a PX4-Autopilot tree" in refusal(
+        firmware, "vendor_model"
+    )
     (firmware / "msg" / "CMakeLists.txt").unlink()
     assert "has no msg/CMakeLists.txt to say what a board builds" in refusal(firmware, "vendor_model")
 
@@ -452,6 +455,14 @@ def v1_18(folder: Path) -> Sources:
 
 def _definitions(folder: Path) -> list[Path]:
     return [*folder.glob("*.msg"), *folder.glob("versioned/*.msg")]
+
+
+def test_the_embedded_set_marks_the_same_messages(embedded: Catalog, capsys: pytest.CaptureFixture[str]) -> None:
+    marked = {message.name: message.condition for message in embedded.uorb_messages if message.condition}
+    assert marked == {name: VISION for name in OF_VISION if f"px4_msgs/{name}" in embedded.messages}
+    assert {notice.code for notice in embedded.notices}.isdisjoint({"M407", "M408", "M409"})
+    assert main(["build", "--board", "px4_sitl", "-o", "out"]) == FAILED
+    assert "no boards/ to look for 'px4_sitl' in" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,8 @@ def _by_name(tree: Tree, option: BoardOption) -> Board:
         if name.endswith(_SUFFIX)
     }
     if not known:
-        raise _fault(option, f"{tree.path} has no boards to look for '{option.text}' in: name a {_SUFFIX} file")
+        text = f"no boards/ to look for '{option.text}' in: a board needs a PX4-Autopilot tree"
+        raise _fault(option, f"{text}, or is the path of a {_SUFFIX} file")
     name = option.text if option.text in known else f"{option.text}_{_DEFAULT}"
     if name not in known:
         raise _fault(option, f"unknown board '{option.text}'{_nearest(option.text, known)}")

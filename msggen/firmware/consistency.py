@@ -176,7 +176,10 @@ def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
 
 
 def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
-    """Every message of the tree is listed; none under a condition, unless a board decides it."""
+    """Every message of a tree is listed; none under a condition, unless a board decides it.
+
+    The embedded set lists only what has a condition: its user has no board to name.
+    """
     conditional: dict[str, list[str]] = {}
     for file in (*sources.messages, *sources.unbuilt):
         entry = lists.listed.get(file.name.removeprefix("msg/")) if file.tree is sources.root else None
@@ -186,7 +189,7 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
             text = f"{LISTS} does not list '{file.stem}': the firmware does not build it"
             yield Diagnostic(Location(file.path), "M408", text)
     places = {entry.condition: entry.location for entry in reversed([*lists.listed.values()])}
-    if sources.board is None and conditional:
+    if lists.complete and sources.board is None and conditional:
         number = counted(sum(map(len, conditional.values())), "message")
         named = "; ".join(f"{few(names)} with {condition}" for condition, names in conditional.items())
         text = f"{number} only in the firmware of some boards: {named}"
