@@ -1,6 +1,6 @@
 """What is wrong with an input, said to people: `path:line:col: CODE message`."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import Enum
 from types import MappingProxyType
 from typing import NamedTuple
@@ -9,6 +9,9 @@ from msggen.location import Location
 
 _SHORTEST = 4
 """The beginning of a name is near it from so many letters on, where nothing is nearer."""
+
+_FEW = 4
+"""So many names are listed."""
 
 CODES: dict[str, str] = {
     "M101": "a line that is neither a field, a constant nor a comment",
@@ -31,6 +34,9 @@ CODES: dict[str, str] = {
     "M402": "a `# TOPICS` line that the firmware would misread",
     "M403": "a uORB topic declared twice",
     "M404": "MESSAGE_VERSION or ORB_QUEUE_LENGTH out of place",
+    "M407": "messages that only some boards build",
+    "M408": "a message that the firmware does not build",
+    "M409": "a condition that a board does not decide",
     "Y101": "a file that is not YAML",
     "Y102": "a value of the wrong kind",
     "Y103": "a key that msggen does not know",
@@ -60,6 +66,7 @@ CODES: dict[str, str] = {
     "S115": "a symbolic link that leads out of the package",
     "S116": "a file that differs only in case from one of the firmware",
     "S117": "no earlier versions of messages",
+    "S118": "a board that cannot be used",
     "S119": "a firmware that has more than the newest release msggen knows",
     "B101": "a firmware that `bump` cannot write to",
     "B102": "a message that has no versions",
@@ -100,6 +107,9 @@ class Level(Enum):
 
 _LEVELS: Mapping[str, Level] = MappingProxyType(
     {
+        "M407": Level.NOTE,
+        "M408": Level.WARNING,
+        "M409": Level.WARNING,
         "Y103": Level.WARNING,
         "Y105": Level.WARNING,
         "Y106": Level.WARNING,
@@ -158,6 +168,12 @@ def fault(path: str, code: str, message: str, line: int = 1, column: int = 1) ->
 def counted(number: int, noun: str) -> str:
     """Return `1 message`, `2 messages`."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def few(names: Sequence[str]) -> str:
+    """Return the first of `names`, and how many more there are."""
+    shown = names if len(names) <= _FEW + 1 else names[:_FEW]
+    return ", ".join(shown) + (f" and {len(names) - _FEW} more" if len(shown) < len(names) else "")
 
 
 def suggestion(wrong: str, known: Iterable[str]) -> str:

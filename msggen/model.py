@@ -177,6 +177,8 @@ class Message(NamedTuple):
     comment: str = ""
     version_of: str = ""
     """Of an archived version: the key of the message that it is an earlier version of."""
+    condition: str = ""
+    """The condition under which the firmware's build lists the message, as CMake spells it; "" for none."""
 
     @property
     def key(self) -> str:

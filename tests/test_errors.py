@@ -66,6 +66,12 @@ def doubt(code: str, place: str, fragment: str, text: str) -> Fault:
     return bridge(code, place, fragment, text)._replace(source=(*TREE, "--strict"))
 
 
+def in_lists(code: str, place: str, fragment: str, lists: str) -> Fault:
+    """Return a warning about what a tree lists, beside two messages and a board that turns on nothing."""
+    files = {FOO: STAMP, BAR: STAMP, "in/msg/CMakeLists.txt": lists, "in/src/modules/README": "", "sitl.px4board": ""}
+    return Fault(code, place, fragment, dict(files), (*TREE, "--strict"))
+
+
 FAULTS = [
     # the text of a definition
     line("M101", 1, "expected 'TYPE NAME'", "uint8"),
@@ -192,10 +198,18 @@ FAULTS = [
     Fault("S108", "in@v1.16", "not a git repository", {FOO: STAMP}, ("--px4", "in@v1.16")),
     Fault("S109", "in.zip", "cannot be read as an archive", {"in.zip": "<html>Not found</html>"}, ("--px4", "in.zip")),
     Fault("S117", "--archived", "in has no earlier versions of messages", {FOO: STAMP}, (*TREE, "--archived")),
+    Fault("S118", "--board", "in has no msg/CMakeLists.txt", {FOO: STAMP}, (*TREE, "--board", "px4_sitl")),
     Fault("S105", "--release", "did you mean 'v1.18'?", {FOO: STAMP}, (*TREE, "--release", "v1.71")),
 ]
 
 DOUBTS = [
+    in_lists("M408", "in/msg/Foo.msg:1:1", "does not list 'Foo'", "set(msg_files Bar.msg)"),
+    in_lists(
+        "M409",
+        "in/msg/CMakeLists.txt:3:25",
+        "cannot tell whether 'CONFIG_NEW AND X' holds for sitl.px4board, its messages are kept: Foo",
+        "set(msg_files Bar.msg)\nif(CONFIG_NEW AND X)\n  list(APPEND msg_files Foo.msg)\nendif()\n",
+    )._replace(source=(*TREE, "--board", "sitl.px4board", "--strict")),
     doubt("Y103", "1:1", "did you mean 'publications'?", "publicatoins:\n"),
     doubt("Y103", "1:1", "unknown key 'services'", "services: [{topic: /fmu/in/foo}]\n"),
     doubt("Y103", "4:3", "did you mean 'rate_limit'?", f"{ENTRY}  ratelimit: 5\n"),
@@ -213,8 +227,9 @@ DOUBTS = [
     doubt("Y107", "4:17", "'cc': expected drop, block; found wait", f"{ENTRY}  options: {{cc: wait}}\n"),
 ]
 
-OF_OTHER_COMMANDS = {"S110", "S111", "S112", "S113", "S114", "S115", "S116", "S119"}
-"""What no build stops at: test_check.py has S110, test_next_firmware.py S119, test_sync_refused.py the others."""
+OF_OTHER_COMMANDS = {"M407", "S110", "S111", "S112", "S113", "S114", "S115", "S116", "S119"}
+"""What no build stops at: test_boards.py has M407, test_check.py S110, test_next_firmware.py S119, test_sync_refused.py
+the others."""
 
 
 def build(folder: Path, fault: Fault, monkeypatch: pytest.MonkeyPatch) -> int:
@@ -264,7 +279,7 @@ def test_what_px4_may_have_added_is_a_warning(
     fault: Fault, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for _ in range(2):  # it is said again where there is nothing to do
-        assert build(tmp_path, fault._replace(source=TREE), monkeypatch) == DONE
+        assert build(tmp_path, fault._replace(source=fault.source[:-1]), monkeypatch) == DONE
         told = capsys.readouterr().err
         assert told.startswith(f"{fault.place}: {fault.code} warning: ")
         assert fault.fragment in told

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.diagnostics import Diagnostic, suggestion
+from msggen.diagnostics import Diagnostic, counted, few, suggestion
+from msggen.firmware.source import LISTS, Sources
 from msggen.location import Location
 from msggen.model import (
     INTEGER_RANGES,
@@ -20,6 +22,9 @@ from msggen.model import (
     Service,
     snake_case,
 )
+
+if TYPE_CHECKING:
+    from msggen.firmware.cmake import MessageLists
 
 MAX_SIZE = 2**16 - 1
 """uORB keeps the size of a message in 16 bits."""
@@ -46,11 +51,19 @@ def check_names(definitions: Iterable[Message | Service]) -> Iterator[Diagnostic
         yield Diagnostic(definition.location, "M204", text)
 
 
-def check_nesting(messages: Iterable[Message], services: Iterable[Service], uorb: str) -> Iterator[Diagnostic]:
-    """Every nested type exists, nothing nests itself, and nothing grows too large; `uorb` is the package of uORB."""
+def check_nesting(
+    messages: Iterable[Message],
+    services: Iterable[Service],
+    uorb: str,
+    unbuilt: Mapping[str, str] = MappingProxyType({}),
+) -> Iterator[Diagnostic]:
+    """Every nested type exists, nothing nests itself, and nothing grows too large; `uorb` is the package of uORB.
+
+    `unbuilt` says, by name, why messages are not there.
+    """
     known = {message.key: message for message in messages}
     halves = [half for service in services for half in (service.request, service.response)]
-    unknown = [fault for outer in [*known.values(), *halves] for fault in _unknown_types(outer, known)]
+    unknown = [fault for outer in [*known.values(), *halves] for fault in _unknown_types(outer, known, unbuilt)]
     yield from unknown
     cycles = list(_cycles(known))
     yield from cycles
@@ -112,8 +125,16 @@ def _differs_in_size(outer: Message, field: Field, known: Mapping[str, Message])
     )
 
 
-def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message], uorb: str) -> Iterator[Diagnostic]:
-    """Every entry names a message of the package `uorb` that exists, and a topic that this message declares."""
+def check_bridge(
+    entries: Iterable[BridgeEntry],
+    messages: Iterable[Message],
+    uorb: str,
+    unbuilt: Mapping[str, str] = MappingProxyType({}),
+) -> Iterator[Diagnostic]:
+    """Every entry names a message of the package `uorb` that exists, and a topic that this message declares.
+
+    `unbuilt` says, by name, why messages are not there.
+    """
     others = {f"{message.package}::msg::{message.name}" for message in messages if message.package != uorb}
     names = {message.name: message for message in messages if message.package == uorb}
     owners = {topic: message for message in names.values() for topic in message.topic_names}
@@ -126,7 +147,8 @@ def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message], uo
         name, topic = entry.message_name, entry.uorb_topic
         if name not in names or entry.package != names[name].package:
             types = [f"{uorb}::msg::{known}" for known in names]
-            text = f"no message defines the type '{entry.type_name}'{suggestion(entry.type_name, types)}"
+            hint = unbuilt.get(name) or suggestion(entry.type_name, types)
+            text = f"no message defines the type '{entry.type_name}'{hint}"
             if entry.type_name in others:
                 text = f"'{entry.type_name}' is no message of uORB: expected one of the package '{uorb}'"
             yield Diagnostic(entry.type_location, "Y201", text)
@@ -153,11 +175,42 @@ def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
         yield Diagnostic(entry.location, "Y205", text)
 
 
-def _unknown_types(outer: Message, known: Mapping[str, Message]) -> Iterator[Diagnostic]:
+def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
+    """Every message of a tree is listed; none under a condition, unless a board decides it.
+
+    The embedded set lists only what has a condition: its user has no board to name.
+    """
+    conditional: dict[str, list[str]] = {}
+    for file in (*sources.messages, *sources.unbuilt):
+        entry = lists.listed.get(file.name.removeprefix("msg/")) if file.tree is sources.root else None
+        if entry and entry.condition:
+            conditional.setdefault(entry.condition, []).append(file.stem)
+        elif sources.is_tree and lists.complete and not entry and file.tree is sources.root:
+            text = f"{LISTS} does not list '{file.stem}': the firmware does not build it"
+            yield Diagnostic(Location(file.path), "M408", text)
+    places = {entry.condition: entry.location for entry in reversed([*lists.listed.values()])}
+    if lists.complete and sources.board is None and conditional:
+        number = counted(sum(map(len, conditional.values())), "message")
+        named = "; ".join(f"{few(names)} with {condition}" for condition, names in conditional.items())
+        text = f"{number} only in the firmware of some boards: {named}"
+        text += "; ORB ids and object ids of publications depend on them, name the board with --board"
+        yield Diagnostic(places[next(iter(conditional))], "M407", text)
+    for condition, names in conditional.items():
+        if sources.board and sources.board.builds(condition) is None:
+            text = (
+                f"cannot tell whether '{condition}' holds for {sources.board.name}, its messages are kept: {few(names)}"
+            )
+            yield Diagnostic(places[condition], "M409", text)
+
+
+def _unknown_types(outer: Message, known: Mapping[str, Message], unbuilt: Mapping[str, str]) -> Iterator[Diagnostic]:
     for field in outer.fields:
         type_ = field.type
         if not type_.is_primitive and outer.key_of(type_) not in known:
-            yield Diagnostic(field.location, "M301", f"unknown type '{type_.base}'{_hint(outer, type_, known)}")
+            reason = unbuilt.get(type_.name) if type_.package in (None, outer.package) else None
+            yield Diagnostic(
+                field.location, "M301", f"unknown type '{type_.base}'{reason or _hint(outer, type_, known)}"
+            )
 
 
 def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str:

@@ -184,7 +184,9 @@ def _copied(name: str) -> str:
 
 def _topic(topic: UorbTopic) -> dict[str, object]:
     queue_length = topic.message.queue_length
-    arguments = (literal(topic.name), str(topic.orb_id), literal(topic.message.name), str(queue_length))
+    arguments = [literal(topic.name), str(topic.orb_id), literal(topic.message.name), str(queue_length)]
+    if topic.condition:
+        arguments.append(f"condition={literal(topic.condition)}")
     return {"name": topic.name, "orb_id": topic.orb_id, "arguments": arguments}
 
 
