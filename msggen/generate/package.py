@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import keyword
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError
 from msggen.generate.environment import environment
-from msggen.generate.python import message_view, module_name
+from msggen.generate.names import class_name, member_names, module_name
+from msggen.generate.python import message_view
 from msggen.generate.source import literal
-from msggen.identity import UorbTopic, endpoint_versions, endpoints, uorb_topics
+from msggen.identity import endpoint_versions, endpoints, uorb_topics
 from msggen.layout import is_static
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
@@ -50,14 +51,15 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
     """
     _check_names(catalog)
     own, *others = _parts(catalog)
-    names = [message.name for message in own.messages]
-    topics = [_topic(topic) for topic in uorb_topics(catalog)]
+    names = [class_name(message) for message in own.messages]
+    topics = list(_topics(catalog))
     copied = _copied_files(catalog)
     files = {
         "__init__.py": _render(
             "package",
             name=name,
             own=own,
+            classes=names,
             others=others,
             archived=catalog.archived,
             example=_EXAMPLE if _EXAMPLE in names else "".join(names[:1]),
@@ -83,8 +85,8 @@ class _Part(NamedTuple):
 
     @property
     def example(self) -> str:
-        """The name of one of its messages, or services."""
-        return (self.messages[0] if self.messages else self.services[0]).name
+        """The class of one of its messages, or services."""
+        return class_name(self.messages[0] if self.messages else self.services[0])
 
     @property
     def path(self) -> str:
@@ -127,15 +129,18 @@ def _render_part(catalog: Catalog, part: _Part) -> dict[str, str]:
         files[f"srv/{module_name(service.name)}.py"] = _render(
             "service",
             service=service,
+            name=class_name(service),
             comment=service.comment or f"{part.package}/srv/{service.name}.",
             request_module=module_name(service.request.name),
             response_module=module_name(service.response.name),
         )
-    services = [service.name for service in part.services] + [half.name for half in part.halves]
-    contents = {"msg": ("Messages", [message.name for message in part.messages]), "srv": ("Services", services)}
+    contents: dict[str, tuple[str, Sequence[Message | Service]]] = {
+        "msg": ("Messages", part.messages),
+        "srv": ("Services", (*part.services, *part.halves)),
+    }
     for folder in part.folders:
-        title, names = contents[folder]
-        classes = sorted((name, module_name(name)) for name in names)
+        title, definitions = contents[folder]
+        classes = sorted((class_name(each), module_name(each.name)) for each in definitions)
         files[f"{folder}/__init__.py"] = _render("folder", title=title, package=part.package, classes=classes)
     if part.prefix:
         files["__init__.py"] = _render("other_package", part=part)
@@ -175,13 +180,16 @@ def _copied(name: str) -> str:
         return stream.read()
 
 
-def _topic(topic: UorbTopic) -> dict[str, object]:
-    queue_length = topic.message.queue_length
-    arguments = (literal(topic.name), str(topic.orb_id), literal(topic.message.name), str(queue_length))
-    return {"name": topic.name, "orb_id": topic.orb_id, "arguments": arguments}
+def _topics(catalog: Catalog) -> Iterator[dict[str, object]]:
+    topics = uorb_topics(catalog)
+    members = member_names([topic.name for topic in topics])
+    for topic in topics:
+        message = topic.message
+        arguments = (literal(topic.name), str(topic.orb_id), literal(class_name(message)), str(message.queue_length))
+        yield {"member": members[topic.name], "orb_id": topic.orb_id, "arguments": arguments}
 
 
 def _versions(catalog: Catalog) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return ROS name and class of each version of the endpoints that have several, by their own ROS name."""
     every = [(endpoint.ros_name, endpoint_versions(catalog, endpoint)) for endpoint in endpoints(catalog)]
-    return [(name, [(old, message.name) for old, message in rows]) for name, rows in every if len(rows) > 1]
+    return [(name, [(old, class_name(message)) for old, message in rows]) for name, rows in every if len(rows) > 1]

@@ -78,16 +78,17 @@ def _carry(source: Message, target: Message, path: str) -> _Paths:
 
 def _carry_field(source: Message, target: Message, mine: Field, theirs: Field, path: str) -> _Paths:
     name = mine.name
-    value = getattr(source, name)
+    value = getattr(source, mine.attribute)
     if mine.type == theirs.type:
-        setattr(target, name, value)
+        setattr(target, theirs.attribute, value)
         return [], []
     values = [value] if _is_single(mine) else list(value)
     if _is_single(mine) == _is_single(theirs) and _has_room(theirs, len(values)):
         if _are_versions(source, mine, target, theirs):
             return _carry_nested(values, target, theirs, f"{path}{name}.")
         if _kind(mine.base) == _kind(theirs.base) != "" and all(_holds(theirs.base, one) for one in values):
-            setattr(target, name, values[0] if _is_single(theirs) else _like(getattr(target, name), values))
+            held = values[0] if _is_single(theirs) else _like(getattr(target, theirs.attribute), values)
+            setattr(target, theirs.attribute, held)
             return [], []
     return [path + name], [path + name]
 
@@ -96,7 +97,7 @@ def _carry_nested(values: list[Message], target: Message, theirs: Field, path: s
     """Set what nested messages have in common; a field is named once, in however many elements it differs."""
     made = [nested(target.__class__, theirs.base)() for _ in values]
     found = [_carry(one, other, path) for one, other in zip(values, made)]
-    setattr(target, theirs.name, made[0] if _is_single(theirs) else tuple(made))
+    setattr(target, theirs.attribute, made[0] if _is_single(theirs) else tuple(made))
     dropped = dict.fromkeys([field for paths in found for field in paths[0]])
     defaulted = dict.fromkeys([field for paths in found for field in paths[1]])
     return list(dropped), list(defaulted)
