@@ -72,8 +72,8 @@ def read_catalog(
     nesting = [*check_nesting([*messages, *archived], services, package)]
     faults = [
         *reader.faults,
-        *check_names([*messages, *(message._replace(package=package) for message in archived)]),
-        *check_names(services),
+        *check_names([*messages, *(message._replace(package=package) for message in archived)], package),
+        *check_names(services, package),
         *nesting,
         *check_timestamps(message for message in of_uorb if message.location.path not in unread),
         *check_topics(message for message in of_uorb if message.location.path not in misread_topics),
