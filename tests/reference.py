@@ -247,7 +247,11 @@ def to_object(package: Any, catalog: Catalog, message: Message, values: Values) 
 def class_of(home: Any, message: Message) -> Any:
     """Return the class of `message` in `home`, where it may have another name than in the definition."""
     found = getattr(home, message.name, None)
-    return found or next(cls for cls in map(home.__getattr__, home.__all__) if is_class_of(cls, message))
+    return (
+        found
+        if is_class_of(found, message)
+        else next(cls for cls in map(home.__getattr__, home.__all__) if is_class_of(cls, message))
+    )
 
 
 def is_class_of(value: Any, message: Message) -> bool:

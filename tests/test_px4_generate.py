@@ -384,7 +384,7 @@ def test_what_is_missing_from_a_call_is_told(
         (None, ": S101 cannot read the topics: No such file or directory"),
         ("publications:\n- a: b: c\n", ":2:7: Y101 not YAML: "),
         ("publications:\n- topic: /fmu/out/x\n", ":2:3: Y104 expected the key 'type'"),
-        ("publications:\n- topic: /x\n  type: a::msg::B\n  instance: -1\n", ":4:13: Y102 'instance': expected"),
+        ("publications:\n- topic: /x\n  type: a::msg::B\n  instance: -1\n", ":4:13: Y105 'instance': expected"),
     ],
     ids=["missing", "not YAML", "no type", "instance"],
 )

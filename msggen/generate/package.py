@@ -158,15 +158,27 @@ def _modules(copied: Iterable[str], own: _Part, others: Iterable[_Part]) -> list
 
 
 def _check_names(catalog: Catalog) -> None:
-    """Raise InputError where another package has a name that Python or the generated package needs for itself."""
+    """Raise InputError where a package, or two messages, cannot have their names in Python."""
     taken = {*keyword.kwlist, *_TAKEN, *(file.removesuffix(".py") for file in (*_COPIED, _STREAM, _VERSIONS))}
     faults = []
     for part in _parts(catalog):
         if part.prefix and part.package in taken:
             text = f"no module can be made of the ROS package '{part.package}': the name is taken"
             faults.append(Diagnostic(Location(part.path, 0), "S103", text))
+        faults += _same_classes((*part.services, *part.halves))
+        faults += _same_classes(part.messages)
     if faults:
         raise InputError(faults)
+
+
+def _same_classes(definitions: Iterable[Message | Service]) -> Iterator[Diagnostic]:
+    classes: dict[str, Message | Service] = {}
+    for definition in definitions:
+        name = class_name(definition)
+        other = classes.setdefault(name, definition)
+        if other is not definition:
+            text = f"the class of '{definition.name}' would be '{name}', as that of {other.location.path}"
+            yield Diagnostic(definition.location, "M202", text)
 
 
 def _copied_files(catalog: Catalog) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import re
 from functools import lru_cache
 from typing import NamedTuple
 
-from msggen.diagnostics import Diagnostic, suggestion
+from msggen.diagnostics import Diagnostic, Level, suggestion
 from msggen.location import Location
 from msggen.model import (
     INTEGER_RANGES,
@@ -101,7 +101,7 @@ def parse_message(
         return body.message(package, "msg"), body.faults
     if not body.topics and snake_case(name) in _CPP_KEYWORDS:
         body.fault("M205", 1, 1, f"the topic '{snake_case(name)}' {_IS_KEYWORD}: see # TOPICS")
-    if not (body.fields or body.constants or body.faults):
+    if not (body.fields or body.constants or any(found.level is Level.ERROR for found in body.faults)):
         body.fault("M103", 1, 1, f"message '{name}' is empty: expected at least one field")
     return body.message(package, "msg"), body.faults
 

@@ -8,12 +8,13 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import NamedTuple
 
-from msggen.diagnostics import Diagnostic, InputError, Level, fault, level_of, suggestion
+from msggen.diagnostics import Diagnostic, InputError, Level, fault, suggestion
 from msggen.firmware.neighbour import neighbour
 from msggen.location import Location
 from msggen.model import PRIMITIVES, STRINGS, ArrayKind, Field, Message, snake_case
 from msggen.parse import decode_text, parse_message
 from msggen.parse.definition import OTHER_SPELLINGS
+
 
 class Definition(NamedTuple):
     """A `.msg` file; types and constants are spelled as templates expect them."""
@@ -126,7 +127,7 @@ def _read(path: str, package: str, name: str) -> tuple[Definition, list[Diagnost
         raise fault(path, "S101", f"cannot read the definition: {error.strerror or error}", 0) from error
     text, faults = decode_text(data, path)
     message, more = parse_message(text, path, name, package)
-    faults = [found for found in (*faults, *more) if level_of(found.code) is Level.ERROR]
+    faults = [found for found in (*faults, *more) if found.level is Level.ERROR]
     faults += _unknown_to_the_firmware(message)
     constants = tuple((str(constant.type), constant.name, constant.value) for constant in message.constants)
     fields = tuple((field.name, _spelled(field, message)) for field in message.fields)
