@@ -2,10 +2,11 @@
 
 import os
 import re
+from collections.abc import Iterator
 from itertools import chain
 from typing import NamedTuple, NoReturn
 
-from msggen.diagnostics import Diagnostic, fault, suggestion
+from msggen.diagnostics import Diagnostic, counted, fault, suggestion
 from msggen.firmware.manifest import package_name
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
@@ -16,6 +17,9 @@ RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main")
 
 ARCHIVE = "px4_msgs_old/msg"
 """Where a tree keeps earlier versions of its messages, below `msg/`."""
+
+_FOLDERS = ("msg/versioned", "msg/px4_msgs_old", "msg/translation_node")
+"""The folders of a firmware's `msg/`."""
 
 _RELEASE_OPTION = Location("--release", 0)
 _ARCHIVED_OPTION = Location("--archived", 0)
@@ -165,6 +169,7 @@ def find_sources(
         label=_label(roots) if is_named else "the embedded PX4 v1.17",
         root=first.tree,
         client=tuple(File(first.tree.place(name), name, first.tree) for name in client),
+        notices=tuple(chain(*map(_unread_folders, roots))),
     )
 
 
@@ -279,6 +284,23 @@ def _files(tree: Tree, folder: str, suffix: str) -> list[File]:
         for name in tree.names(folder)
         if name.endswith(suffix) and not name.startswith(".")
     ]
+
+
+def _unread_folders(root: _Root) -> Iterator[Diagnostic]:
+    """Warn of definitions below `msg/` in folders that no firmware is known to have."""
+    tree = root.tree
+    if root.manifest or root.package or not tree.is_folder("msg"):
+        return
+    for folder in ("msg/", "msg/versioned/"):
+        for name in tree.names(folder):
+            if "." in name or folder + name in _FOLDERS:
+                continue
+            inside = [*tree.names(f"{folder}{name}/"), *tree.names(f"{folder}{name}/msg/")]
+            found = [file for file in inside if file.endswith(".msg")]
+            if found:
+                text = f"{counted(len(found), 'definition')} here not read, such as '{found[0]}'"
+                text += ": PX4 has definitions in msg/ and msg/versioned/, others are named with --msg-dir"
+                yield Diagnostic(Location(tree.place(folder + name), 0), "S118", text)
 
 
 def _bridge(root: Tree) -> File | None:

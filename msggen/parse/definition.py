@@ -210,10 +210,12 @@ class _Body:
             self.fault("M406", number, 1, text)
             return
         column = len("# TOPICS ") + 1
-        for name in line.rstrip()[column - 1 :].split(" "):
+        names = line.rstrip()[column - 1 :].split(" ")
+        what = "doubled space" if len(names) > 1 else "no name"
+        for name in names:
             topic = snake_case(name)
             if not name:
-                self.fault("M402", number, column, "expected a name: the firmware would read a topic without one here")
+                self.fault("M402", number, column, f"{what}: the firmware would read a topic without a name here")
             elif not _TOPIC_NAME_IN_PX4.fullmatch(topic):
                 text = f"{name!r} is no topic name: expected letters, digits and underscores"
                 self.fault("M402", number, column, text)
@@ -291,7 +293,8 @@ class _Body:
         for name, _ in tags:
             if name not in KNOWN_TAGS:
                 hint = (
-                    suggestion(name, KNOWN_TAGS) or ": PX4 has @range, @enum, @invalid and @frame, and units as '[m]'"
+                    suggestion(f"@{name}", [f"@{tag}" for tag in KNOWN_TAGS])
+                    or ": PX4 has @range, @enum, @invalid and @frame, and units as '[m]'"
                 )
                 self.fault("M107", *self._place_of(f"[@{name}", element), f"unknown tag '@{name}'{hint}")
 
