@@ -65,9 +65,7 @@ OTHER = {
 @pytest.fixture(scope="module")
 def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
     """The catalog of FILES, and of OTHER as the package `other_msgs`."""
-    folder = tmp_path_factory.mktemp("names")
-    own, other = write_definitions(folder / "own", FILES), write_definitions(folder / "other", OTHER)
-    return read_catalog(find_sources(str(own), (f"other_msgs={other}",)))
+    return write_sources(tmp_path_factory.mktemp("names"))
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +74,12 @@ def package(catalog: Catalog, tmp_path_factory: pytest.TempPathFactory) -> Any:
     made = import_package(catalog, tmp_path_factory.mktemp("package"))
     importlib.import_module(f"{made.__name__}.other_msgs.msg")
     return made
+
+
+def write_sources(folder: Path) -> Catalog:
+    """Write FILES and OTHER into `folder`, and return their catalog."""
+    own, other = write_definitions(folder / "own", FILES), write_definitions(folder / "other", OTHER)
+    return read_catalog(find_sources(str(own), (f"other_msgs={other}",)))
 
 
 def home_of(package: Any, catalog: Catalog, message: Message) -> Any:

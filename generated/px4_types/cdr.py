@@ -508,7 +508,7 @@ def nested(outer: type[Message], base: str) -> type[Message]:
     """Return the class of a type that a field of `outer` has: what the module of `outer` imports, `std_msgs/Header`
     as `std_msgs_Header` where it has another `Header` too.
     """
-    home = next(cls for cls in outer.__mro__ if "__msg__" in vars(cls))
+    home: Any = next(cls for cls in outer.__mro__ if "__msg__" in vars(cls))
     names: dict[str, Any] = vars(sys.modules[home.__module__])
     package, _, name = base.rpartition("/")
     found: Any = names.get(base.replace("/", "_")) or names.get(name)
