@@ -1051,8 +1051,8 @@ def test_other_commands_leave_archived_versions_out_whatever_the_setting() -> No
         ),
         ("LampV0", f"{STAMP}LumpV2 x\n", ":2:1: M301 unknown type 'LumpV2', did you mean 'LumPV1'?"),
         ("LampV0", f"{STAMP}LampV0 x\n", ":2:1: M302 messages nest each other: LampV0 > LampV0"),
-        ("LampV0", f"{STAMP}uint8 class\n", ":2:7: M202 field name 'class' is a Python keyword"),
-        ("LumpV1", version(1), ":1:1: M204 'LumpV1' differs only in case from 'LumPV1', already defined in"),
+        ("LampV0", f"{STAMP}uint8 1a\n", ":2:7: M201 field name '1a': expected lower_case"),
+        ("Lump_V1", version(1), ":1:1: M201 file name 'Lump_V1': archived versions are called as 'VehicleStatusV1'"),
     ],
 )
 def test_a_fault_in_an_archived_definition_has_its_place(name: str, text: str, said: str, capsys: Capture) -> None:

@@ -2,12 +2,12 @@
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import chain
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from msggen.diagnostics import Diagnostic, fault, suggestion
+from msggen.diagnostics import Diagnostic, counted, fault, suggestion
 from msggen.firmware.manifest import package_name
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
@@ -27,6 +27,9 @@ TRANSLATIONS = "translation_node/translations"
 
 LISTS = "msg/CMakeLists.txt"
 """Where a tree lists the messages that it builds."""
+
+_FOLDERS = ("msg/versioned", "msg/px4_msgs_old", "msg/translation_node")
+"""The folders of a firmware's `msg/`."""
 
 _RELEASE_OPTION = Location("--release", 0)
 _ARCHIVED_OPTION = Location("--archived", 0)
@@ -207,6 +210,7 @@ def find_sources(
         root=first.tree,
         client=tuple(File(first.tree.place(name), name, first.tree) for name in client),
         lists=None if first.package else _file(first.tree, LISTS),
+        notices=tuple(chain(*map(_unread_folders, roots))),
     )
 
 
@@ -359,6 +363,23 @@ def _files(tree: Tree, folder: str, suffix: str) -> list[File]:
         for name in tree.names(folder)
         if name.endswith(suffix) and not name.startswith(".")
     ]
+
+
+def _unread_folders(root: _Root) -> Iterator[Diagnostic]:
+    """Warn of definitions below `msg/` in folders that no firmware is known to have."""
+    tree = root.tree
+    if root.manifest or root.package or not tree.is_folder("msg"):
+        return
+    for folder in ("msg/", "msg/versioned/"):
+        for name in tree.names(folder):
+            if "." in name or folder + name in _FOLDERS:
+                continue
+            inside = [*tree.names(f"{folder}{name}/"), *tree.names(f"{folder}{name}/msg/")]
+            found = [file for file in inside if file.endswith(".msg")]
+            if found:
+                text = f"{counted(len(found), 'definition')} here not read, such as '{found[0]}'"
+                text += ": PX4 has definitions in msg/ and msg/versioned/, others are named with --msg-dir"
+                yield Diagnostic(Location(tree.place(folder + name), 0), "S121", text)
 
 
 def _bridge(root: Tree) -> File | None:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import keyword
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError
 from msggen.generate.environment import environment
+from msggen.generate.names import class_name, member_names, module_name
 from msggen.generate.python import message_view
-from msggen.generate.source import literal, module_name
+from msggen.generate.source import literal
 from msggen.generate.versions import translation_table
-from msggen.identity import UorbTopic, endpoint_versions, endpoints, uorb_topics
+from msggen.identity import endpoint_versions, endpoints, uorb_topics
 from msggen.layout import is_static
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
@@ -55,14 +56,15 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
     """
     _check_names(catalog)
     own, *others = _parts(catalog)
-    names = [message.name for message in own.messages]
-    topics = [_topic(topic) for topic in uorb_topics(catalog)]
+    names = [class_name(message) for message in own.messages]
+    topics = list(_topics(catalog))
     copied = _copied_files(catalog)
     files = {
         "__init__.py": _render(
             "package",
             name=name,
             own=own,
+            classes=names,
             others=others,
             archived=catalog.archived,
             example=_EXAMPLE if _EXAMPLE in names else "".join(names[:1]),
@@ -90,8 +92,8 @@ class _Part(NamedTuple):
 
     @property
     def example(self) -> str:
-        """The name of one of its messages, or services."""
-        return (self.messages[0] if self.messages else self.services[0]).name
+        """The class of one of its messages, or services."""
+        return class_name(self.messages[0] if self.messages else self.services[0])
 
     @property
     def path(self) -> str:
@@ -134,15 +136,18 @@ def _render_part(catalog: Catalog, part: _Part) -> dict[str, str]:
         files[f"srv/{module_name(service.name)}.py"] = _render(
             "service",
             service=service,
+            name=class_name(service),
             comment=service.comment or f"{part.package}/srv/{service.name}.",
             request_module=module_name(service.request.name),
             response_module=module_name(service.response.name),
         )
-    services = [service.name for service in part.services] + [half.name for half in part.halves]
-    contents = {"msg": ("Messages", [message.name for message in part.messages]), "srv": ("Services", services)}
+    contents: dict[str, tuple[str, Sequence[Message | Service]]] = {
+        "msg": ("Messages", part.messages),
+        "srv": ("Services", (*part.services, *part.halves)),
+    }
     for folder in part.folders:
-        title, names = contents[folder]
-        classes = sorted((name, module_name(name)) for name in names)
+        title, definitions = contents[folder]
+        classes = sorted((class_name(each), module_name(each.name)) for each in definitions)
         files[f"{folder}/__init__.py"] = _render("folder", title=title, package=part.package, classes=classes)
     if part.prefix:
         files["__init__.py"] = _render("other_package", part=part)
@@ -160,15 +165,27 @@ def _modules(catalog: Catalog, own: _Part, others: Iterable[_Part]) -> list[str]
 
 
 def _check_names(catalog: Catalog) -> None:
-    """Raise InputError where another package has a name that Python or the generated package needs for itself."""
+    """Raise InputError where a package, or two messages, cannot have their names in Python."""
     taken = {*keyword.kwlist, *_TAKEN, *(file.removesuffix(".py") for file in (*_COPIED, _STREAM, _VERSIONS))}
     faults = []
     for part in _parts(catalog):
         if part.prefix and part.package in taken:
             text = f"no module can be made of the ROS package '{part.package}': the name is taken"
             faults.append(Diagnostic(Location(part.path, 0), "S103", text))
+        faults += _same_classes((*part.services, *part.halves))
+        faults += _same_classes(part.messages)
     if faults:
         raise InputError(faults)
+
+
+def _same_classes(definitions: Iterable[Message | Service]) -> Iterator[Diagnostic]:
+    classes: dict[str, Message | Service] = {}
+    for definition in definitions:
+        name = class_name(definition)
+        other = classes.setdefault(name, definition)
+        if other is not definition:
+            text = f"the class of '{definition.name}' would be '{name}', as that of {other.location.path}"
+            yield Diagnostic(definition.location, "M202", text)
 
 
 def _copied_files(catalog: Catalog) -> tuple[str, ...]:
@@ -182,15 +199,18 @@ def _copied(name: str) -> str:
         return stream.read()
 
 
-def _topic(topic: UorbTopic) -> dict[str, object]:
-    queue_length = topic.message.queue_length
-    arguments = [literal(topic.name), str(topic.orb_id), literal(topic.message.name), str(queue_length)]
-    if topic.condition:
-        arguments.append(f"condition={literal(topic.condition)}")
-    return {"name": topic.name, "orb_id": topic.orb_id, "arguments": arguments}
+def _topics(catalog: Catalog) -> Iterator[dict[str, object]]:
+    topics = uorb_topics(catalog)
+    members = member_names([topic.name for topic in topics])
+    for topic in topics:
+        message = topic.message
+        arguments = [literal(topic.name), str(topic.orb_id), literal(class_name(message)), str(message.queue_length)]
+        if topic.condition:
+            arguments.append(f"condition={literal(topic.condition)}")
+        yield {"member": members[topic.name], "orb_id": topic.orb_id, "arguments": arguments}
 
 
 def _versions(catalog: Catalog) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return ROS name and class of each version of the endpoints that have several, by their own ROS name."""
     every = [(endpoint.ros_name, endpoint_versions(catalog, endpoint)) for endpoint in endpoints(catalog)]
-    return [(name, [(old, message.name) for old, message in rows]) for name, rows in every if len(rows) > 1]
+    return [(name, [(old, class_name(message)) for old, message in rows]) for name, rows in every if len(rows) > 1]

@@ -11,17 +11,10 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 
-from msggen.model import snake_case
-
 _DANGEROUS_QUOTES = re.compile(r'"{2,}|"$')
 
 WIDTH = 110
 """Columns of generated source."""
-
-
-def module_name(name: str) -> str:
-    """Return the module of the class `name`; the underscore keeps it apart from keywords and from the class."""
-    return f"_{snake_case(name)}"
 
 
 def literal(value: object) -> str:

@@ -12,6 +12,7 @@ from itertools import chain, pairwise
 from struct import pack, unpack
 from typing import NamedTuple
 
+from msggen.generate.names import attribute_names
 from msggen.generate.source import joined_by, literal, wrapped
 from msggen.model import FLOATS, INTEGER_RANGES, ArrayKind, Catalog, Field, FieldType, Message, Value
 from msggen.translation import (
@@ -192,7 +193,15 @@ def rules_of(
     _Reader(catalog, source, target).run(statements, found, {})
     mine = {field.name: field for field in source.fields}
     rules = (_rule(field, found[field.name], mine, called) for field in target.fields if field.name in found)
-    return tuple(rule for rule in rules if rule is not None)
+    attributes = attribute_names(source)
+    return tuple(_readable(rule, attributes) for rule in rules if rule is not None)
+
+
+def _readable(rule: Rule, attributes: Mapping[str, str]) -> Rule:
+    """Return `rule`; one whose code would name fields that are called otherwise in Python counts as not read."""
+    if isinstance(rule, Computed) and any(attributes[name] != name for name in rule.reads):
+        return Unread(rule.field)
+    return rule
 
 
 def lost_elements(rules: Iterable[Rule], source: Message, target: Message) -> tuple[str, ...]:

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
-from msggen.generate.source import literal, module_name, wrapped
+from msggen.generate.names import class_name, module_name
+from msggen.generate.source import literal, wrapped
 from msggen.generate.translation import Rule, fields_of, lost_elements, rules_of
 from msggen.model import DEFAULT_PACKAGE, Catalog, Message
 from msggen.translation import Statement
@@ -91,7 +92,7 @@ def translation_table(catalog: Catalog) -> Table:
     rows = [(chain, _known(catalog, pairwise(chain))) for chain in chains if len(chain) > 1]
     others = _known(catalog, _renamed(catalog))
     return Table(
-        tuple((chain[-1].ros_type, tuple(each.name for each in chain)) for chain, found in rows if found),
+        tuple((chain[-1].ros_type, tuple(class_name(each) for each in chain)) for chain, found in rows if found),
         (
             *(each for _, found in rows for each in found if each.rules or each.lost),
             *(each for each in others if each.is_readable),
@@ -121,7 +122,7 @@ def _neighbours(catalog: Catalog, versions: tuple[Message, ...], message: Messag
         for method, others in (("upgrade", newer[:1]), ("downgrade", older[-1:])):
             for other in others:
                 conversion = _conversion(catalog, message, other)
-                yield Neighbour(method, other.name, module_name(other.name), other.message_version, conversion)
+                yield Neighbour(method, class_name(other), module_name(other.name), other.message_version, conversion)
 
 
 def _conversion(catalog: Catalog, source: Message, target: Message) -> Conversion | None:

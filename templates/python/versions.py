@@ -183,7 +183,7 @@ def _steps(own: type[Message], target: type[Message]) -> list[type[Message]]:
     from .translations import CHAINS
 
     chain = CHAINS.get(target.__msg__.ros_type, ())
-    start, end = own.__msg__.name, target.__msg__.name
+    start, end = own.__name__, target.__name__
     if start == end or start not in chain or end not in chain:
         return [target]
     first, last = chain.index(start), chain.index(end)
@@ -231,7 +231,7 @@ def _apply(
     if isinstance(rule, Copied):
         return _copy(source, mine[rule.source], target, theirs) if rule.source in mine else None
     if isinstance(rule, Constant):
-        setattr(target, rule.field, rule.value)
+        setattr(target, theirs.attribute, rule.value)
         return _Part((), [], [])
     if isinstance(rule, Unread):
         return None
@@ -239,21 +239,23 @@ def _apply(
     values = [value] if _is_single(theirs) else list(value)
     if not all(_holds(theirs.base, one) for one in values):
         return None
-    setattr(target, rule.field, value if _is_single(theirs) else _like(getattr(target, rule.field), values))
+    held = value if _is_single(theirs) else _like(getattr(target, theirs.attribute), values)
+    setattr(target, theirs.attribute, held)
     return _Part(rule.reads, [], list(rule.defaulted))
 
 
 def _copy(source: Message, mine: Field, target: Message, theirs: Field) -> _Part | None:
-    value = getattr(source, mine.name)
+    value = getattr(source, mine.attribute)
     if mine.type == theirs.type:
-        setattr(target, theirs.name, value)
+        setattr(target, theirs.attribute, value)
         return _Part((mine.name,), [], [])
     values = [value] if _is_single(mine) else list(value)
     if _is_single(mine) == _is_single(theirs) and _has_room(theirs, len(values)):
         if _are_versions(source, mine, target, theirs):
             return _copy_nested(values, mine, target, theirs)
         if _kind(mine.base) == _kind(theirs.base) != "" and all(_holds(theirs.base, one) for one in values):
-            setattr(target, theirs.name, values[0] if _is_single(theirs) else _like(getattr(target, theirs.name), values))
+            held = values[0] if _is_single(theirs) else _like(getattr(target, theirs.attribute), values)
+            setattr(target, theirs.attribute, held)
             return _Part((mine.name,), [], [])
     return None
 
@@ -263,7 +265,7 @@ def _copy_nested(values: list[Any], mine: Field, target: Message, theirs: Field)
     cls = nested(target.__class__, theirs.base)
     found = [_convert(one, cls) for one in values]
     made = [one for one, _, _ in found]
-    setattr(target, theirs.name, made[0] if _is_single(theirs) else tuple(made))
+    setattr(target, theirs.attribute, made[0] if _is_single(theirs) else tuple(made))
     dropped = dict.fromkeys([f"{mine.name}.{path}" for _, paths, _ in found for path in paths])
     defaulted = dict.fromkeys([f"{theirs.name}.{path}" for _, _, paths in found for path in paths])
     return _Part((mine.name,), list(dropped), list(defaulted))
