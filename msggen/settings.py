@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
 from msggen.firmware.embedded import names_release
-from msggen.firmware.source import join_package, split_package
+from msggen.firmware.source import BoardOption, join_package, split_package
 from msggen.location import Location
 
 
@@ -20,6 +20,7 @@ class Settings(NamedTuple):
     msg_dir: tuple[str, ...] = ()
     topics: str | None = None
     release: str | None = None
+    board: str | None = None
     output: str | None = None
     package: str | None = None
     archived: bool | None = None
@@ -119,7 +120,7 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
         return value
     if not isinstance(value, str) or not value:
         _fail(path, "C103", f"'{key}': expected a text, found {value!r}", *place)
-    if field not in _PATHS:
+    if field not in _PATHS and not (field == "board" and BoardOption(value).is_path):
         return value
     joined = os.path.join(base, os.path.expanduser(value))
     return value if field == "px4" and names_release(value) and not os.path.exists(joined) else joined

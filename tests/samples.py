@@ -13,7 +13,7 @@ from random import Random
 from typing import Any
 
 import numpy as np
-from conftest import NAMES, VECTORS, catalog_of, import_package
+from conftest import VECTORS, catalog_of, import_package
 from hypothesis import strategies as st
 from reference import HEADERS, serialize
 from test_codec import values_of

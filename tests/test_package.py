@@ -921,13 +921,13 @@ def test_both_ends_of_every_endpoint_get_on_with_each_other(px4_types: Any) -> N
 
 
 def test_px4_s_end_of_every_endpoint_is_what_px4_does(px4_types: Any) -> None:
-    """FACTS 4: writers BEST_EFFORT, TRANSIENT_LOCAL, KEEP_LAST; readers VOLATILE with twice the queue as depth."""
+    """FACTS 4: writers BEST_EFFORT, TRANSIENT_LOCAL, KEEP_LAST; readers VOLATILE with the queue of each source as depth."""
     for endpoint in px4_types.topics.ENDPOINTS:
         px4 = endpoint.qos.writer if endpoint.direction == "out" else endpoint.qos.reader
         assert (px4.reliability, px4.history) == ("BEST_EFFORT", "KEEP_LAST")
         assert px4.durability == ("TRANSIENT_LOCAL" if endpoint.direction == "out" else "VOLATILE")
         queue_length = getattr(endpoint.message, "ORB_QUEUE_LENGTH", 1)
-        assert endpoint.direction == "out" or px4.depth == 2 * queue_length
+        assert endpoint.direction == "out" or px4.depth == (endpoint.max_instances or 2) * queue_length
 
 
 def test_topics_exports_its_public_names_only(px4_types: Any) -> None:

@@ -125,8 +125,14 @@ _UORB: tuple[UorbTopic, ...] = (
     UorbTopic("failsafe_flags", 96, "FailsafeFlags", 1),
     UorbTopic("failure_detector_status", 97, "FailureDetectorStatus", 1),
     UorbTopic("failure_injection", 98, "FailureInjection", 1),
-    UorbTopic("fiducial_marker_pos_report", 99, "FiducialMarkerPosReport", 1),
-    UorbTopic("fiducial_marker_yaw_report", 100, "FiducialMarkerYawReport", 1),
+    UorbTopic(
+        "fiducial_marker_pos_report", 99, "FiducialMarkerPosReport", 1,
+        condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
+    UorbTopic(
+        "fiducial_marker_yaw_report", 100, "FiducialMarkerYawReport", 1,
+        condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
     UorbTopic("figure_eight_status", 101, "FigureEightStatus", 1),
     UorbTopic("fixed_wing_lateral_guidance_status", 102, "FixedWingLateralGuidanceStatus", 1),
     UorbTopic("fixed_wing_lateral_setpoint", 103, "FixedWingLateralSetpoint", 1),
@@ -232,7 +238,9 @@ _UORB: tuple[UorbTopic, ...] = (
     UorbTopic("power_button_state", 203, "PowerButtonState", 1),
     UorbTopic("power_monitor", 204, "PowerMonitor", 1),
     UorbTopic("pps_capture", 205, "PpsCapture", 1),
-    UorbTopic("prec_land_status", 206, "PrecLandStatus", 1),
+    UorbTopic(
+        "prec_land_status", 206, "PrecLandStatus", 1, condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
     UorbTopic("pure_pursuit_status", 207, "PurePursuitStatus", 1),
     UorbTopic("pwm_input", 208, "PwmInput", 1),
     UorbTopic("px4io_status", 209, "Px4ioStatus", 1),
@@ -290,7 +298,9 @@ _UORB: tuple[UorbTopic, ...] = (
     UorbTopic("spoilers_setpoint", 261, "NormalizedUnsignedSetpoint", 1),
     UorbTopic("system_power", 262, "SystemPower", 1),
     UorbTopic("takeoff_status", 263, "TakeoffStatus", 1),
-    UorbTopic("target_gnss", 264, "TargetGnss", 1),
+    UorbTopic(
+        "target_gnss", 264, "TargetGnss", 1, condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
     UorbTopic("task_stack_info", 265, "TaskStackInfo", 2),
     UorbTopic("tecs_status", 266, "TecsStatus", 1),
     UorbTopic("telemetry_status", 267, "TelemetryStatus", 1),
@@ -342,16 +352,41 @@ _UORB: tuple[UorbTopic, ...] = (
     UorbTopic("vehicle_torque_setpoint_virtual_mc", 313, "VehicleTorqueSetpoint", 1),
     UorbTopic("vehicle_visual_odometry", 314, "VehicleOdometry", 1),
     UorbTopic("velocity_limits", 315, "VelocityLimits", 1),
-    UorbTopic("vte_aid_ev_yaw", 316, "VteAidSource1d", 1),
-    UorbTopic("vte_aid_fiducial_marker", 317, "VteAidSource3d", 1),
-    UorbTopic("vte_aid_gps_pos_mission", 318, "VteAidSource3d", 1),
-    UorbTopic("vte_aid_gps_pos_target", 319, "VteAidSource3d", 1),
-    UorbTopic("vte_aid_gps_vel_target", 320, "VteAidSource3d", 1),
-    UorbTopic("vte_aid_gps_vel_uav", 321, "VteAidSource3d", 1),
-    UorbTopic("vte_bias_init_status", 322, "VteBiasInitStatus", 1),
-    UorbTopic("vte_input", 323, "VteInput", 1),
-    UorbTopic("vte_orientation", 324, "VteOrientation", 1),
-    UorbTopic("vte_position", 325, "VtePosition", 1),
+    UorbTopic(
+        "vte_aid_ev_yaw", 316, "VteAidSource1d", 1, condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
+    UorbTopic(
+        "vte_aid_fiducial_marker", 317, "VteAidSource3d", 1,
+        condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
+    UorbTopic(
+        "vte_aid_gps_pos_mission", 318, "VteAidSource3d", 1,
+        condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
+    UorbTopic(
+        "vte_aid_gps_pos_target", 319, "VteAidSource3d", 1,
+        condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
+    UorbTopic(
+        "vte_aid_gps_vel_target", 320, "VteAidSource3d", 1,
+        condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
+    UorbTopic(
+        "vte_aid_gps_vel_uav", 321, "VteAidSource3d", 1, condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
+    UorbTopic(
+        "vte_bias_init_status", 322, "VteBiasInitStatus", 1,
+        condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
+    UorbTopic(
+        "vte_input", 323, "VteInput", 1, condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
+    UorbTopic(
+        "vte_orientation", 324, "VteOrientation", 1, condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
+    UorbTopic(
+        "vte_position", 325, "VtePosition", 1, condition="CONFIG_MODULES_VISION_TARGET_ESTIMATOR",
+    ),
     UorbTopic("vtol_vehicle_status", 326, "VtolVehicleStatus", 1),
     UorbTopic("vtx", 327, "Vtx", 1),
     UorbTopic("wheel_encoders", 328, "WheelEncoders", 1),
