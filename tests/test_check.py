@@ -98,7 +98,7 @@ def test_without_a_firmware_the_embedded_set_judges(capsys: Capture) -> None:
     for kind in ("msg", "srv"):
         shutil.copytree(ROOT / kind, f"px4_msgs/{kind}")
     assert check("px4_msgs") == DONE
-    assert capsys.readouterr().out.startswith("px4_msgs matches the embedded PX4 v1.17: 235 messages")
+    assert capsys.readouterr().out.startswith("px4_msgs matches the embedded PX4 v1.18: 259 messages")
     edit("px4_msgs/msg/Rpm.msg", "rpm_raw", "rpm_measured")
     assert drift(capsys, "px4_msgs") == {("FIELD_RENAMED", "Rpm")}
 

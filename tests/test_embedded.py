@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+import subprocess
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -15,7 +17,7 @@ from typing import Any
 import embed
 import facts
 import pytest
-from conftest import ROOT, VECTORS, shared
+from conftest import ROOT, VECTORS, shared, write_definitions
 from test_identity import assert_same_endpoints, dds_of, rihs01_of, uorb_of
 
 from msggen.cli import main
@@ -318,10 +320,8 @@ def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         "src/modules/uxrce_dds_client/dds_topics.yaml": "publications:\n"
         "  - {topic: /fmu/out/rpm, type: px4_msgs::msg::Rpm, rate_limit: 5.}\nsubscriptions:\n",
     }
-    for folder, files in ((root, before), (tmp_path / "firmware", after)):
-        for name, text in files.items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_text(text)
+    write_definitions(root, before)
+    write_definitions(tmp_path / "firmware", after)
     monkeypatch.setattr(embed, "ROOT", root)
     monkeypatch.setattr("msggen.firmware.embedded.embedded_root", lambda: str(root))
     older = {release: embed.files_of(embedded_tree(release)) for release in ("v1.18", "v1.17")}
@@ -390,6 +390,21 @@ class TestNames:
         assert "VERSION_NOT_TRANSLATED" not in out
         assert "TOPIC_RENAMED handled" in out
         assert "the embedded PX4 v1.17 breaks the embedded PX4 v1.16: " in out
+
+    @pytest.mark.skipif(not shutil.which("git"), reason="needs git on the PATH")
+    def test_a_revision_of_that_name_wins(self, capsys: Capture) -> None:
+        write_definitions(Path("fw"), {"msg/Wheel.msg": "uint64 timestamp\n", "src/modules/x": ""})
+        who = ["-c", "user.name=Someone", "-c", "user.email=someone@example.org", "-c", "commit.gpgsign=false"]
+        for command in (["init", "-q"], ["add", "-A"], [*who, "commit", "-q", "-m", "State."], ["branch", "v1.16"]):
+            subprocess.run(["git", *command], cwd="fw", check=True)
+        assert main(["breaking", "--px4", "fw", "--against", "v1.16"]) == 0
+        out, err = capsys.readouterr()
+        assert out == "fw breaks nothing of v1.16: 1 message, 0 services\n"
+        assert err == (
+            "--against: S120 note: 'v1.16': the revision of fw is read, not the embedded release 'embedded:v1.16'\n"
+        )
+        assert main(["breaking", "--px4", "fw", "--against", "v1.17", "--output-format", "concise"]) == 1
+        assert "fw breaks the embedded PX4 v1.17" in capsys.readouterr().out
 
     def test_a_template_is_rendered_with_a_release(self, capsys: Capture) -> None:
         Path("one.txt.j2").write_text("{{ message.name }}")

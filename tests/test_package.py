@@ -921,7 +921,7 @@ def test_both_ends_of_every_endpoint_get_on_with_each_other(px4_types: Any) -> N
 
 
 def test_px4_s_end_of_every_endpoint_is_what_px4_does(px4_types: Any) -> None:
-    """FACTS 4: writers BEST_EFFORT, TRANSIENT_LOCAL, KEEP_LAST; readers VOLATILE with the queue of each source as depth."""
+    """Writers BEST_EFFORT, TRANSIENT_LOCAL, KEEP_LAST; readers VOLATILE, as deep as the queues of their sources."""
     for endpoint in px4_types.topics.ENDPOINTS:
         px4 = endpoint.qos.writer if endpoint.direction == "out" else endpoint.qos.reader
         assert (px4.reliability, px4.history) == ("BEST_EFFORT", "KEEP_LAST")
