@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from msggen.diagnostics import Diagnostic, fault, sorted_out, suggestion
+from msggen.diagnostics import Diagnostic, Level, fault, sorted_out, suggestion
 from msggen.firmware.consistency import (
     check_bridge,
     check_fixed_sizes,
@@ -34,11 +34,16 @@ from msggen.parse.bridge import Bridge, parse_bridge
 
 if TYPE_CHECKING:
     from msggen.firmware.cmake import MessageLists
+    from msggen.translation import Translation
 
-COMPARABLE = frozenset(
-    {"M102", "M103", "M104", "M106", "M202", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"}
-)
+COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"})
 """Faults that leave no doubt about what a definition or an entry of the bridge means."""
+
+
+def is_comparable(found: Diagnostic) -> bool:
+    """Whether a definition with this in it can be compared with another one."""
+    return found.code in COMPARABLE or found.level is not Level.ERROR
+
 
 ARCHIVED_NAME = re.compile(r"(?P<message>[A-Z][A-Za-z0-9]*)V(?P<version>0|[1-9][0-9]*)")
 """What an earlier version of a message is called in the archive."""
@@ -77,8 +82,8 @@ def read_catalog(
     nesting = [*check_nesting([*messages, *archived], services, package, reasons)]
     faults = [
         *reader.faults,
-        *check_names([*messages, *(message._replace(package=package) for message in archived)]),
-        *check_names(services),
+        *check_names([*messages, *(message._replace(package=package) for message in archived)], package),
+        *check_names(services, package),
         *nesting,
         *check_timestamps(message for message in of_uorb if message.location.path not in unread),
         *check_topics(message for message in of_uorb if message.location.path not in misread_topics),
@@ -96,7 +101,15 @@ def read_catalog(
     services.sort(key=lambda service: (service.package, service.name))
     versions = MappingProxyType({message.key: message for message in archived})
     return Catalog(
-        MappingProxyType(by_key), tuple(services), bridge, conventions, package, versions, parsed.extra, notices
+        MappingProxyType(by_key),
+        tuple(services),
+        bridge,
+        conventions,
+        package,
+        versions,
+        reader.translations(),
+        parsed.extra,
+        notices,
     )
 
 
@@ -220,19 +233,29 @@ class _Reader:
         messages = []
         for file in self.sources.archived:
             message, faults = parse_message(self.text(file), file.path, file.stem, ARCHIVE_PACKAGE)
-            faults = [found for found in faults if found.code != "M402"]
+            faults = [found for found in faults if found.code not in ("M402", "M406")]
             name = ARCHIVED_NAME.fullmatch(file.stem)
             if name is None:
                 text = f"file name '{file.stem}': archived versions are called as 'VehicleStatusV1'"
                 faults.append(Diagnostic(message.location, "M201", text))
             else:
                 message = message._replace(version_of=f"{self.package}/{name['message']}")
-                if not faults and message.message_version != int(name["version"]):
+                is_clear = not any(found.level is Level.ERROR for found in faults)
+                if is_clear and message.message_version != int(name["version"]):
                     text = f"{VERSION} must be {name['version']}, as in the name, found {message.message_version}"
                     faults.append(Diagnostic(_place_of_version(message), "M404", text))
             messages.append(message)
             self.faults += faults
         return messages
+
+    def translations(self) -> tuple[Translation, ...]:
+        """Return what the headers say that the firmware includes. Headers that cannot be read say nothing."""
+        if not self.sources.translations:
+            return ()
+        from msggen.parse.translation import read_headers
+
+        headers = {file.name.rpartition("/")[2]: self.contents[file.path] for file in self.sources.translations}
+        return read_headers({name: data.decode(errors="replace") for name, data in headers.items()})
 
     def bridge(self) -> Bridge:
         if self.sources.bridge is None:

@@ -22,6 +22,7 @@ from msggen.model import (
     Service,
     snake_case,
 )
+from msggen.parse.definition import OTHER_SPELLINGS
 
 if TYPE_CHECKING:
     from msggen.firmware.cmake import MessageLists
@@ -39,16 +40,26 @@ MAX_DEPTH = 64
 """Deepest nesting; PX4's deepest is 2."""
 
 
-def check_names(definitions: Iterable[Message | Service]) -> Iterator[Diagnostic]:
-    """No name twice in a package, nor twice but for case: that would be one file on many machines."""
-    seen: dict[tuple[str, str], Message | Service] = {}
+def check_names(definitions: Iterable[Message | Service], uorb: str) -> Iterator[Diagnostic]:
+    """No name twice in a package, nor two names that the firmware's generator makes the same file of.
+
+    ROS 2 and many file systems do not tell names apart that differ only in case, the firmware does: it makes
+    `f_o_o.h` of `FOO`. `uorb` is the package of uORB, whose messages the firmware is built with.
+    """
+    files: dict[tuple[str, str], Message | Service] = {}
+    cases: dict[tuple[str, str], Message | Service] = {}
     for definition in definitions:
-        other = seen.setdefault((definition.package, definition.name.lower()), definition)
-        if other is definition:
+        package, name = definition.package, definition.name
+        other = files.setdefault((package, snake_case(name)), definition)
+        if other is not definition:
+            what = "is" if other.name == name else f"differs too little from '{other.name}',"
+            yield Diagnostic(definition.location, "M204", f"'{name}' {what} already defined in {other.location.path}")
             continue
-        what = "is" if other.name == definition.name else f"differs only in case from '{other.name}',"
-        text = f"'{definition.name}' {what} already defined in {other.location.path}"
-        yield Diagnostic(definition.location, "M204", text)
+        other = cases.setdefault((package, name.lower()), definition)
+        if other is not definition:
+            code = "M205" if package == uorb and isinstance(definition, Message) else "M204"
+            text = f"'{name}' differs only in case from '{other.name}', already defined in {other.location.path}"
+            yield Diagnostic(definition.location, code, f"{text}: ROS 2 makes the same files of both")
 
 
 def check_nesting(
@@ -224,7 +235,12 @@ def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str
         elsewhere = sorted(package for package in names if type_.name in names[package])
         if elsewhere:
             return f", did you mean '{elsewhere[0]}/{type_.name}'?"
-        return suggestion(type_.name, [*names.get(outer.package, ()), *PRIMITIVES])
+        other = OTHER_SPELLINGS.get(type_.name)
+        return (
+            f", did you mean '{other}'?"
+            if other
+            else suggestion(type_.name, [*names.get(outer.package, ()), *PRIMITIVES])
+        )
     if type_.package in names:
         return suggestion(type_.base, [f"{type_.package}/{name}" for name in names[type_.package]])
     text = f": the package '{type_.package}' is not among the sources"

@@ -2,12 +2,12 @@
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import chain
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from msggen.diagnostics import Diagnostic, fault, suggestion
+from msggen.diagnostics import Diagnostic, counted, fault, suggestion
 from msggen.firmware.manifest import package_name
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
@@ -22,8 +22,14 @@ RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main")
 ARCHIVE = "px4_msgs_old/msg"
 """Where a tree keeps earlier versions of its messages, below `msg/`."""
 
+TRANSLATIONS = "translation_node/translations"
+"""Where it keeps the headers that translate between versions, below `msg/`."""
+
 LISTS = "msg/CMakeLists.txt"
 """Where a tree lists the messages that it builds."""
+
+_FOLDERS = ("msg/versioned", "msg/px4_msgs_old", "msg/translation_node")
+"""The folders of a firmware's `msg/`."""
 
 _RELEASE_OPTION = Location("--release", 0)
 _ARCHIVED_OPTION = Location("--archived", 0)
@@ -94,6 +100,7 @@ class Sources(NamedTuple):
     label: str = ""
     root: Tree | None = None
     archived: tuple[File, ...] = ()
+    translations: tuple[File, ...] = ()
     client: tuple[File, ...] = ()
     strict: bool = False
     notices: tuple[Diagnostic, ...] = ()
@@ -128,8 +135,9 @@ class Sources(NamedTuple):
     def files(self) -> tuple[File, ...]:
         """Return all of them, in an order that does not depend on the machine."""
         single = [file for file in (self.bridge, self.lists) if file]
+        versions = (*self.archived, *self.translations)
         board = self.board.files if self.board else ()
-        return (*self.messages, *self.services, *single, *self.manifests, *self.archived, *self.client, *board)
+        return (*self.messages, *self.services, *single, *self.manifests, *versions, *self.client, *board)
 
 
 def open_tree(text: str) -> Tree:
@@ -202,6 +210,7 @@ def find_sources(
         root=first.tree,
         client=tuple(File(first.tree.place(name), name, first.tree) for name in client),
         lists=None if first.package else _file(first.tree, LISTS),
+        notices=tuple(chain(*map(_unread_folders, roots))),
     )
 
 
@@ -242,16 +251,18 @@ def with_board(sources: Sources, option: BoardOption | None) -> Sources:
 
 
 def with_archived(sources: Sources, place: Location = _ARCHIVED_OPTION) -> Sources:
-    """Return `sources` with the archived definitions of the first of them.
+    """Return `sources` with the archived definitions of the first of them, and the headers that translate them.
 
     Raises InputError where it has none; they were asked for at `place`.
     """
     root = sources.root
-    found = _files(root, f"msg/{ARCHIVE}/" if root.is_folder("msg") else f"{ARCHIVE}/", ".msg") if root else []
-    if not found:
+    folder = "msg/" if root and root.is_folder("msg") else ""
+    found = _files(root, f"{folder}{ARCHIVE}/", ".msg") if root else []
+    if not root or not found:
         text = f"{sources.label} has no earlier versions of messages: PX4 v1.16 and later has them in msg/{ARCHIVE}"
         raise fault(place.path, "S117", text, *place[1:])
-    return sources._replace(archived=tuple(found))
+    headers = _files(root, f"{folder}{TRANSLATIONS}/", ".h")
+    return sources._replace(archived=tuple(found), translations=tuple(headers))
 
 
 def read_files(sources: Sources) -> dict[str, bytes]:
@@ -352,6 +363,23 @@ def _files(tree: Tree, folder: str, suffix: str) -> list[File]:
         for name in tree.names(folder)
         if name.endswith(suffix) and not name.startswith(".")
     ]
+
+
+def _unread_folders(root: _Root) -> Iterator[Diagnostic]:
+    """Warn of definitions below `msg/` in folders that no firmware is known to have."""
+    tree = root.tree
+    if root.manifest or root.package or not tree.is_folder("msg"):
+        return
+    for folder in ("msg/", "msg/versioned/"):
+        for name in tree.names(folder):
+            if "." in name or folder + name in _FOLDERS:
+                continue
+            inside = [*tree.names(f"{folder}{name}/"), *tree.names(f"{folder}{name}/msg/")]
+            found = [file for file in inside if file.endswith(".msg")]
+            if found:
+                text = f"{counted(len(found), 'definition')} here not read, such as '{found[0]}'"
+                text += ": PX4 has definitions in msg/ and msg/versioned/, others are named with --msg-dir"
+                yield Diagnostic(Location(tree.place(folder + name), 0), "S121", text)
 
 
 def _bridge(root: Tree) -> File | None:

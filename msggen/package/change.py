@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-from msggen.firmware.catalog import COMPARABLE
+from msggen.firmware.catalog import is_comparable
 from msggen.model import DEFAULT_PACKAGE, Message
 from msggen.parse import decode_text, parse_message, parse_service
 
@@ -41,4 +41,4 @@ def read_halves(path: str, data: bytes, package: str) -> list[Message]:
     else:
         service, faults = parse_service(text, path, stem, package)
         halves = [service.request, service.response]
-    return halves if {found.code for found in (*unclean, *faults)} <= COMPARABLE else []
+    return halves if all(map(is_comparable, (*unclean, *faults))) else []

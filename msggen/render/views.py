@@ -271,6 +271,11 @@ class _Described(_View):
         return self._comment.text
 
     @property
+    def tags(self) -> dict[str, str]:
+        """What stands in every `[@name ...]`, by name: those that PX4 is not known to use too."""
+        return dict(self._comment.tags)
+
+    @property
     def unit(self) -> str:
         """`m/s`; empty, as the other tags, where the definition has none."""
         return self._comment.unit
