@@ -532,7 +532,7 @@ def test_the_current_folder_is_called_by_its_package(
         ("uint64 timestamp # When\r\n", "uint64 timestamp # When\n", "only white space"),
         ("uint64 timestamp\r\n", "uint64 timestamp # When\n", "only comments"),
         ("uint64 timestamp\r\n", "uint64 timestamp\nuint8 a\n", "fields"),
-        ("float3 a\n", "float32 a\n", ""),
+        ("uint8[0] a\n", "float32 a\n", ""),
     ],
 )
 def test_the_kind_of_a_change_is_told(before: str, after: str, said: str) -> None:
