@@ -55,18 +55,16 @@ def embedded_tree(release: str) -> Tree:
     if release == EMBEDDED[0]:
         return newest
     paths = {name: folder + name for folder in FOLDERS for name in newest.names(folder) if is_of_release(name)}
-    texts: dict[str, list[str]] = {}
+    changes: dict[str, list[tuple[str, str]]] = {}
     for earlier in EMBEDDED[1 : EMBEDDED.index(release) + 1]:
         for path, text in sections(newest.read(f"releases/{earlier}.msgs").decode()):
-            name = os.path.basename(path)
-            if name not in texts:
-                texts[name] = [newest.read(paths[name]).decode()] if name in paths else []
-            texts[name].append(text)
-            paths[name] = path
-    files = {path: newest.read(path) for name, path in paths.items() if name not in texts}
-    for name, versions in texts.items():
-        if versions[-1]:
-            files[paths[name]] = with_comments(versions[-1], versions[:-1]).encode()
+            changes.setdefault(os.path.basename(path), []).append((path, text))
+    files = {path: newest.read(path) for name, path in paths.items() if name not in changes}
+    for name, versions in changes.items():
+        path, text = versions.pop()
+        if text:
+            newer = [newest.read(paths[name]).decode()] if name in paths else []
+            files[path] = with_comments(text, [*newer, *(each for _, each in versions)]).encode()
     return Snapshot(PREFIX + release, files, {})
 
 
@@ -101,7 +99,8 @@ def with_comments(text: str, newer: list[str]) -> str:
     """Return a definition with the comments that it lacks, from its newer versions; the last of these counts most."""
     known: dict[str, str] = {}
     for version in newer:
-        known.update(comments_in(version))
+        if "  # " in version:
+            known.update(comments_in(version))
     head = head_of(text) or next(filter(None, map(head_of, reversed(newer))), "")
     lines = text.removeprefix(head).split("\n")
     for index, line in enumerate(lines):
