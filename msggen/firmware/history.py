@@ -6,14 +6,14 @@ v1.16 brought both: `msg/px4_msgs_old/msg/<Name>V<n>.msg` and `msg/translation_n
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from msggen.diagnostics import Diagnostic, InputError
+from msggen.diagnostics import Diagnostic, InputError, suggestion
 from msggen.firmware import source
 from msggen.firmware.catalog import ARCHIVED_NAME, is_comparable
 from msggen.firmware.tree import Tree
-from msggen.model import ARCHIVE_PACKAGE, Message
+from msggen.model import ARCHIVE_PACKAGE, PRIMITIVES, Message
 from msggen.parse import decode_text, parse_message
 
 VERSIONED = "msg/versioned"
@@ -79,9 +79,20 @@ def read_history(tree: Tree) -> History:
         text, unclean = decode_text(tree.read(path), tree.place(path))
         archived[name], wrong = parse_message(text, tree.place(path), name, ARCHIVE_PACKAGE)
         faults += [found for found in (*unclean, *wrong) if not is_comparable(found)]
+    faults += _unknown_types(archived)
     if faults:
         raise InputError(faults)
     return History(tree.is_folder(VERSIONED), archived, _translations(tree))
+
+
+def _unknown_types(archived: Mapping[str, Message]) -> Iterator[Diagnostic]:
+    """Find types that the archive does not have: an archived message nests archived ones alone."""
+    for message in archived.values():
+        for field in message.fields:
+            name = field.type.name
+            if not field.type.is_primitive and not field.type.package and name not in archived:
+                text = f"unknown type '{name}'{suggestion(name, [*PRIMITIVES, *archived])}"
+                yield Diagnostic(field.location, "M301", text)
 
 
 def _translations(tree: Tree) -> dict[str, str]:
