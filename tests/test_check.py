@@ -378,7 +378,7 @@ def test_faults_of_the_firmware_are_told(capsys: Capture) -> None:
         ("string name", "string name", None),
         ("string name", "wstring name", "FIELD_RETYPED"),
         ("string<=8 name", "string<=9 name", "FIELD_RETYPED"),
-        ("string name", "string title", "FIELD_RENAMED"),
+        ("string name", "string full_name", "FIELD_RENAMED"),
         ("uint8[] data", "uint8[<=9] data", "ARRAY_LENGTH_CHANGED"),
         ("uint8[<=8] data", "uint8[<=9] data", "ARRAY_LENGTH_CHANGED"),
         ("uint8[] data", "uint8[9] data", "ARRAY_LENGTH_CHANGED"),
@@ -400,7 +400,7 @@ def test_strings_and_sequences_are_compared(before: str, after: str, found: str 
     [
         ("string name", "string<=8 name", "NESTED_LAYOUT_CHANGED"),
         ("uint8[] data", "uint16[] data", "NESTED_LAYOUT_CHANGED"),
-        ("uint8[] data", "uint8[] bytes", "NESTED_NAME_CHANGED"),
+        ("uint8[] data", "uint8[] data_bytes", "NESTED_NAME_CHANGED"),
     ],
 )
 def test_they_are_found_where_they_are_nested(before: str, after: str, found: str, capsys: Capture) -> None:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+from msggen.compare.finding import Reader
+from msggen.compare.renaming import Candidates, is_renamed
 from msggen.firmware.history import History
 from msggen.layout import Layout, Path, is_static, lay_out
 from msggen.location import Location
@@ -84,10 +86,14 @@ class MessagePair:
 
     @cached_property
     def renamed(self) -> tuple[FieldPair, ...]:
-        """Fields with another name that lie in the same bytes with the same type."""
-        lost = {self._place(self.previous_layout, self.previous, field): field for field in self._lost}
-        pairs = ((lost.get(self._place(self.current_layout, self.current, field)), field) for field in self._gained)
-        return tuple(FieldPair(previous, field) for previous, field in pairs if previous)
+        """Fields of the same type in the same bytes whose names or comments say that they are the same field."""
+        fields = Candidates(self._lost, self._gained, [pair.current for pair in self.kept])
+        return tuple(pair for pair in self._in_place if is_renamed(pair.previous, pair.current, fields))
+
+    @cached_property
+    def replaced(self) -> tuple[FieldPair, ...]:
+        """Fields of the same type in the same bytes that nothing else says to be the same field."""
+        return tuple(pair for pair in self._in_place if pair not in self.renamed)
 
     @cached_property
     def removed(self) -> tuple[Field, ...]:
@@ -119,18 +125,21 @@ class MessagePair:
         return _layout(self._current_catalog, self.current)
 
     @cached_property
-    def is_silent(self) -> bool:
-        """Whether readers built with the previous definition decode current samples into wrong values, and succeed.
+    def misread_by(self) -> tuple[Reader, ...]:
+        """Which readers decode the other side's samples into wrong values without an error.
 
         Samples arrive rounded up to 4 bytes, so sizes count rounded up (FACTS 3). Values are right where a field of
-        the same name and meaning, or one that was only renamed, still lies in the same bytes.
+        the same name and meaning, or one that was only renamed, lies in the same bytes of the other side. What lies in
+        its padding is wrong: padding is not zero on the wire.
         """
         if not (self.previous_layout and self.current_layout):
-            return False
+            return ()
         if -(-self.previous_layout.size // 4) != -(-self.current_layout.size // 4):
-            return False
+            return ()
         before = {(self._current_path(path), *value) for path, *value in _values(self.previous_layout)}
-        return not before <= set(_values(self.current_layout))
+        after = set(_values(self.current_layout))
+        misread = {Reader.OLD: before - after, Reader.NEW: after - before}
+        return tuple(reader for reader, values in misread.items() if values)
 
     @cached_property
     def nested(self) -> Mapping[str, MessagePair]:
@@ -159,15 +168,22 @@ class MessagePair:
             for pair in pairs
         )
 
-    @property
-    def _lost(self) -> list[Field]:
+    @cached_property
+    def _lost(self) -> tuple[Field, ...]:
         names = {field.name for field in self.current.fields}
-        return [field for field in self.previous.fields if field.name not in names]
+        return tuple(field for field in self.previous.fields if field.name not in names)
 
-    @property
-    def _gained(self) -> list[Field]:
+    @cached_property
+    def _gained(self) -> tuple[Field, ...]:
         names = {field.name for field in self.previous.fields}
-        return [field for field in self.current.fields if field.name not in names]
+        return tuple(field for field in self.current.fields if field.name not in names)
+
+    @cached_property
+    def _in_place(self) -> tuple[FieldPair, ...]:
+        """Fields with another name that lie in the same bytes with the same type."""
+        lost = {self._place(self.previous_layout, self.previous, field): field for field in self._lost}
+        pairs = ((lost.get(self._place(self.current_layout, self.current, field)), field) for field in self._gained)
+        return tuple(FieldPair(previous, field) for previous, field in pairs if previous)
 
     def _current_path(self, path: Path) -> Path:
         """Return how to reach in the current side what `path` reaches in the previous one, renamed fields followed."""

@@ -75,13 +75,13 @@ def named(name: str) -> tuple[Rule, ...]:
 def find(comparison: Comparison, rules: Sequence[Rule]) -> Iterator[Finding]:
     """Ask `rules`, in their order, and mark what is silent or handled."""
     handled = version.handled(comparison)
-    silent = {pair.name for pair in comparison.changed if pair.is_silent}
+    silent = {pair.name: pair.misread_by for pair in comparison.changed}
     topics = _topics_of(comparison, handled)
     for rule in rules:
         for change in rule.find(comparison):
             finding = Finding(rule, change)
             if rule.category is Category.WIRE:
-                finding = replace(finding, is_silent=change.subject in silent)
+                finding = replace(finding, silent_for=silent.get(change.subject, ()))
             if rule.category in (Category.WIRE, Category.HASH):
                 finding = replace(finding, is_handled=change.subject in handled)
             if rule.id == "TOPIC_RENAMED":
