@@ -214,6 +214,27 @@ CASES = {
         {"msg/A.msg": f"{T}uint8 A = 16\nfloat32 B = 0.10000000149011612\nfloat32 C = NaN\nbool D = 1\nint8 E=-1\n"},
         set(),
     ),
+    "the same units and ranges spelled otherwise": Case(
+        {
+            "msg/A.msg": f"{T}float32 a  # [m/s^2] [@range 0,1]\nfloat32 b  # [degC] [@range -1 (Left), 1 (Right)]\n"
+            "float32 c  # [rad/s] [-pi, pi]\n"
+        },
+        {
+            "msg/A.msg": f"{T}float32 a  # [m s^-2] [@range 0.0 - 1.0]\nfloat32 b  # [°C] [@range -1, 1]\n"
+            "float32 c  # [rad s^-1] [@range -PI, PI]\n"
+        },
+        set(),
+    ),
+    "a range in brackets is no unit": Case(
+        {"msg/A.msg": f"{T}float32 a  # [-pi, pi] Heading\nfloat32 b  # [0, inf] Speed\n"},
+        {"msg/A.msg": f"{T}float32 a  # [rad] Heading\nfloat32 b  # [m/s] Speed\n"},
+        set(),
+    ),
+    "another range": Case(
+        {"msg/A.msg": f"{T}float32 a  # [@range 0, 1]\n"},
+        {"msg/A.msg": f"{T}float32 a  # [@range -1, 1]\n"},
+        {("RANGE_CHANGED", "A")},
+    ),
     "the same invalid value in other words": Case(
         {"msg/A.msg": f"{T}float32 a  # [@invalid NaN if unknown]\nfloat32 b  # [@invalid 0 never]\n"},
         {"msg/A.msg": f"{T}float32 a  # [@invalid nan]\nfloat32 b  # [@invalid 0.0]\n"},

@@ -369,6 +369,35 @@ def test_faults_of_the_firmware_are_told(capsys: Capture) -> None:
     assert told(capsys, *SIDES).startswith("firmware/msg/Rpm.msg:1:1: M301 ")
 
 
+# --- Comments
+
+WARNED = [
+    ("# [rpm] Filtered", "# [rad/s] Filtered", "UNIT_CHANGED", "the unit of 'rpm_estimate' is rad/s, in firmware rpm"),
+    ("# [@range 0, 9]", "# [@range -9, 9]", "RANGE_CHANGED", "the range of 'rpm_estimate' is -9, 9, in firmware 0, 9"),
+    ("# [@frame NED]", "# [@frame FRD]", "FRAME_CHANGED", "the frame of 'rpm_estimate' is FRD, in firmware NED"),
+    ("# [@enum A]", "# [@enum B]", "ENUM_CHANGED", "the enum of 'rpm_estimate' is B, in firmware A"),
+    (
+        "# [@invalid 0]",
+        "# [@invalid NaN]",
+        "INVALID_CHANGED",
+        "the invalid value of 'rpm_estimate' is NaN, in firmware 0",
+    ),
+]
+
+
+@pytest.mark.parametrize(("before", "after", "rule", "said"), WARNED)
+def test_another_meaning_is_warned_of_and_fails_nothing(
+    before: str, after: str, rule: str, said: str, capsys: Capture
+) -> None:
+    text = f"{STAMP}float32 rpm_estimate  "
+    write_definitions(Path("firmware"), {"msg/Rpm.msg": f"{text}{before}\n"})
+    write_definitions(Path("px4_msgs"), {"msg/Rpm.msg": f"{text}{after}\n"})
+    assert main(["check", *SIDES, "--output-format", "concise"]) == DONE
+    line, last = capsys.readouterr().out.splitlines()
+    assert line == f"px4_msgs/msg/Rpm.msg:2:1: {rule} warning: {said}"
+    assert last.endswith(", 1 only warned of")
+
+
 # --- Sizes that vary
 
 

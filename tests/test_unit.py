@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.compare.unit import normalized_range, normalized_unit
+from msggen.unit import normalized_range, normalized_unit
 
 SAME_UNITS = [
     [

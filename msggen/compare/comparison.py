@@ -79,6 +79,12 @@ class MessagePair:
         return shape(self._previous_catalog, self.previous) != shape(self._current_catalog, self.current)
 
     @cached_property
+    def has_same_comments(self) -> bool:
+        """Whether both have the same fields with the same comments, as most messages have."""
+        before, after = ([(each.name, each.comment) for each in side.fields] for side in (self.previous, self.current))
+        return before == after
+
+    @cached_property
     def kept(self) -> tuple[FieldPair, ...]:
         """Fields with the same name, in the current order."""
         by_name = {field.name: field for field in self.previous.fields}

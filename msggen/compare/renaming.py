@@ -12,8 +12,8 @@ from itertools import takewhile
 from operator import eq
 from typing import NamedTuple
 
-from msggen.compare.unit import normalized_unit
 from msggen.model import Field
+from msggen.unit import normalized_unit
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _LETTERS = re.compile(r"\w+")

@@ -30,6 +30,7 @@ RULES = (
     Rule("CONSTANT_VALUE_CHANGED", "a constant has another value", _SOURCE, source.find_other_values),
     Rule("CONSTANT_TYPE_CHANGED", "a constant has another type", _SOURCE, source.find_other_types),
     Rule("UNIT_CHANGED", "the values of a field count in another unit", _SEMANTIC, semantic.find_other_unit),
+    Rule("RANGE_CHANGED", "the values of a field lie in another range", _SEMANTIC, semantic.find_other_range),
     Rule("FRAME_CHANGED", "the values of a field are given in another frame", _SEMANTIC, semantic.find_other_frame),
     Rule("INVALID_CHANGED", "another value of a field means 'not known'", _SEMANTIC, semantic.find_other_invalid),
     Rule("ENUM_CHANGED", "other constants name the values of a field", _SEMANTIC, semantic.find_other_enum),
@@ -60,8 +61,12 @@ RULES = (
 )
 """In the order in which they are listed and asked."""
 
-CHECKED = tuple(rule for rule in RULES if rule.category in (_WIRE, _HASH, _SOURCE, _DRIFT))
-"""What `check` asks: do two sides mean the same?"""
+CHECKED = tuple(
+    replace(rule, severity=Severity.WARNING) if rule.category is _SEMANTIC else rule
+    for rule in RULES
+    if rule.category in (_WIRE, _HASH, _SOURCE, _SEMANTIC, _DRIFT)
+)
+"""What `check` asks: do two sides mean the same? It only warns of comments."""
 
 BREAKING = tuple(rule for rule in RULES if rule.category is not _DRIFT)
 """What `breaking` asks: whom does a change hurt?"""
