@@ -35,7 +35,8 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
     comparison = Comparison(
         Side(previous.label, _place(previous), before), Side(current.label, _place(current), after, extra=extra)
     )
-    return _report(comparison, CHECKED, list(find(comparison, CHECKED)), ("matches", "differs from"))
+    report = _report(comparison, CHECKED, list(find(comparison, CHECKED)), ("matches", "differs from"))
+    return replace(report, notices=(*before.notices, *after.notices))
 
 
 def breaking(
@@ -51,7 +52,8 @@ def breaking(
     """
     comparison = Comparison(_side(previous), _side(current))
     findings = [finding for finding in find(comparison, rules) if not _is_ignored(finding, ignored or {})]
-    return _report(comparison, rules, findings, ("breaks nothing of", "breaks"))
+    report = _report(comparison, rules, findings, ("breaks nothing of", "breaks"))
+    return replace(report, notices=comparison.current.catalog.notices)
 
 
 def example_of(rule: Rule) -> Report:

@@ -1,6 +1,8 @@
 """What is wrong with an input, said to people: `path:line:col: CODE message`."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
+from enum import Enum
+from types import MappingProxyType
 from typing import NamedTuple
 
 from msggen.location import Location
@@ -31,12 +33,16 @@ CODES: dict[str, str] = {
     "M404": "MESSAGE_VERSION or ORB_QUEUE_LENGTH out of place",
     "Y101": "a file that is not YAML",
     "Y102": "a value of the wrong kind",
-    "Y103": "an unknown key",
+    "Y103": "a key that msggen does not know",
     "Y104": "a missing key",
+    "Y105": "a value of a kind that msggen does not know",
+    "Y106": "a key that has no effect where it stands",
+    "Y107": "options that Zenoh's client does not know",
     "Y201": "a type that no message defines",
     "Y202": "a topic that no message declares",
     "Y203": "a topic that another message declares",
     "Y204": "a topic bridged twice",
+    "Y205": "a field to route by that the message does not have",
     "S101": "a source that cannot be read",
     "S102": "a folder without definitions",
     "S103": "a name that no package can have here",
@@ -54,6 +60,7 @@ CODES: dict[str, str] = {
     "S115": "a symbolic link that leads out of the package",
     "S116": "a file that differs only in case from one of the firmware",
     "S117": "no earlier versions of messages",
+    "S119": "a firmware that has more than the newest release msggen knows",
     "B101": "a firmware that `bump` cannot write to",
     "B102": "a message that has no versions",
     "B103": "a version that is not one more than the old one",
@@ -70,6 +77,7 @@ CODES: dict[str, str] = {
     "T104": "code in a template that is not Python",
     "T105": "a template that raises an exception",
     "T106": "a definition that the firmware's templates do not know",
+    "T107": "a name that the firmware's script computes and msggen does not",
     "T201": "a template that is not Jinja2",
     "T202": "a name in a template that is not there",
     "T203": "a template to include that is not there",
@@ -82,23 +90,64 @@ CODES: dict[str, str] = {
 """Every code, and what it stands for. docs/errors.md shows each with an example."""
 
 
+class Level(Enum):
+    """How much a diagnostic matters: an error stops the run, a warning does under `--strict`, a note never does."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    NOTE = "note"
+
+
+_LEVELS: Mapping[str, Level] = MappingProxyType(
+    {
+        "Y103": Level.WARNING,
+        "Y105": Level.WARNING,
+        "Y106": Level.WARNING,
+        "Y107": Level.WARNING,
+        "S119": Level.NOTE,
+    }
+)
+"""The codes that are no errors. What PX4 may add to its files is a warning, so that its next release still builds."""
+
+
 class Diagnostic(NamedTuple):
-    """One fault, at one place."""
+    """One error, warning or note, at one place."""
 
     location: Location
     code: str
     message: str
+
+    @property
+    def level(self) -> Level:
+        """How much it matters; `--strict` makes an error of a warning."""
+        return _LEVELS.get(self.code, Level.ERROR)
 
     def __str__(self) -> str:
         return f"{self.location}: {self.code} {self.message}"
 
 
 class InputError(Exception):
-    """The input cannot be used; `diagnostics` says everything that is wrong with it."""
+    """The input cannot be used: `diagnostics` has all errors, `notices` the warnings and notes found beside them."""
 
-    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+    def __init__(self, diagnostics: Iterable[Diagnostic], notices: Iterable[Diagnostic] = ()) -> None:
         self.diagnostics = tuple(sorted(set(diagnostics)))
+        self.notices = tuple(sorted(set(notices)))
         super().__init__("\n".join(map(str, self.diagnostics)))
+
+
+def sorted_out(
+    found: Iterable[Diagnostic], tolerated: Collection[str] = (), *, strict: bool = False
+) -> tuple[Diagnostic, ...]:
+    """Return the warnings and notes among `found`, sorted, without the codes `tolerated`.
+
+    Raises InputError with all errors; with `strict`, warnings are errors too.
+    """
+    stopping = {Level.ERROR, Level.WARNING} if strict else {Level.ERROR}
+    kept = [each for each in found if each.code not in tolerated]
+    errors = [each for each in kept if each.level in stopping]
+    if errors:
+        raise InputError(errors, set(kept).difference(errors))
+    return tuple(sorted(set(kept)))
 
 
 def fault(path: str, code: str, message: str, line: int = 1, column: int = 1) -> InputError:

@@ -112,12 +112,17 @@ APPLICATION = Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10)
 
 
 class Endpoint(NamedTuple):
-    """A topic that crosses the bridge, as DDS and ROS 2 know it. `object_id` is the XRCE client's."""
+    """A topic that crosses the bridge, as DDS and ROS 2 know it. `object_id` is the XRCE client's.
+
+    `publish_interval_ms` is the shortest time between two samples that PX4 sends, 0 where it sends all that its queue
+    holds; None on the way in.
+    """
 
     entry: BridgeEntry
     message: Message
     ros_name: str
     object_id: int
+    publish_interval_ms: int | None
 
     @property
     def dds_name(self) -> str:
@@ -131,10 +136,15 @@ class Endpoint(NamedTuple):
 
     @property
     def reader_qos(self) -> Qos:
-        """The application's on the way out; on the way in PX4's, which keeps twice what uORB does."""
+        """The application's on the way out; on the way in PX4's, which keeps uORB's queue for each of its sources."""
         if self.entry.direction is Direction.OUT:
             return APPLICATION
-        return Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 2 * self.message.queue_length)
+        sources = self.entry.max_instances or _SOURCES
+        return Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", sources * self.message.queue_length)
+
+
+_SOURCES = 2
+"""How many queues PX4's reader keeps, unless `max_instances` says so."""
 
 
 def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
@@ -147,11 +157,28 @@ def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
         message = by_name[entry.message_name]
         if entry.direction is Direction.OUT:
             object_id = orb_ids[entry.uorb_topic] + (entry.instance or 0) * len(orb_ids)
+            interval = _interval(entry, catalog.conventions)
         else:
             object_id = catalog.conventions.first_subscription_id + subscriptions
+            interval = None
             subscriptions += 1
-        found.append(Endpoint(entry, message, _ros_name(entry, message, catalog.conventions), object_id))
+        found.append(Endpoint(entry, message, _ros_name(entry, message, catalog.conventions), object_id, interval))
     return tuple(found)
+
+
+def _interval(entry: BridgeEntry, conventions: Conventions) -> int:
+    """Return the milliseconds that PX4 makes of a rate limit (`generate_dds_topics.py` since July 2026)."""
+    rate = entry.rate_limit_hz
+    if rate is None or (rate == 0 and not conventions.exact_intervals):
+        return conventions.default_interval_ms
+    if not conventions.exact_intervals:
+        return int(1000 / rate)
+    return nearest_interval(rate)
+
+
+def nearest_interval(rate: float) -> int:
+    """Return the whole number of milliseconds nearest to a rate limit in Hz, at least 1; 0 for no limit."""
+    return max(1, round(1000 / rate)) if rate else 0
 
 
 def endpoint_versions(catalog: Catalog, endpoint: Endpoint) -> tuple[tuple[str, Message], ...]:

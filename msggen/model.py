@@ -11,6 +11,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import NamedTuple, Union
 
+from msggen.diagnostics import Diagnostic
 from msggen.location import Location
 
 Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated, and it names itself
@@ -245,11 +246,21 @@ class Direction(Enum):
     IN = "in"
 
 
+def options_text(options: Mapping[str, object]) -> str:
+    """Return the options of an entry as PX4 hands them to Zenoh's client: `cc=block,express=true`."""
+    return ",".join(
+        f"{key}={str(value).lower() if isinstance(value, bool) else value}" for key, value in options.items()
+    )
+
+
 class BridgeEntry(NamedTuple):
     """One entry of `dds_topics.yaml`.
 
-    `rate_limit_hz` is None where the entry has none (the firmware then polls at 100 Hz) and 0.0 for no
-    limit. `instance` is None where the entry has none.
+    `rate_limit_hz` is None where the entry has none (the firmware then has a default) and 0.0 for no limit.
+    `instance` counts for publications only. `route_field` and `max_instances` come together, in
+    `subscriptions_multi` (PX4 v1.18): each value of that field of a sample gets a uORB instance of its own, and what
+    comes after `max_instances` values is dropped. `options` are for Zenoh's client. `extra` has the keys that msggen
+    does not know, and the values that it cannot use.
     """
 
     direction: Direction
@@ -260,6 +271,19 @@ class BridgeEntry(NamedTuple):
     multi: bool = False
     rate_limit_hz: float | None = None
     instance: int | None = None
+    route_field: str | None = None
+    max_instances: int | None = None
+    options: Mapping[str, object] = MappingProxyType({})
+    extra: Mapping[str, object] = MappingProxyType({})
+
+    def __hash__(self) -> int:
+        """Two entries are never at one place; their data may hold lists, which have no hash."""
+        return hash(self.location)
+
+    @property
+    def options_text(self) -> str:
+        """The options as PX4 hands them to Zenoh's client."""
+        return options_text(self.options)
 
     @property
     def uorb_topic(self) -> str:
@@ -278,12 +302,19 @@ class BridgeEntry(NamedTuple):
 
 
 class Conventions(NamedTuple):
-    """How a release of the firmware names and numbers what crosses the bridge (FACTS 4)."""
+    """How a firmware names, numbers and times what crosses the bridge.
+
+    `release` is the release that it follows. `default_interval_ms` is the shortest time between two samples of a
+    publication without a rate limit. With `exact_intervals` a rate limit becomes the nearest whole number of
+    milliseconds, and 0 means no limit; before July 2026 the fraction was cut, and 0 meant the default.
+    """
 
     release: str
     first_subscription_id: int
     full_topic_path: bool
     version_suffix: bool
+    default_interval_ms: int
+    exact_intervals: bool
 
 
 class Catalog(NamedTuple):
@@ -291,6 +322,8 @@ class Catalog(NamedTuple):
 
     The messages of `package` are uORB's, and have topics; those of other packages only ROS 2 knows. `archived` has
     earlier versions of messages by key, where they were asked for: they are no longer on uORB, and have no topics.
+    `bridge_extra` has what the bridge's YAML holds besides the lists of topics that msggen knows. `notices` are the
+    warnings and notes about the sources.
     """
 
     messages: Mapping[str, Message]
@@ -299,6 +332,8 @@ class Catalog(NamedTuple):
     conventions: Conventions
     package: str = DEFAULT_PACKAGE
     archived: Mapping[str, Message] = MappingProxyType({})
+    bridge_extra: Mapping[str, object] = MappingProxyType({})
+    notices: tuple[Diagnostic, ...] = ()
 
     @property
     def uorb_messages(self) -> tuple[Message, ...]:

@@ -18,11 +18,15 @@ _SAFE_NAME = re.compile(r"(?:[A-Za-z0-9_]+/)*[A-Za-z0-9_.]*[A-Za-z0-9_]")
 
 
 class Record(NamedTuple):
-    """What a run wrote: digests by file name, the fingerprint of what they were made from, and what it said."""
+    """What a run wrote: digests by file name, the fingerprint of what they were made from, and what it said.
+
+    `has_warnings` tells a later run that there are some to repeat.
+    """
 
     fingerprint: str
     summary: str
     files: Mapping[str, str]
+    has_warnings: bool = False
 
 
 NOTHING = Record("", "", {})
@@ -56,7 +60,8 @@ def parse_record(data: bytes) -> Record:
     try:
         stored = json.loads(data)
         files = {name: str(value) for name, value in stored["files"].items() if _SAFE_NAME.fullmatch(name)}
-        record = Record(str(stored["fingerprint"]), str(stored["summary"]), files)
+        warnings = stored.get("has_warnings") is True
+        record = Record(str(stored["fingerprint"]), str(stored["summary"]), files, warnings)
         return record if stored["seal"] == _seal(record) else record._replace(fingerprint="")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return NOTHING
@@ -70,6 +75,8 @@ def _seal(record: Record) -> str:
 def write_record(folder: str, record: Record) -> None:
     """Replace the record of `folder`, whole or not at all."""
     stored = {**record._asdict(), "files": dict(sorted(record.files.items())), "seal": _seal(record)}
+    if not record.has_warnings:
+        del stored["has_warnings"]
     staged = os.path.join(folder, f"{MANIFEST}.new")
     try:
         write_text(staged, json.dumps(stored, indent=1) + "\n")

@@ -22,6 +22,7 @@ class Settings(NamedTuple):
     output: str | None = None
     package: str | None = None
     archived: bool | None = None
+    strict: bool | None = None
     select: tuple[str, ...] | None = None
     ignore: tuple[str, ...] = ()
     per_message_ignores: Mapping[str, tuple[str, ...]] = MappingProxyType({})
@@ -111,7 +112,7 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
     if field == "msg_dir":
         folders = _texts(value, key, "folders", path, place)
         return tuple(_folder(item, base, Location(path, *place)) for item in folders)
-    if field == "archived":
+    if field in ("archived", "strict"):
         if not isinstance(value, bool):
             _fail(path, "C103", f"'{key}': expected true or false, found {value!r}", *place)
         return value

@@ -93,11 +93,25 @@ def bridge(topics_file: Path, template: Path, namespace: str = "") -> str:
             entry["simple_base_type"] = snake_case(entry["type"].split("::")[-1])
             entry["dds_type"] = entry["type"].replace("::msg::", "::msg::dds_::") + "_"
             entry["topic_simple"] = entry["topic"].split("/")[-1]
+            entry["publish_interval_ms"] = interval(entry.get("rate_limit"))
+            options = entry.get("options") or {}
+            texts = {key: {True: "true", False: "false"}.get(value, value) for key, value in options.items()}
+            entry["pub_options_str"] = ",".join(f"{key}={value}" for key, value in texts.items())
             if name == "publications":
                 entry["topic"] += str(entry.get("instance", ""))
                 entry.setdefault("instance", 0)
     includes = sorted({entry["simple_base_type"] for entries in lists.values() for entry in entries})
     return expand(template.read_text(), {**lists, "type_includes": includes, "namespace": namespace})
+
+
+def interval(rate: Any) -> int | None:
+    """Return the milliseconds of a rate limit: None for the default, 0 for no limit."""
+    if rate is None:
+        return None
+    if isinstance(rate, str):
+        assert rate.strip().lower() in ("unlimited", "off", "none")
+        return 0
+    return 0 if rate <= 0 else max(1, round(1000 / rate))
 
 
 def topics(path: Path) -> list[str]:

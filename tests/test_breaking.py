@@ -777,11 +777,14 @@ def on_the_bridge(capsys: Capture, before: str, after: str) -> set[tuple[object,
 @pytest.mark.parametrize(
     ("before", "after", "found"),
     [
-        ("", "  rate_limit: 100\n", NONE),
-        ("", "  rate_limit: 100.0\n", NONE),
+        ("", "  rate_limit: 250\n", NONE),
+        ("", "  rate_limit: 250.0\n", NONE),
+        ("  rate_limit: 334\n", "  rate_limit: 333\n", NONE),
+        ("  rate_limit: off\n", "  rate_limit: None\n", NONE),
+        ("", "  rate_limit: 100\n", WARNED),
         ("  rate_limit: 0\n", "  rate_limit: unlimited\n", NONE),
         ("  rate_limit: 5\n", "  rate_limit: 5.\n", NONE),
-        ("  options: {a: 1}\n", "", NONE),
+        ("  options: {}\n", "", NONE),
         ("", "  rate_limit: 50\n", WARNED),
         ("  rate_limit: 5\n", "", WARNED),
         ("", "  rate_limit: unlimited\n", WARNED),
@@ -794,13 +797,42 @@ def test_a_rate_counts_by_what_the_firmware_makes_of_it(
     assert on_the_bridge(capsys, ENTRY + before, ENTRY + after) == found
 
 
+MULTI = ENTRY.replace("publications", "subscriptions_multi").replace("/out/", "/in/")
+ROUTED = f"{MULTI}  route_field: id\n  max_instances: 4\n"
+ROUTE = {("ROUTE_CHANGED", "/fmu/in/rpm")}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "found"),
+    [
+        (MULTI, ROUTED, ROUTE),
+        (ROUTED, MULTI, ROUTE),
+        (MULTI.replace("_multi", ""), MULTI, ROUTE),
+        (ROUTED, ROUTED.replace(": 4", ": 3"), ROUTE),
+        (ROUTED, ROUTED.replace(": 4", ": 5"), NONE),
+        (ROUTED, ROUTED.replace(": id", ": source"), ROUTE),
+        (ROUTED, ROUTED, NONE),
+    ],
+)
+def test_a_route_decides_which_instance_a_sample_reaches(
+    before: str, after: str, found: set[tuple[str, str]], capsys: Capture
+) -> None:
+    write_definitions(FIRMWARE, {"msg/Rpm.msg": "uint64 timestamp\nuint8 id\nuint8 source\n"})
+    assert on_the_bridge(capsys, before, after) == found
+
+
+def test_options_of_zenoh_are_compared(capsys: Capture) -> None:
+    before, after = (f"{ENTRY}  options: {{{options}}}\n" for options in ("cc: drop, rel: reliable", "cc: block"))
+    assert on_the_bridge(capsys, before, after) == {("OPTIONS_CHANGED", "/fmu/out/rpm")}
+
+
 def test_a_warning_is_shown_and_fails_nothing(capsys: Capture) -> None:
     bridge(ENTRY)
     write_definitions(FIRMWARE, {YAML: f"{ENTRY}  rate_limit: 5\n"})
     assert breaking("--px4", "firmware", "--against", "HEAD", "--output-format", "concise") == DONE
     *_, finding, last = capsys.readouterr().out.splitlines()
     assert (
-        "RATE_LIMIT_CHANGED warning: '/fmu/out/rpm' is sent with at most 5 Hz, in HEAD with at most 100 Hz" in finding
+        "RATE_LIMIT_CHANGED warning: '/fmu/out/rpm' is sent with at most 5 Hz, in HEAD with at most 250 Hz" in finding
     )
     assert last.endswith("breaks nothing of HEAD: 8 messages, 1 service, 1 only warned of")
 

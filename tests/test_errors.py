@@ -30,6 +30,8 @@ BAR = "in/msg/Bar.msg"
 SERVICE = "in/srv/Ask.srv"
 YAML = "in/dds_topics.yaml"
 ENTRY = "publications:\n- topic: /fmu/out/foo\n  type: px4_msgs::msg::Foo\n"
+MULTI = "subscriptions_multi:\n- topic: /fmu/in/foo\n  type: px4_msgs::msg::Foo\n"
+ROUTED = f"{MULTI}  max_instances: 4\n"
 TREE = ("--px4", "in")
 
 
@@ -55,8 +57,13 @@ def in_a_tree(code: str, fragment: str, text: str) -> Fault:
 
 
 def bridge(code: str, place: str, fragment: str, text: str) -> Fault:
-    """Return a fault in the YAML, beside two sound messages."""
-    return Fault(code, f"{YAML}:{place}", fragment, {FOO: STAMP, BAR: STAMP, YAML: text})
+    """Return an error in the YAML, beside two sound messages."""
+    return Fault(code, f"{YAML}:{place}", fragment, {FOO: f"{STAMP}uint8 id\nfloat32 x\n", BAR: STAMP, YAML: text})
+
+
+def doubt(code: str, place: str, fragment: str, text: str) -> Fault:
+    """Return a warning about the YAML, which `--strict` makes an error."""
+    return bridge(code, place, fragment, text)._replace(source=(*TREE, "--strict"))
 
 
 FAULTS = [
@@ -154,15 +161,11 @@ FAULTS = [
     bridge("Y102", "2:3", "expected a mapping with topic", "publications:\n- foo\n"),
     bridge("Y102", "2:10", "found fmu/out/foo", "publications:\n- topic: fmu/out/foo\n  type: px4_msgs::msg::Foo\n"),
     bridge("Y102", "3:9", "found px4_msgs/msg/Foo", "publications:\n- topic: /fmu/out/foo\n  type: px4_msgs/msg/Foo\n"),
-    bridge("Y102", "4:15", "expected a frequency in Hz or 'unlimited', found fast", f"{ENTRY}  rate_limit: fast\n"),
-    bridge("Y102", "4:15", "found -5", f"{ENTRY}  rate_limit: -5\n"),
-    bridge("Y102", "4:13", "a whole number from 0 to 255, found 1.5", f"{ENTRY}  instance: 1.5\n"),
-    bridge("Y102", "4:12", "expected a mapping, found a list", f"{ENTRY}  options: [1]\n"),
-    bridge("Y103", "1:1", "did you mean 'publications'?", "publicatoins:\n"),
-    bridge("Y103", "4:3", "did you mean 'rate_limit'?", f"{ENTRY}  ratelimit: 5\n"),
-    bridge("Y103", "4:3", "'type' stands here twice", f"{ENTRY}  type: px4_msgs::msg::Foo\n"),
     bridge("Y104", "2:3", "expected the key 'type'", "publications:\n- topic: /fmu/out/foo\n"),
     bridge("Y104", "2:3", "expected the key 'topic'", "subscriptions:\n- type: px4_msgs::msg::Foo\n"),
+    bridge("Y104", "4:16", "the key 'max_instances' beside 'route_field'", f"{MULTI}  route_field: id\n"),
+    bridge("Y205", "2:10", "no field 'ids' to route by, did you mean 'id'?", f"{ROUTED}  route_field: ids\n"),
+    bridge("Y205", "2:10", "expected an integer, found float32", f"{ROUTED}  route_field: x\n"),
     bridge("Y201", "3:9", "did you mean 'px4_msgs::msg::Foo'?", ENTRY.replace("Foo", "Fooo")),
     bridge("Y201", "3:9", "no message defines the type 'my_msgs::msg::Foo'", ENTRY.replace("px4_msgs", "my_msgs")),
     bridge("Y202", "2:10", "did you mean 'foo'?", ENTRY.replace("out/foo", "out/foo2")),
@@ -189,11 +192,29 @@ FAULTS = [
     Fault("S108", "in@v1.16", "not a git repository", {FOO: STAMP}, ("--px4", "in@v1.16")),
     Fault("S109", "in.zip", "cannot be read as an archive", {"in.zip": "<html>Not found</html>"}, ("--px4", "in.zip")),
     Fault("S117", "--archived", "in has no earlier versions of messages", {FOO: STAMP}, (*TREE, "--archived")),
-    Fault("S105", "--release", "did you mean 'v1.17'?", {FOO: STAMP}, (*TREE, "--release", "v1.71")),
+    Fault("S105", "--release", "did you mean 'v1.18'?", {FOO: STAMP}, (*TREE, "--release", "v1.71")),
 ]
 
-OF_OTHER_COMMANDS = {"S110", "S111", "S112", "S113", "S114", "S115", "S116"}
-"""What no build says: tests/test_check.py has S110, tests/test_sync_refused.py the others."""
+DOUBTS = [
+    doubt("Y103", "1:1", "did you mean 'publications'?", "publicatoins:\n"),
+    doubt("Y103", "1:1", "unknown key 'services'", "services: [{topic: /fmu/in/foo}]\n"),
+    doubt("Y103", "4:3", "did you mean 'rate_limit'?", f"{ENTRY}  ratelimit: 5\n"),
+    doubt("Y103", "4:3", "'type' stands here twice", f"{ENTRY}  type: px4_msgs::msg::Foo\n"),
+    doubt("Y105", "4:15", "expected a frequency in Hz, 0 or 'unlimited', found fast", f"{ENTRY}  rate_limit: fast\n"),
+    doubt("Y105", "4:15", "expected a frequency in Hz, 0 or 'unlimited', found .nan", f"{ENTRY}  rate_limit: .nan\n"),
+    doubt("Y105", "4:13", "a whole number from 0 to 255, found 1.5", f"{ENTRY}  instance: 1.5\n"),
+    doubt("Y105", "4:13", "a whole number from 0 to 255, found true", f"{ENTRY}  instance: true\n"),
+    doubt("Y105", "5:18", "a whole number from 1 to 255, found 0", f"{MULTI}  route_field: id\n  max_instances: 0\n"),
+    doubt("Y105", "5:16", "the name of a field, found a list", f"{ROUTED}  route_field: [id]\n"),
+    doubt("Y106", "4:16", "no effect in 'publications', only in 'subscriptions_multi'", f"{ENTRY}  route_field: id\n"),
+    doubt("Y106", "4:15", "'rate_limit' has no effect in 'subscriptions_multi'", f"{MULTI}  rate_limit: 5\n"),
+    doubt("Y107", "4:12", "expected a mapping, found a list", f"{ENTRY}  options: [1]\n"),
+    doubt("Y107", "4:13", "unknown option 'pro', did you mean 'prio'?", f"{ENTRY}  options: {{pro: data}}\n"),
+    doubt("Y107", "4:17", "'cc': expected drop, block; found wait", f"{ENTRY}  options: {{cc: wait}}\n"),
+]
+
+OF_OTHER_COMMANDS = {"S110", "S111", "S112", "S113", "S114", "S115", "S116", "S119"}
+"""What no build stops at: test_check.py has S110, test_novelties.py S119, test_sync_refused.py the others."""
 
 
 def build(folder: Path, fault: Fault, monkeypatch: pytest.MonkeyPatch) -> int:
@@ -224,7 +245,7 @@ def faults_in(message: bytes, yaml: bytes = b"", service: bytes = b"---") -> tup
 # One fault at a time
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.code} {fault.fragment}")
+@pytest.mark.parametrize("fault", [*FAULTS, *DOUBTS], ids=lambda fault: f"{fault.code} {fault.fragment}")
 def test_each_fault_is_told_with_its_place_code_and_help(
     fault: Fault, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -238,8 +259,33 @@ def test_each_fault_is_told_with_its_place_code_and_help(
     assert files_below(tmp_path).keys() == fault.files.keys()
 
 
+@pytest.mark.parametrize("fault", DOUBTS, ids=lambda fault: f"{fault.code} {fault.fragment}")
+def test_what_px4_may_have_added_is_a_warning(
+    fault: Fault, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for _ in range(2):  # it is said again where there is nothing to do
+        assert build(tmp_path, fault._replace(source=TREE), monkeypatch) == DONE
+        told = capsys.readouterr().err
+        assert told.startswith(f"{fault.place}: {fault.code} warning: ")
+        assert fault.fragment in told
+        assert told.count("\n") == 1
+    assert build(tmp_path, fault, monkeypatch) == FAILED
+
+
+def test_warnings_are_told_beside_errors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert build(tmp_path, bridge("", "", "", f"{ENTRY}  rate: 5\n- topic: /fmu/out/foo\n"), monkeypatch) == FAILED
+    warning, error, last = capsys.readouterr().err.splitlines()
+    assert warning.startswith(f"{YAML}:4:3: Y103 warning: unknown key 'rate'")
+    assert error.startswith(f"{YAML}:5:3: Y104 expected the key 'type'")
+    assert last == "1 error, nothing written"
+
+
 def test_the_table_has_every_code_of_definitions_bridge_and_sources() -> None:
-    assert {fault.code for fault in FAULTS} == {code for code in CODES if code[0] in "MYS"} - OF_OTHER_COMMANDS
+    assert {fault.code for fault in [*FAULTS, *DOUBTS]} == {
+        code for code in CODES if code[0] in "MYS"
+    } - OF_OTHER_COMMANDS
 
 
 # All of them at once
@@ -258,7 +304,7 @@ def test_all_faults_of_all_files_come_in_one_run_in_order(
     assert build(tmp_path, Fault("", "", "", files), monkeypatch) == FAILED
     *told, last = capsys.readouterr().err.splitlines()
     assert [" ".join(text.split()[:2]) for text in told] == [
-        f"{YAML}:4:3: Y103",
+        f"{YAML}:4:3: Y103",  # a warning, told before the errors
         f"{YAML}:5:10: Y204",
         f"{YAML}:6:9: Y201",
         f"{BAR}:2:1: M301",
@@ -270,7 +316,7 @@ def test_all_faults_of_all_files_come_in_one_run_in_order(
         f"{SERVICE}:1:1: M301",
         f"{SERVICE}:3:7: M202",
     ]
-    assert last == "11 errors, nothing written"
+    assert last == "10 errors, nothing written"
 
 
 def test_both_missing_keys_of_an_entry_are_told() -> None:
@@ -432,7 +478,7 @@ def test_any_service_is_read_or_refused(data: bytes) -> None:
 
 def test_a_yaml_that_nests_without_end_is_refused() -> None:
     # In a process of its own: what overflows the stack takes the interpreter with it.
-    code = "parse_bridge(b'[' * 100_000, 'topics.yaml')[1][0].code"
+    code = "parse_bridge(b'[' * 100_000, 'topics.yaml').found[0].code"
     program = f"from msggen.parse.bridge import parse_bridge; print({code})"
     outcome = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert (outcome.returncode, outcome.stdout) == (0, "Y101\n")

@@ -7,17 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import VECTORS, catalog_of, shared
+from conftest import VECTORS, catalog_of, shared, write_definitions
 
 from msggen.firmware import source
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.release import CONVENTIONS
+from msggen.firmware.release import CONVENTIONS, as_shown
 from msggen.firmware.source import find_sources
-from msggen.identity import endpoints, message_hash, type_hash, uorb_topics
+from msggen.identity import Endpoint, endpoints, message_hash, type_hash, uorb_topics
 from msggen.layout import lay_out, struct_size
-from msggen.model import Catalog
+from msggen.model import Catalog, Direction
 
-RELEASES = ["v1.14", "v1.16", "v1.17", "main-2026-03"]
+RELEASES = ["v1.14", "v1.16", "v1.17", "v1.18", "main-2026-03"]
 
 
 def release_catalog(release: str) -> Catalog:
@@ -56,6 +56,13 @@ def dds_of(catalog: Catalog) -> list[dict[str, Any]]:
             "object_id": endpoint.object_id,
             "cdr_size": lay_out(catalog, endpoint.message).size,
             "rate_limit_hz": endpoint.entry.rate_limit_hz,
+            "publish_interval_ms": endpoint.publish_interval_ms,
+            "instance": endpoint.entry.instance,
+            "orb_topic": endpoint.entry.uorb_topic,
+            "queue_depth": endpoint.reader_qos.depth if endpoint.entry.direction is Direction.IN else None,
+            "multi": endpoint.entry.multi,
+            "route_field": endpoint.entry.route_field,
+            "max_instances": endpoint.entry.max_instances,
         }
         for endpoint in endpoints(catalog)
     ]
@@ -65,8 +72,17 @@ def rihs01_of(catalog: Catalog) -> dict[str, str]:
     return {message.name: type_hash(catalog, message) for message in catalog.messages.values()}
 
 
-def without_orb_id(entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    return [{key: value for key, value in entry.items() if key != "orb_id"} for entry in entries]
+UNCHECKED = {"orb_id", "object_id_unconditional"}
+"""Columns of what the firmware computed that are not of an endpoint."""
+
+
+def assert_same_endpoints(found: list[dict[str, Any]], expected: list[dict[str, Any]]) -> None:
+    """Compare what the firmware computed: newer releases have more columns."""
+    columns = expected[0].keys() - UNCHECKED
+    assert columns <= found[0].keys()
+    assert [{key: entry[key] for key in columns} for entry in found] == [
+        {key: entry[key] for key in columns} for entry in expected
+    ]
 
 
 def test_the_embedded_set_is_v1_17(embedded: Catalog) -> None:
@@ -76,7 +92,7 @@ def test_the_embedded_set_is_v1_17(embedded: Catalog) -> None:
 
 def test_the_embedded_bridge_is_that_of_v1_17_and_debug_vect(embedded: Catalog) -> None:
     found = dds_of(embedded)
-    assert found[:-1] == without_orb_id(load(VECTORS / "dds.json"))
+    assert_same_endpoints(found[:-1], load(VECTORS / "dds.json"))
     assert found[-1]["yaml_topic"] == "/fmu/in/debug_vect"
     assert found[-1]["object_id"] == found[-2]["object_id"] + 1
 
@@ -88,16 +104,24 @@ def test_uorb_of_every_release(release: str) -> None:
 
 @pytest.mark.parametrize("release", RELEASES)
 def test_the_bridge_of_every_release(release: str) -> None:
-    assert dds_of(release_catalog(release)) == without_orb_id(load(shared(f"oracles/dds-{release}.json")))
+    assert_same_endpoints(dds_of(release_catalog(release)), load(shared(f"oracles/dds-{release}.json")))
 
 
-@pytest.mark.parametrize("release", ["v1.16", "v1.17"])
+@pytest.mark.parametrize("release", ["v1.16", "v1.17", "v1.18"])
 def test_ros_type_hashes_of_every_release(release: str) -> None:
     assert rihs01_of(release_catalog(release)) == load(shared(f"oracles/rihs01-{release}.json"))
 
 
 @pytest.mark.parametrize(
-    ("release", "recognised"), [("v1.14", "v1.14"), ("v1.16", "v1.16"), ("v1.17", "v1.16"), ("main-2026-03", "v1.16")]
+    ("release", "recognised"),
+    [
+        ("v1.14", "v1.14"),
+        ("v1.15", "v1.15"),
+        ("v1.16", "v1.16"),
+        ("v1.17", "v1.16"),
+        ("main-2026-03", "v1.16"),
+        ("v1.18", "v1.18"),
+    ],
 )
 def test_releases_are_recognised_by_their_conventions(release: str, recognised: str) -> None:
     assert release_catalog(release).conventions.release == recognised
@@ -112,7 +136,7 @@ BRIDGED = {
         "subscriptions:\n"
         "  - {topic: /fmu/in/odometry, type: 'px4_msgs::msg::Odometry'}\n"
         "subscriptions_multi:\n"
-        "  - {topic: /robot/fmu/in/odometry, type: 'px4_msgs::msg::Odometry', rate_limit: unlimited}\n"
+        "  - {topic: /robot/fmu/in/odometry, type: 'px4_msgs::msg::Odometry'}\n"
     ),
     "msg/Aim.msg": "uint64 timestamp\n",
 }
@@ -142,8 +166,104 @@ def test_a_release_that_is_given_overrules_the_tree(release: str, name: str, fir
     assert (last.ros_name, last.object_id) == (name, first_id + 1)
 
 
-def test_a_rate_limit_of_zero_or_unlimited_is_none_at_all(tmp_path: Path) -> None:
-    assert endpoints(catalog_of(tmp_path, BRIDGED))[-1].entry.rate_limit_hz == 0.0
+NO_LIMIT = ["0", "0.0", "-5", "unlimited", "Unlimited", "off", '"off"', "OFF", "none", "' None '", "false", "-.inf"]
+"""All spellings of it that PX4's script takes."""
+
+
+def limited(rate: str, release: str, folder: Path) -> Endpoint:
+    """Return an endpoint with a rate limit, as it stands in the YAML."""
+    entry = f"{{topic: /fmu/out/aim, type: 'px4_msgs::msg::Aim', rate_limit: {rate}}}"
+    write_definitions(folder, {"msg/Aim.msg": "uint64 timestamp\n", "dds_topics.yaml": f"publications:\n  - {entry}\n"})
+    return endpoints(read_catalog(find_sources(str(folder), release=release)))[0]
+
+
+@pytest.mark.parametrize("rate", NO_LIMIT)
+def test_no_limit_has_many_spellings(rate: str, tmp_path: Path) -> None:
+    endpoint = limited(rate, "v1.18", tmp_path)
+    assert (endpoint.entry.rate_limit_hz, endpoint.publish_interval_ms) == (0.0, 0)
+    assert limited(rate, "v1.17", tmp_path).publish_interval_ms == 10
+
+
+@pytest.mark.parametrize(
+    ("rate", "since_july_2026", "before"),
+    [
+        ("null", 4, 10),
+        ("100", 10, 10),
+        ("30", 33, 33),
+        ("60", 17, 16),
+        ("400", 2, 2),
+        ("666.6", 2, 1),
+        ("2000", 1, 0),
+        ("0.5", 2000, 2000),
+        ("true", 1000, 1000),
+        (".inf", 1, 0),
+    ],
+)
+def test_a_rate_limit_is_an_interval_in_milliseconds(
+    rate: str, since_july_2026: int, before: int, tmp_path: Path
+) -> None:
+    assert limited(rate, "v1.18", tmp_path).publish_interval_ms == since_july_2026
+    assert limited(rate, "v1.16", tmp_path).publish_interval_ms == before
+
+
+def test_a_reader_keeps_a_queue_for_each_of_its_sources(tmp_path: Path) -> None:
+    entry = "{topic: /fmu/in/aim, type: 'px4_msgs::msg::Aim'"
+    files = {
+        "msg/Aim.msg": "uint8 ORB_QUEUE_LENGTH = 3\nuint64 timestamp\nuint8 id\n",
+        "dds_topics.yaml": (
+            f"subscriptions:\n  - {entry}}}\n"
+            f"subscriptions_multi:\n  - {entry.replace('in/', 'in/a/')}, route_field: id, max_instances: 5}}\n"
+            f"  - {entry.replace('in/', 'in/b/')}}}\n"
+        ),
+    }
+    found = endpoints(catalog_of(tmp_path, files))
+    assert [(each.reader_qos.depth, each.entry.route_field, each.entry.multi) for each in found] == [
+        (6, None, False),
+        (15, "id", True),
+        (6, None, True),
+    ]
+    assert [each.object_id for each in found] == [2048, 2049, 2050]
+
+
+# What the sources of the bridge's client show
+
+HEADER = """
+#define UXRCE_DEFAULT_POLL_INTERVAL_MS 7
+  @(pub['publish_interval_ms'])
+  case @(idx)+ (65535U / 32U) + 1: {
+"""
+UTILITIES = 'snprintf(version, n, "_v%u", v); snprintf(name, n, "rt/%s%s", topic, version);'
+OLD_HEADER = "#define UXRCE_DEFAULT_POLL_RATE 20\n case @(idx)+1000: {\n"
+OLD_UTILITIES = 'snprintf(topic, n, "rt/fmu/%s/%s", direction, name);'
+
+
+@pytest.mark.parametrize("release", [*CONVENTIONS])
+@pytest.mark.parametrize(
+    ("header", "utilities", "shown"),
+    [
+        (HEADER, UTILITIES, (2048, True, True, 7, True)),
+        (OLD_HEADER, OLD_UTILITIES, (1000, False, False, 20, False)),
+    ],
+)
+def test_what_the_client_shows_counts_before_the_release(
+    header: str, utilities: str, shown: tuple[object, ...], release: str
+) -> None:
+    assert as_shown(CONVENTIONS[release], header, utilities)[1:] == shown
+
+
+def test_a_client_that_shows_nothing_changes_nothing() -> None:
+    assert as_shown(CONVENTIONS["v1.18"], "", "") == CONVENTIONS["v1.18"]
+
+
+def test_a_tree_is_read_with_its_client(tmp_path: Path) -> None:
+    client = "src/modules/uxrce_dds_client"
+    files = {**BRIDGED, f"{client}/dds_topics.h.em": OLD_HEADER, f"{client}/utilities.hpp": OLD_UTILITIES}
+    files[f"{client}/dds_topics.yaml"] = files.pop("dds_topics.yaml")
+    found = endpoints(catalog_of(tmp_path, files))
+    assert [(each.ros_name, each.object_id, each.publish_interval_ms) for each in found[1:3]] == [
+        ("/fmu/out/odometry0", 1, 20),
+        ("/fmu/in/odometry", 1000, None),
+    ]
 
 
 def test_the_releases_that_can_be_named_are_those_with_conventions() -> None:

@@ -29,6 +29,8 @@ INCLUDES = ["msg", "msg/versioned"]
 TEMPLATES = "Tools/msg/templates"
 CLIENT = "src/modules/uxrce_dds_client"
 STAMP = "uint64 timestamp\n"
+ZENOH_TOPICS, ZENOH_TEMPLATE = "src/modules/zenoh/dds_topics.yaml", "src/modules/zenoh/default_topics.c.em"
+SCRIPT = f"{CLIENT}/generate_dds_topics.py"
 
 
 @pytest.fixture(autouse=True)
@@ -93,6 +95,15 @@ def test_the_bridges_file_is_as_the_script_makes_it(monkeypatch: pytest.MonkeyPa
     assert contents("out") == contents("expected/bridge")
 
 
+@pytest.mark.parametrize("namespace", ["", "uav_1"])
+def test_zenohs_file_is_as_the_script_makes_it(namespace: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PX4_UXRCE_DDS_NS", namespace)
+    assert main(["px4-generate", "-y", ZENOH_TOPICS, "-t", ZENOH_TEMPLATE, "-u", "out"]) == DONE
+    assert contents("out") == {"default_topics.c": bridge(Path(ZENOH_TOPICS), Path(ZENOH_TEMPLATE), namespace)}
+    if not namespace:
+        assert contents("out") == contents("expected/zenoh")
+
+
 def test_without_a_namespace_topics_are_as_the_yaml_has_them() -> None:
     assert generate_bridge() == DONE
     template, topics = Path(CLIENT, "dds_topics.h.em"), Path(CLIENT, "dds_topics.yaml")
@@ -140,6 +151,49 @@ def test_a_firmwares_own_script_makes_the_same_bridge() -> None:
     client = firmware() / CLIENT
     arguments = ["-y", str(client / "dds_topics.yaml"), "-t", str(client / "dds_topics.h.em"), "-u"]
     compare(client / "generate_dds_topics.py", arguments)
+
+
+def test_a_firmwares_own_script_makes_the_same_file_for_zenoh() -> None:
+    tree = firmware()
+    if not (tree / ZENOH_TOPICS).is_file():
+        pytest.skip("this firmware has no topics for Zenoh")
+    arguments = ["-y", str(tree / ZENOH_TOPICS), "-t", str(tree / ZENOH_TEMPLATE), "-u"]
+    compare(tree / SCRIPT, arguments)
+
+
+# Names that the script computes
+
+
+def asks(expression: str) -> None:
+    """Have the bridge's template ask each publication for something on line 3."""
+    text = f"first\n@[for pub in publications]@\n@({expression})\n@[end for]@\n"
+    write_definitions(Path(), {f"{CLIENT}/dds_topics.h.em": text})
+
+
+@pytest.mark.parametrize("expression", ["pub['deadline_ms']", "pub.get('deadline_ms')", "'deadline_ms' in pub"])
+@pytest.mark.parametrize("assignment", ["entry['deadline_ms'] = 5", 'p . setdefault( "deadline_ms", 0)'])
+def test_what_the_script_computes_and_msggen_does_not_is_an_error(
+    expression: str, assignment: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asks(expression)
+    write_definitions(Path(), {SCRIPT: f"{assignment}\n"})
+    assert generate_bridge() == FAILED
+    text = "'deadline_ms' is computed by the firmware's generate_dds_topics.py, and msggen does not know how"
+    assert faults(capsys) == [f"{CLIENT}/dds_topics.h.em:3:1: T107 {text}"]
+
+
+def test_what_the_script_does_not_compute_may_be_absent() -> None:
+    asks("pub.get('a_key_of_tomorrow'), pub.get('deadline_ms', 7), 'deadline_ms' in pub")
+    write_definitions(Path(), {SCRIPT: "known['rate'] == known['deadline_ms']\n"})
+    assert generate_bridge() == DONE
+    assert "(None, 7, False)" in contents("out")["dds_topics.h"]
+    assert "(True, 7, False)" in contents("out")["dds_topics.h"]
+
+
+def test_without_the_script_nobody_knows(capsys: pytest.CaptureFixture[str]) -> None:
+    asks("pub.get('route_field'), pub.get('a_key_of_tomorrow'), pub.get('deadline_ms')")
+    assert generate_bridge() == FAILED
+    assert "no entry has 'deadline_ms', and there is no generate_dds_topics.py" in faults(capsys)[0]
 
 
 def compare(script: Path, arguments: list[str]) -> None:
@@ -384,7 +438,7 @@ def test_what_is_missing_from_a_call_is_told(
         (None, ": S101 cannot read the topics: No such file or directory"),
         ("publications:\n- a: b: c\n", ":2:7: Y101 not YAML: "),
         ("publications:\n- topic: /fmu/out/x\n", ":2:3: Y104 expected the key 'type'"),
-        ("publications:\n- topic: /x\n  type: a::msg::B\n  instance: -1\n", ":4:13: Y102 'instance': expected"),
+        ("publications:\n- topic: /x\n  type: a::msg::B\n  instance: -1\n", ":4:13: Y105 'instance': expected"),
     ],
     ids=["missing", "not YAML", "no type", "instance"],
 )

@@ -47,6 +47,7 @@ release = "v1.16"
 output = "src"
 package = "vehicle_types"
 archived = true
+strict = true
 select = "WIRE"
 ignore = ["FIELD_ADDED", "DRIFT"]
 per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
@@ -60,6 +61,7 @@ per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
         "src",
         "vehicle_types",
         True,  # noqa: FBT003 - all of them in order
+        True,  # noqa: FBT003
         ("WIRE",),
         ("FIELD_ADDED", "DRIFT"),
         {"Debug*": ("WIRE", "HASH")},
@@ -297,7 +299,7 @@ def test_a_setting_with_an_impossible_value_is_refused(
     ("setting", "told"),
     [
         ('package = "two words"', "pyproject.toml:3:1: S103 'two words' cannot be imported"),
-        ('release = "v1.71"', "pyproject.toml:3:1: S105 unknown release 'v1.71', did you mean 'v1.17'?"),
+        ('release = "v1.71"', "pyproject.toml:3:1: S105 unknown release 'v1.71', did you mean 'v1.18'?"),
         ("archived = true", "pyproject.toml:3:1: S117 the embedded PX4 v1.17 has no earlier versions of messages"),
     ],
 )

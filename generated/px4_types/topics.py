@@ -341,6 +341,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "RegisterExtComponentReply",
         object_id=205,
         rate_limit_hz=None,
+        publish_interval_ms=10,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -353,6 +354,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "ArmingCheckRequest",
         object_id=16,
         rate_limit_hz=5.0,
+        publish_interval_ms=200,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -365,6 +367,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "ModeCompleted",
         object_id=157,
         rate_limit_hz=50.0,
+        publish_interval_ms=20,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -377,6 +380,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "BatteryStatus",
         object_id=20,
         rate_limit_hz=1.0,
+        publish_interval_ms=1000,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -389,6 +393,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "CollisionConstraints",
         object_id=27,
         rate_limit_hz=50.0,
+        publish_interval_ms=20,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -401,6 +406,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "EstimatorStatusFlags",
         object_id=85,
         rate_limit_hz=5.0,
+        publish_interval_ms=200,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -413,6 +419,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "FailsafeFlags",
         object_id=91,
         rate_limit_hz=5.0,
+        publish_interval_ms=200,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -425,6 +432,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "ManualControlSetpoint",
         object_id=148,
         rate_limit_hz=25.0,
+        publish_interval_ms=40,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -437,6 +445,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "MessageFormatResponse",
         object_id=154,
         rate_limit_hz=None,
+        publish_interval_ms=10,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -449,6 +458,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "PositionSetpointTriplet",
         object_id=192,
         rate_limit_hz=5.0,
+        publish_interval_ms=200,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -461,6 +471,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "SensorCombined",
         object_id=225,
         rate_limit_hz=None,
+        publish_interval_ms=10,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -473,6 +484,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "TimesyncStatus",
         object_id=249,
         rate_limit_hz=10.0,
+        publish_interval_ms=100,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -485,6 +497,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "TransponderReport",
         object_id=252,
         rate_limit_hz=None,
+        publish_interval_ms=10,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -497,6 +510,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleLandDetected",
         object_id=277,
         rate_limit_hz=5.0,
+        publish_interval_ms=200,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -509,6 +523,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleAttitude",
         object_id=264,
         rate_limit_hz=None,
+        publish_interval_ms=10,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -521,6 +536,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleControlMode",
         object_id=271,
         rate_limit_hz=50.0,
+        publish_interval_ms=20,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -533,6 +549,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleCommandAck",
         object_id=268,
         rate_limit_hz=None,
+        publish_interval_ms=10,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -545,6 +562,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleGlobalPosition",
         object_id=272,
         rate_limit_hz=50.0,
+        publish_interval_ms=20,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -557,6 +575,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "SensorGps",
         object_id=274,
         rate_limit_hz=50.0,
+        publish_interval_ms=20,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -569,6 +588,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleLocalPosition",
         object_id=278,
         rate_limit_hz=50.0,
+        publish_interval_ms=20,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -581,6 +601,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleOdometry",
         object_id=283,
         rate_limit_hz=None,
+        publish_interval_ms=10,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -593,6 +614,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleStatus",
         object_id=288,
         rate_limit_hz=5.0,
+        publish_interval_ms=200,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -605,6 +627,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "AirspeedValidated",
         object_id=13,
         rate_limit_hz=50.0,
+        publish_interval_ms=20,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -617,6 +640,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VtolVehicleStatus",
         object_id=297,
         rate_limit_hz=None,
+        publish_interval_ms=10,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -629,6 +653,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "HomePosition",
         object_id=128,
         rate_limit_hz=5.0,
+        publish_interval_ms=200,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -641,6 +666,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "Wind",
         object_id=299,
         rate_limit_hz=1.0,
+        publish_interval_ms=1000,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -653,6 +679,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "GimbalDeviceAttitudeStatus",
         object_id=110,
         rate_limit_hz=20.0,
+        publish_interval_ms=50,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0),
@@ -665,6 +692,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "RegisterExtComponentRequest",
         object_id=2048,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -677,6 +705,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "UnregisterExtComponent",
         object_id=2049,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -689,6 +718,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "ConfigOverrides",
         object_id=2050,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -701,6 +731,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "ArmingCheckReply",
         object_id=2051,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -713,6 +744,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "MessageFormatRequest",
         object_id=2052,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -725,6 +757,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "ModeCompleted",
         object_id=2053,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -737,6 +770,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleControlMode",
         object_id=2054,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -749,6 +783,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "DistanceSensor",
         object_id=2055,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -761,6 +796,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "ManualControlSetpoint",
         object_id=2056,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -773,6 +809,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "OffboardControlMode",
         object_id=2057,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -785,6 +822,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "OnboardComputerStatus",
         object_id=2058,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -797,6 +835,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "ObstacleDistance",
         object_id=2059,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -809,6 +848,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "SensorOpticalFlow",
         object_id=2060,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -821,6 +861,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "GotoSetpoint",
         object_id=2061,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -833,6 +874,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "TelemetryStatus",
         object_id=2062,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -845,6 +887,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "TrajectorySetpoint",
         object_id=2063,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -857,6 +900,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleAttitudeSetpoint",
         object_id=2064,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -869,6 +913,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleOdometry",
         object_id=2065,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -881,6 +926,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleRatesSetpoint",
         object_id=2066,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -893,6 +939,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleOdometry",
         object_id=2067,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -905,6 +952,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleCommand",
         object_id=2068,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -917,6 +965,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleCommand",
         object_id=2069,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -929,6 +978,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleThrustSetpoint",
         object_id=2070,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -941,6 +991,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleTorqueSetpoint",
         object_id=2071,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -953,6 +1004,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "ActuatorMotors",
         object_id=2072,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -965,6 +1017,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "ActuatorServos",
         object_id=2073,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -977,6 +1030,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "VehicleGlobalPosition",
         object_id=2074,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -989,6 +1043,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "FixedWingLongitudinalSetpoint",
         object_id=2075,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -1001,6 +1056,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "FixedWingLateralSetpoint",
         object_id=2076,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -1013,6 +1069,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "LongitudinalControlConfiguration",
         object_id=2077,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -1025,6 +1082,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "LateralControlConfiguration",
         object_id=2078,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -1037,6 +1095,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "RoverPositionSetpoint",
         object_id=2079,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -1049,6 +1108,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "RoverSpeedSetpoint",
         object_id=2080,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -1061,6 +1121,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "RoverAttitudeSetpoint",
         object_id=2081,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -1073,6 +1134,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "RoverRateSetpoint",
         object_id=2082,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -1085,6 +1147,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "RoverThrottleSetpoint",
         object_id=2083,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -1097,6 +1160,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "RoverSteeringSetpoint",
         object_id=2084,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -1109,6 +1173,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "LandingGear",
         object_id=2085,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),
@@ -1121,6 +1186,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "DebugVect",
         object_id=2086,
         rate_limit_hz=None,
+        publish_interval_ms=None,
         instance=None,
         qos=QosPair(
             writer=Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10),

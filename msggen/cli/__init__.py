@@ -17,7 +17,7 @@ from importlib import import_module
 from typing import Any
 
 from msggen import __version__
-from msggen.cli.common import DONE, FAILED, FINDINGS, print_annotations, print_faults, terminal_width
+from msggen.cli.common import DONE, FAILED, FINDINGS, print_annotations, print_faults, print_notices, terminal_width
 from msggen.diagnostics import InputError, suggestion
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main"]
@@ -53,6 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(options)
     except InputError as error:
         with suppress(BrokenPipeError):
+            print_notices(error.notices)
             print_faults(error.diagnostics, "nothing written" if options.writes else "cannot tell")
             print_annotations(error.diagnostics, options)
             return FAILED

@@ -9,7 +9,17 @@ import sys
 import time
 from collections.abc import Iterator
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_change, sources_of
+from msggen.cli.common import (
+    DONE,
+    FINDINGS,
+    Commands,
+    add_command,
+    add_source_options,
+    given,
+    print_change,
+    print_notices,
+    sources_of,
+)
 from msggen.diagnostics import counted, fault
 from msggen.firmware.source import Sources, with_archived
 from msggen.generate.build import Build, Outcome, depfile, write_if_changed
@@ -64,6 +74,7 @@ def _build(options: argparse.Namespace) -> int:
     if options.depfile and writes:
         first = os.path.join(outcome.folder, outcome.outputs[0])
         write_if_changed(options.depfile, depfile(first, sources.dependencies()))
+    print_notices(outcome.notices, quiet=options.quiet)
     lines = list(_report(outcome, sources.label, time.perf_counter() - started, writes=writes, verbose=options.verbose))
     if options.diff and outcome.plan:
         _print_diffs(outcome.plan)

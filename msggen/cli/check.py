@@ -13,6 +13,7 @@ from msggen.cli.common import (
     add_source_options,
     firmware_of,
     given,
+    is_strict,
     print_report,
 )
 from msggen.firmware.source import Sources, find_sources
@@ -48,7 +49,8 @@ def _check(options: argparse.Namespace) -> int:
         previous, judged = firmware_of(options, read_settings(".")), options.side
     else:
         previous, judged = _first_of_two(options), options.other
-    report = check(previous, find_sources(judged).with_packages_of(previous), topics_only=options.topics_only)
+    current = find_sources(judged).with_packages_of(previous)._replace(strict=previous.strict)
+    report = check(previous, current, topics_only=options.topics_only)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
 
@@ -56,6 +58,7 @@ def _check(options: argparse.Namespace) -> int:
 def _first_of_two(options: argparse.Namespace) -> Sources:
     """Return the side that the other is judged by; --msg-dir may name further packages, which both nest."""
     sources = find_sources(options.side, tuple(options.msg_dir or ()), options.topics, options.release)
+    sources = sources._replace(strict=is_strict(options, read_settings(".")))
     files = (*sources.messages, *sources.services)
     if options.px4 or any(file.tree is not sources.root and not file.package for file in files):
         text = "two sides need no --px4, and --msg-dir only for other packages"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from msggen.diagnostics import Diagnostic, InputError, counted, fault
+from msggen.diagnostics import Diagnostic, InputError, Level, counted, fault
 from msggen.firmware.source import Sources, find_sources, split_package
 from msggen.location import Location
 from msggen.settings import Settings
@@ -53,9 +53,19 @@ def add_source_options(parser: argparse.ArgumentParser) -> argparse._ArgumentGro
     )
     source.add_argument("--topics", metavar="FILE", type=given, help="dds_topics.yaml to use instead of the tree's own")
     source.add_argument(
-        "--release", type=given, help="conventions to follow, not those the tree shows: v1.14 to v1.17, main"
+        "--release", type=given, help="conventions to follow, not those the tree shows: v1.14 to v1.18, main"
     )
+    add_strict(source)
     return source
+
+
+def add_strict(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """Add the choice of what warnings mean."""
+    parser.add_argument(
+        "--strict",
+        action=argparse.BooleanOptionalAction,
+        help="treat warnings as errors, such as keys of dds_topics.yaml that msggen does not know",
+    )
 
 
 def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
@@ -66,13 +76,20 @@ def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
     faults = [*_missing(options, settings)]
     if faults:
         raise InputError(faults)
-    return find_sources(
+    found = find_sources(
         options.px4 or settings.px4,
         tuple(options.msg_dir or settings.msg_dir),
         options.topics or settings.topics,
         options.release or settings.release,
         settings.place("release") if options.release is None else Location("--release", 0),
     )
+    return found._replace(strict=is_strict(options, settings))
+
+
+def is_strict(options: argparse.Namespace, settings: Settings) -> bool:
+    """Whether warnings are errors."""
+    strict: bool | None = options.strict
+    return bool(settings.strict) if strict is None else strict
 
 
 def firmware_of(options: argparse.Namespace, settings: Settings) -> Sources:
@@ -140,9 +157,10 @@ def add_output_format(parser: argparse.ArgumentParser) -> None:
 
 
 def print_report(report: Report, options: argparse.Namespace) -> None:
-    """Print `report` as the options say."""
+    """Print `report` as the options say, its notices to stderr and as annotations where these are asked for."""
     from msggen.report import render
 
+    print_notices(report.notices)
     print(render(report, options.output_format, width=width(), colour=colour()))
 
 
@@ -197,9 +215,24 @@ def print_change(path: str, text: str | None) -> None:
 
 def print_faults(faults: Sequence[Diagnostic], outcome: str) -> None:
     """Print `faults`, their number and what follows to stderr."""
-    colour = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
     for found in faults:
-        place, code, message = found
-        text = f"\033[1m{place}\033[0m: \033[31m{code}\033[0m {message}" if colour else str(found)
-        print(text, file=sys.stderr)
+        _print_diagnostic(found, "", 31)
     print(f"{counted(len(faults), 'error')}, {outcome}", file=sys.stderr)
+
+
+def print_notices(notices: Iterable[Diagnostic], *, quiet: bool = False) -> None:
+    """Print warnings and notes to stderr, each once; no notes where the user wants it `quiet`."""
+    for each in dict.fromkeys(notices):
+        if each.level is Level.WARNING:
+            _print_diagnostic(each, "warning: ", 33)
+        elif not quiet:
+            _print_diagnostic(each, "note: ", 36)
+
+
+def _print_diagnostic(found: Diagnostic, word: str, colour: int) -> None:
+    """Print a line to stderr, `word` before its message, its code in a `colour` of the terminal."""
+    place, code, message = found
+    if sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
+        print(f"\033[1m{place}\033[0m: \033[{colour}m{code}\033[0m {word}{message}", file=sys.stderr)
+    else:
+        print(f"{place}: {code} {word}{message}", file=sys.stderr)

@@ -6,7 +6,17 @@ import argparse
 import os
 from collections.abc import Iterator, Sequence
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, given, print_change, sources_of
+from msggen.cli.common import (
+    DONE,
+    FINDINGS,
+    Commands,
+    add_command,
+    add_source_options,
+    given,
+    print_change,
+    print_notices,
+    sources_of,
+)
 from msggen.diagnostics import counted
 from msggen.generate.build import depfile, write_if_changed
 from msggen.generate.output import stale_files, write_stale_files
@@ -60,7 +70,9 @@ def _render(options: argparse.Namespace) -> int:
     from msggen.render.run import check_places, items_of, open_template, output_names, texts_of
 
     template = open_template(options.template)
-    items = items_of(read_catalog(sources), options.each)
+    catalog = read_catalog(sources)
+    print_notices(catalog.notices, quiet=options.quiet)
+    items = items_of(catalog, options.each)
     names = output_names(items, options.each, options.template, options.name)
     places = [os.path.join(options.output, name) for name in names]
     if options.list_outputs:

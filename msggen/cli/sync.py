@@ -6,7 +6,17 @@ import argparse
 import os
 from typing import TYPE_CHECKING
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, add_source_options, firmware_of, given, print_diff
+from msggen.cli.common import (
+    DONE,
+    FINDINGS,
+    Commands,
+    add_command,
+    add_source_options,
+    firmware_of,
+    given,
+    print_diff,
+    print_notices,
+)
 from msggen.settings import read_settings
 
 if TYPE_CHECKING:
@@ -65,6 +75,7 @@ def _sync(options: argparse.Namespace) -> int:
     writes = not (options.dry_run or options.diff)
     definitions = read_definitions(sources, options.package, topics_only=options.topics_only)
     plan = sync(sources, definitions, Request(options.target, options.package, options.create), write=writes)
+    print_notices(definitions.notices, quiet=options.quiet)
     if options.diff:
         _print_diffs(plan)
     if not options.quiet:

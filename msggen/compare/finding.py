@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
+from msggen.diagnostics import Diagnostic
 from msggen.location import Location
 
 if TYPE_CHECKING:
@@ -100,7 +101,8 @@ class Finding:
 class Report:
     """Everything that one comparison says: the names of both sides, the rules that were asked, what they found.
 
-    `summary` is one line for people; `compared` counts the messages and services that both sides have.
+    `summary` is one line for people; `compared` counts the messages and services that both sides have. `notices` are
+    the warnings and notes about the sources, which no rule has found.
     """
 
     previous: str
@@ -109,6 +111,7 @@ class Report:
     findings: tuple[Finding, ...]
     compared: int
     summary: str
+    notices: tuple[Diagnostic, ...] = ()
 
     @property
     def fails(self) -> bool:

@@ -39,6 +39,14 @@ RULES = (
     Rule("TOPIC_MOVED", "a topic is bridged under another name", _TOPIC, topic.find_moved),
     Rule("TOPIC_RENAMED", "ROS 2 sees a topic under another name, as of another version", _TOPIC, topic.find_renamed),
     Rule("RATE_LIMIT_CHANGED", "a topic is sent at another rate", _TOPIC, topic.find_other_rate, Severity.WARNING),
+    Rule("ROUTE_CHANGED", "samples reach other uORB instances, or fewer", _TOPIC, topic.find_other_route),
+    Rule(
+        "OPTIONS_CHANGED",
+        "Zenoh's client publishes a topic with other options",
+        _TOPIC,
+        topic.find_other_options,
+        Severity.WARNING,
+    ),
     Rule(
         "VERSION_NOT_RAISED", "a versioned message changed, its version not by one", _VERSION, version.find_not_raised
     ),

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from msggen.compare.comparison import Comparison
 from msggen.compare.finding import Change, Excerpt
 from msggen.identity import Endpoint, endpoints
 from msggen.location import Location
 from msggen.model import BridgeEntry, Catalog, Direction
-
-DEFAULT_RATE_LIMIT = 100.0
-"""Hz: what the firmware takes where an entry has no limit (FACTS 4)."""
 
 _Key = tuple[str, "int | None", Direction]
 
@@ -49,11 +46,30 @@ def find_renamed(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_other_rate(comparison: Comparison) -> Iterator[Change]:
-    """Publications that are limited to another rate."""
+    """Publications that are limited to another rate, by the YAML or by the firmware's default."""
     for before, after in _both(comparison):
-        if _rate(before) != _rate(after):
-            text = f"'{after.entry.topic}' is sent with {_said(after)}, in {comparison.previous.label} with "
-            yield _change(before, after, text + _said(before))
+        intervals = before.publish_interval_ms, after.publish_interval_ms
+        if None not in intervals and intervals[0] != intervals[1]:
+            text = f"'{after.entry.topic}' is sent with {_limit(after)}, in {comparison.previous.label} with "
+            yield _change(before, after, text + _limit(before), _limit)
+
+
+def find_other_route(comparison: Comparison) -> Iterator[Change]:
+    """Topics into PX4 whose samples reach other uORB instances, or fewer of them."""
+    for before, after in _both(comparison):
+        fewer = (after.entry.max_instances or 0) < (before.entry.max_instances or 0)
+        other = (before.entry.multi, before.entry.route_field) != (after.entry.multi, after.entry.route_field)
+        if after.entry.direction is before.entry.direction is Direction.IN and (other or fewer):
+            text = f"samples of '{after.entry.topic}' go to {_route(after)}, in {comparison.previous.label} to "
+            yield _change(before, after, text + _route(before), _route)
+
+
+def find_other_options(comparison: Comparison) -> Iterator[Change]:
+    """Topics that Zenoh's client publishes with other options."""
+    for before, after in _both(comparison):
+        if before.entry.options != after.entry.options:
+            text = f"'{after.entry.topic}' is sent with {_options(after)}, in {comparison.previous.label} with "
+            yield _change(before, after, text + _options(before), _options)
 
 
 def _sorted(comparison: Comparison) -> tuple[list[Endpoint], list[Endpoint], list[tuple[Endpoint, Endpoint]]]:
@@ -93,13 +109,22 @@ def _whole_name(endpoint: Endpoint) -> str:
     return f"'{entry.topic}' ({'from' if entry.direction is Direction.OUT else 'to'} PX4{instance})"
 
 
-def _rate(endpoint: Endpoint) -> float:
-    limit = endpoint.entry.rate_limit_hz
-    return DEFAULT_RATE_LIMIT if limit is None else limit
+def _limit(endpoint: Endpoint) -> str:
+    """Say how often PX4 sends at most."""
+    interval = endpoint.publish_interval_ms
+    return f"at most {1000 / interval:.4g} Hz" if interval else "no limit"
 
 
-def _said(endpoint: Endpoint) -> str:
-    return f"at most {_rate(endpoint):g} Hz" if _rate(endpoint) else "no limit"
+def _route(endpoint: Endpoint) -> str:
+    """Say to which uORB instances the samples of a topic into PX4 go."""
+    entry = endpoint.entry
+    if entry.route_field:
+        return f"an instance for each '{entry.route_field}', up to {entry.max_instances}"
+    return "an instance of their own" if entry.multi else "the first instance"
+
+
+def _options(endpoint: Endpoint) -> str:
+    return endpoint.entry.options_text or "no options"
 
 
 def _yaml(comparison: Comparison) -> str:
@@ -107,9 +132,16 @@ def _yaml(comparison: Comparison) -> str:
     return entries[0].location.path if entries else comparison.current.place
 
 
-def _change(before: Endpoint, after: Endpoint, text: str) -> Change:
-    return Change(after.entry.topic, text, after.entry.location, _excerpt(before), _excerpt(after))
+def _nothing(_: Endpoint) -> str:
+    return ""
 
 
-def _excerpt(endpoint: Endpoint) -> Excerpt:
-    return Excerpt(endpoint.entry.location, f"{endpoint.ros_name} {endpoint.message.name} {_said(endpoint)}")
+def _change(before: Endpoint, after: Endpoint, text: str, about: Callable[[Endpoint], str] = _nothing) -> Change:
+    """Return a change; `about` says of an endpoint what has changed."""
+    lines = _excerpt(before, about), _excerpt(after, about)
+    return Change(after.entry.topic, text, after.entry.location, *lines)
+
+
+def _excerpt(endpoint: Endpoint, about: Callable[[Endpoint], str] = _nothing) -> Excerpt:
+    text = f"{endpoint.ros_name} {endpoint.message.name} {about(endpoint)}"
+    return Excerpt(endpoint.entry.location, text.rstrip())

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 
-from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
+from msggen.diagnostics import Diagnostic, fault, sorted_out, suggestion
 from msggen.firmware.consistency import (
     check_bridge,
     check_fixed_sizes,
@@ -15,21 +15,20 @@ from msggen.firmware.consistency import (
     check_timestamps,
     check_topics,
 )
-from msggen.firmware.release import CONVENTIONS, recognise
-from msggen.firmware.source import File, Sources, read_file, read_files
+from msggen.firmware.release import CONVENTIONS, NEWEST, as_shown, known_version, recognise
+from msggen.firmware.source import CLIENT_SOURCES, File, Sources, read_file, read_files
 from msggen.location import Location
 from msggen.model import (
     ARCHIVE_PACKAGE,
     DEFAULT_PACKAGE,
     VERSION,
-    BridgeEntry,
     Catalog,
     Conventions,
     Message,
     Service,
 )
 from msggen.parse import decode_text, parse_message, parse_service
-from msggen.parse.bridge import parse_bridge
+from msggen.parse.bridge import Bridge, parse_bridge
 
 COMPARABLE = frozenset(
     {"M102", "M103", "M104", "M106", "M202", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"}
@@ -49,12 +48,12 @@ def read_catalog(
     """Return the catalog that `sources` hold; `contents` has the bytes of their files, if they are read already.
 
     With `wanted` it has only the definitions in files of these names (`Rpm.msg`), and what they nest; what is wrong
-    with others does not matter then. Raises InputError with everything that is wrong in any of the files, but for
-    the codes `tolerated`.
+    with others does not matter then. Raises InputError with all errors in any of the files, but for the codes
+    `tolerated`; where the sources are `strict`, with the warnings too.
     """
     reader = _Reader(sources, read_files(sources) if contents is None else contents)
     everything, services, archived = reader.messages(), reader.services(), reader.archived()
-    bridge = reader.bridge()
+    parsed = reader.bridge()
     messages = everything
     package = reader.package
     if wanted is not None:
@@ -78,19 +77,20 @@ def read_catalog(
         *check_timestamps(message for message in of_uorb if message.location.path not in unread),
         *check_topics(message for message in of_uorb if message.location.path not in misread_topics),
         *(check_fixed_sizes(of_uorb, () if nesting else everything) if sources.is_tree else ()),
-        *check_bridge(bridge, everything, package),
+        *check_bridge(parsed.entries, everything, package),
     ]
-    faults = [found for found in faults if found.code not in tolerated]
-    if faults:
-        raise InputError(faults)
+    conventions = _conventions(sources, reader, everything, parsed)
+    newer = _newer_than_known(sources, everything, parsed, conventions)
+    notices = sorted_out([*sources.notices, *faults, *newer], tolerated, strict=sources.strict)
     names = {message.name for message in of_uorb}
     topics = {topic for message in of_uorb for topic in message.topic_names}
-    bridge = tuple(entry for entry in bridge if entry.message_name in names and entry.uorb_topic in topics)
+    bridge = tuple(entry for entry in parsed.entries if entry.message_name in names and entry.uorb_topic in topics)
     by_key = {message.key: message for message in sorted(messages, key=lambda message: message.key)}
     services.sort(key=lambda service: (service.package, service.name))
-    conventions = _conventions(sources, everything, bridge)
     versions = MappingProxyType({message.key: message for message in archived})
-    return Catalog(MappingProxyType(by_key), tuple(services), bridge, conventions, package, versions)
+    return Catalog(
+        MappingProxyType(by_key), tuple(services), bridge, conventions, package, versions, parsed.extra, notices
+    )
 
 
 def bridged_names(*sides: Sources) -> set[str]:
@@ -103,14 +103,18 @@ def bridged_names(*sides: Sources) -> set[str]:
     if bridge is None:
         text = "no dds_topics.yaml here to say what crosses the bridge: name one with --topics"
         raise fault(sides[0].label, "S110", text, 0)
-    entries, faults = parse_bridge(read_file(bridge), bridge.path)
+    entries, _, found = parse_bridge(read_file(bridge), bridge.path)
     known = {file.stem for side in sides for file in side.messages if not file.package}
-    for entry in entries:
-        if entry.message_name not in known:
-            text = f"no message defines the type '{entry.type_name}'{suggestion(entry.message_name, known)}"
-            faults.append(Diagnostic(entry.type_location, "Y201", text))
-    if faults:
-        raise InputError(faults)
+    unknown = [
+        Diagnostic(
+            entry.type_location,
+            "Y201",
+            f"no message defines the type '{entry.type_name}'{suggestion(entry.message_name, known)}",
+        )
+        for entry in entries
+        if entry.message_name not in known
+    ]
+    sorted_out([*found, *unknown])  # whoever reads the catalog tells the warnings
     services = {f"{file.stem}.srv" for side in sides for file in side.services if not file.package}
     return {f"{entry.message_name}.msg" for entry in entries} | services
 
@@ -128,16 +132,33 @@ def _needed(messages: list[Message], roots: list[Message]) -> list[Message]:
     return [message for message in messages if message.key in found]
 
 
-def _conventions(sources: Sources, messages: list[Message], bridge: tuple[BridgeEntry, ...]) -> Conventions:
+def _conventions(sources: Sources, reader: _Reader, messages: list[Message], bridge: Bridge) -> Conventions:
+    """Return what `--release` names, or else what the client's sources and the definitions show."""
     if sources.release is not None:
         return CONVENTIONS[sources.release]
-    has_instances = any(entry.instance is not None for entry in bridge)
     own = messages[: sources.own]
     if sources.is_tree:
         has_versions = any("versioned/" in file.name for file in sources.messages[: sources.own])
     else:
         has_versions = any(message.is_versioned for message in own)
-    return recognise(own, has_versions=has_versions, has_instances=has_instances)
+    texts = {file.name: reader.contents[file.path].decode(errors="replace") for file in sources.client}
+    found = recognise(own, bridge.entries, has_versions=has_versions)
+    return as_shown(found, *(texts.get(name, "") for name in CLIENT_SOURCES))
+
+
+def _newer_than_known(
+    sources: Sources, messages: list[Message], bridge: Bridge, conventions: Conventions
+) -> Iterator[Diagnostic]:
+    """Say that the newest conventions are followed where a tree has what no release has that msggen knows."""
+    if sources.release is not None or not sources.is_tree or conventions.release != NEWEST:
+        return
+    versions = ((message, known_version(message.name)) for message in messages[: sources.own] if message.is_versioned)
+    later = [(message, known) for message, known in versions if known is not None and message.message_version > known]
+    if later or any(found.code in ("Y103", "Y105") for found in bridge.found):
+        message, known = later[0] if later else (None, None)
+        what = f"'{message.name}' is version {message.message_version}, there {known}" if message else "unknown keys"
+        text = f"has more than PX4 {NEWEST}, the newest release that msggen knows: {what}"
+        yield Diagnostic(Location(sources.label, 0), "S119", f"{text}; names and ids follow {conventions.release}")
 
 
 def _place_of_version(message: Message) -> Location:
@@ -192,13 +213,13 @@ class _Reader:
             self.faults += faults
         return messages
 
-    def bridge(self) -> tuple[BridgeEntry, ...]:
+    def bridge(self) -> Bridge:
         if self.sources.bridge is None:
-            return ()
+            return Bridge()
         path = self.sources.bridge.path
-        entries, faults = parse_bridge(self.contents[path], path)
-        self.faults += faults
-        return entries
+        bridge = parse_bridge(self.contents[path], path)
+        self.faults += bridge.found
+        return bridge
 
     def paths_with(self, *codes: str) -> set[str]:
         """Return the files in which one of the faults was found: not all that they say could be read."""

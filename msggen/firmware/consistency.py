@@ -8,6 +8,7 @@ from typing import NamedTuple
 from msggen.diagnostics import Diagnostic, suggestion
 from msggen.location import Location
 from msggen.model import (
+    INTEGER_RANGES,
     PRIMITIVES,
     SIZES,
     STRINGS,
@@ -136,6 +137,20 @@ def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message], uo
         elif owners[topic] is not names[name]:
             text = f"topic '{topic}' carries '{owners[topic].name}', found '{name}'"
             yield Diagnostic(entry.type_location, "Y203", text)
+        elif entry.route_field:
+            yield from _check_route(entry, names[name])
+
+
+def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
+    """The field to route by exists; PX4 keeps its values as uint32, so it must be a single integer."""
+    fields = {field.name: field.type for field in message.fields}
+    found = fields.get(entry.route_field or "")
+    if found is None:
+        text = f"'{message.name}' has no field '{entry.route_field}' to route by"
+        yield Diagnostic(entry.location, "Y205", f"{text}{suggestion(entry.route_field or '', fields)}")
+    elif found.name not in INTEGER_RANGES or found.array is not ArrayKind.SCALAR:
+        text = f"'{message.name}' is routed by '{entry.route_field}': expected an integer, found {found}"
+        yield Diagnostic(entry.location, "Y205", text)
 
 
 def _unknown_types(outer: Message, known: Mapping[str, Message]) -> Iterator[Diagnostic]:

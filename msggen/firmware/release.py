@@ -1,34 +1,89 @@
-"""What differs between the firmware's releases (FACTS 4): one table, and how a release is recognised."""
+"""What differs between the firmware's releases: one table, and how a tree shows which of it holds for it.
+
+What the sources of the bridge's client show (`src/modules/uxrce_dds_client`) counts before the release, so that a
+tree between two releases is told truly; definitions alone show the release.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import os
+import re
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
+from typing import Any
 
-from msggen.model import Conventions, Message
+from msggen.model import VERSION, BridgeEntry, Conventions, Message
+from msggen.resources import embedded_root
 
-CONVENTIONS = {
-    convention.release: convention
-    for convention in (
-        Conventions("v1.14", first_subscription_id=1000, full_topic_path=False, version_suffix=False),
-        Conventions("v1.15", first_subscription_id=2048, full_topic_path=True, version_suffix=False),
-        Conventions("v1.16", first_subscription_id=2048, full_topic_path=True, version_suffix=True),
-        Conventions("v1.17", first_subscription_id=2048, full_topic_path=True, version_suffix=True),
-        Conventions("main", first_subscription_id=2048, full_topic_path=True, version_suffix=True),
-    )
-}
-"""By release. Newer releases follow the newest one known."""
+CONVENTIONS: Mapping[str, Conventions] = MappingProxyType(
+    {
+        convention.release: convention
+        for convention in (
+            Conventions("v1.14", 1000, False, False, 10, False),  # noqa: FBT003 - a table
+            Conventions("v1.15", 2048, True, False, 10, False),  # noqa: FBT003
+            Conventions("v1.16", 2048, True, True, 10, False),  # noqa: FBT003
+            Conventions("v1.17", 2048, True, True, 10, False),  # noqa: FBT003
+            Conventions("v1.18", 2048, True, True, 4, True),  # noqa: FBT003
+            Conventions("main", 2048, True, True, 4, True),  # noqa: FBT003
+        )
+    }
+)
+"""By release: first id of a subscription, whole topic path, version suffix, default interval in ms, exact intervals."""
+
+NEWEST = "v1.18"
+"""The newest release; `main` follows it."""
+
+_SINCE_V1_18 = "SetpointConfig"
+_SINCE_V1_15 = "RegisterExtComponentRequest"
+"""Messages that a release brought."""
+
+_DEFAULT_INTERVAL = re.compile(r"#define\s+UXRCE_DEFAULT_POLL_\w+\s+(\d+)")
+_VERSION = re.compile(rf"^uint32 {VERSION} = (\d+)", re.MULTILINE)
+_FIRST_ID = re.compile(r"case @\(idx\)\s*\+\s*(?:(\d+)|\(65535U / 32U\) \+ 1)")
 
 
-def recognise(messages: Collection[Message], *, has_versions: bool, has_instances: bool) -> Conventions:
-    """Return the conventions of the firmware whose own `messages` these are.
+def recognise(messages: Collection[Message], bridge: Collection[BridgeEntry], *, has_versions: bool) -> Conventions:
+    """Return the conventions of the firmware whose own `messages` and `bridge` these are.
 
-    v1.16 brought versions of messages; v1.15 the registration of external modes; `instance:` in the YAML came on
-    main in 2026. Between v1.16 and v1.17 the conventions did not change. What is not the firmware's set, as a
+    v1.15 brought the registration of external modes, v1.16 versions of messages, main of 2026 the keys `instance`
+    and `route_field`. Between v1.16 and v1.17 the conventions did not change. What is not the firmware's set, as a
     folder of one's own messages, follows the newest.
     """
     names = {message.name for message in messages}
-    if has_instances or "VehicleStatus" not in names:
+    is_newer = any(entry.instance is not None or entry.route_field for entry in bridge)
+    if "VehicleStatus" not in names:
         return CONVENTIONS["main"]
+    if is_newer or _SINCE_V1_18 in names:
+        return CONVENTIONS[NEWEST]
     if has_versions:
         return CONVENTIONS["v1.16"]
-    return CONVENTIONS["v1.15" if "RegisterExtComponentRequest" in names else "v1.14"]
+    return CONVENTIONS["v1.15" if _SINCE_V1_15 in names else "v1.14"]
+
+
+def as_shown(conventions: Conventions, header: str, utilities: str) -> Conventions:
+    """Return `conventions` with what the client's own sources show: `dds_topics.h.em` and `utilities.hpp`.
+
+    A text that is empty, or is written otherwise than msggen knows, shows nothing.
+    """
+    shown: dict[str, Any] = {}
+    interval, first_id = _DEFAULT_INTERVAL.search(header), _FIRST_ID.search(header)
+    if interval:
+        shown["default_interval_ms"] = int(interval[1])
+    if first_id:
+        shown["first_subscription_id"] = int(first_id[1] or 65535 // 32 + 1)
+    if header:
+        shown["exact_intervals"] = "['publish_interval_ms']" in header
+    if '"rt/' in utilities:
+        shown["full_topic_path"] = "/fmu/%s/%s" not in utilities
+        shown["version_suffix"] = '"_v%u"' in utilities
+    return conventions._replace(**shown)
+
+
+def known_version(name: str) -> int | None:
+    """Return the version of the message `name` in the newest release, None where that has no such versioned message."""
+    try:
+        with open(os.path.join(embedded_root(), "msg", "versioned", f"{name}.msg"), encoding="utf-8") as stream:
+            found = _VERSION.search(stream.read())
+    except OSError:
+        return None
+    return int(found[1]) if found else None

@@ -5,13 +5,13 @@ import re
 from itertools import chain
 from typing import NamedTuple, NoReturn
 
-from msggen.diagnostics import fault, suggestion
+from msggen.diagnostics import Diagnostic, fault, suggestion
 from msggen.firmware.manifest import package_name
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
 from msggen.resources import embedded_root
 
-RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "main")
+RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main")
 """The releases whose conventions are known (`release` has them)."""
 
 ARCHIVE = "px4_msgs_old/msg"
@@ -21,7 +21,11 @@ _RELEASE_OPTION = Location("--release", 0)
 _ARCHIVED_OPTION = Location("--archived", 0)
 _FOLDER_OPTION = Location("--msg-dir", 0)
 _PACKAGE_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
-_BRIDGE_PLACES = ("src/modules/uxrce_dds_client/dds_topics.yaml", "dds_topics.yaml")
+_CLIENT = "src/modules/uxrce_dds_client"
+_BRIDGE_PLACES = (f"{_CLIENT}/dds_topics.yaml", "dds_topics.yaml")
+
+CLIENT_SOURCES = (f"{_CLIENT}/dds_topics.h.em", f"{_CLIENT}/utilities.hpp")
+"""The sources of the bridge's client that show its conventions."""
 
 
 class File(NamedTuple):
@@ -49,7 +53,8 @@ class Sources(NamedTuple):
     are px4_msgs; `manifests` are all such files. `own` counts the messages of the first source, which come first: by
     them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in a few
     words what the sources are. `root` is where the first source lies. `archived` are earlier versions of messages,
-    where they were asked for.
+    where they were asked for. `client` are CLIENT_SOURCES, as far as a tree has them. With `strict`, warnings are
+    errors. `notices` are what there is to say of the sources themselves.
     """
 
     messages: tuple[File, ...]
@@ -63,6 +68,9 @@ class Sources(NamedTuple):
     label: str = ""
     root: Tree | None = None
     archived: tuple[File, ...] = ()
+    client: tuple[File, ...] = ()
+    strict: bool = False
+    notices: tuple[Diagnostic, ...] = ()
 
     @property
     def has_own(self) -> bool:
@@ -85,7 +93,7 @@ class Sources(NamedTuple):
     def files(self) -> tuple[File, ...]:
         """Return all of them, in an order that does not depend on the machine."""
         single = [self.bridge] if self.bridge else []
-        return (*self.messages, *self.services, *single, *self.manifests, *self.archived)
+        return (*self.messages, *self.services, *single, *self.manifests, *self.archived, *self.client)
 
 
 def open_tree(text: str) -> Tree:
@@ -143,6 +151,8 @@ def find_sources(
     bridge = File(topics, os.path.basename(topics)) if isinstance(topics, str) else topics
     if bridge is None and (px4 is not None or not is_named):
         bridge = _bridge(first.tree)
+    is_tree = not first.package and _is_tree(first.tree)
+    client = [name for name in CLIENT_SOURCES if is_tree and first.tree.is_file(name)]
     return Sources(
         tuple(chain(*messages)),
         tuple(chain(*services)),
@@ -151,9 +161,10 @@ def find_sources(
         package,
         release,
         own=0 if first.package else len(messages[0]),
-        is_tree=not first.package and _is_tree(first.tree),
+        is_tree=is_tree,
         label=_label(roots) if is_named else "the embedded PX4 v1.17",
         root=first.tree,
+        client=tuple(File(first.tree.place(name), name, first.tree) for name in client),
     )
 
 

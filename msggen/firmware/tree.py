@@ -113,5 +113,5 @@ Tree = Folder | Snapshot
 
 def is_wanted(name: str) -> bool:
     """Whether msggen may ask for the bytes of `name`; a whole firmware holds tens of thousands of other files."""
-    known = (".msg", ".srv", "dds_topics.yaml", "package.xml", ".msggen.json")
+    known = (".msg", ".srv", "dds_topics.yaml", "dds_topics.h.em", "utilities.hpp", "package.xml", ".msggen.json")
     return name.endswith(known) or "translation_node/" in name

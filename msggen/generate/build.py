@@ -11,10 +11,10 @@ from hashlib import sha256
 from typing import NamedTuple
 
 from msggen import __version__
-from msggen.diagnostics import counted, fault
+from msggen.diagnostics import Diagnostic, Level, counted, fault
 from msggen.firmware.source import Sources, read_files
 from msggen.generate.output import ForeignFileError, Plan, is_current, plan_output, write_output
-from msggen.record import read_record
+from msggen.record import Record, read_record
 from msggen.resources import resource
 
 TYPE_CHECKING = False
@@ -23,12 +23,16 @@ if TYPE_CHECKING:
 
 
 class Outcome(NamedTuple):
-    """What a build found: what the package has, and what was to do; `plan` is None where the output was current."""
+    """What a build found: what the package has, and what was to do; `plan` is None where the output was current.
+
+    `notices` are the warnings and notes about the sources; of a package that is current the warnings alone.
+    """
 
     folder: str
     summary: str
     outputs: tuple[str, ...]
     plan: Plan | None = None
+    notices: tuple[Diagnostic, ...] = ()
 
 
 class Build:
@@ -49,7 +53,8 @@ class Build:
         cannot be written.
         """
         if is_current(self.folder, self.record, self.fingerprint):
-            return Outcome(self.folder, self.record.summary, tuple(sorted(self.record.files)))
+            warnings = self._warnings() if self.record.has_warnings else ()
+            return Outcome(self.folder, self.record.summary, tuple(sorted(self.record.files)), None, warnings)
         from msggen.firmware.catalog import read_catalog
         from msggen.generate.package import render_package
 
@@ -58,13 +63,14 @@ class Build:
         summary = _summary(catalog)
         try:
             if write:
-                plan = write_output(self.folder, files, self.fingerprint, summary)
+                made_of = Record(self.fingerprint, summary, {}, bool(_warnings_among(catalog.notices)))
+                plan = write_output(self.folder, files, made_of)
             else:
                 plan = plan_output(self.folder, files, self.record)
         except ForeignFileError as error:
             text = "msggen did not write this file and leaves it alone: move it, or choose another folder or package"
             raise fault(error.path, "S104", text) from None
-        return Outcome(self.folder, summary, tuple(sorted(files)), plan)
+        return Outcome(self.folder, summary, tuple(sorted(files)), plan, catalog.notices)
 
     def outputs(self) -> tuple[str, ...]:
         """Return the names of the files that a run makes, sorted. Raises InputError for faulty definitions."""
@@ -75,10 +81,16 @@ class Build:
 
         return list_package(read_catalog(self.sources, self.contents))
 
+    def _warnings(self) -> tuple[Diagnostic, ...]:
+        """Return the warnings about the sources: they hold as long as nobody heeds them."""
+        from msggen.firmware.catalog import read_catalog
+
+        return _warnings_among(read_catalog(self.sources, self.contents).notices)
+
     def _fingerprint(self) -> str:
         """Digest all that the output depends on: the tool, its templates, the options and every input."""
         state = sha256()
-        kind = f"{self.sources.own} {self.sources.is_tree}"
+        kind = f"{self.sources.own} {self.sources.is_tree} {self.sources.strict}"
         for part in (__version__, self.name, self.sources.release or "", kind):
             state.update(part.encode() + b"\0")
         state.update(_tool_digest())
@@ -86,6 +98,10 @@ class Build:
             data = self.contents[file.path]
             state.update(b"\0%s\0%s\0%d\0" % (file.package.encode(), os.fsencode(file.name), len(data)) + data)
         return state.hexdigest()
+
+
+def _warnings_among(notices: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    return tuple(each for each in notices if each.level is Level.WARNING)
 
 
 def depfile(target: str, inputs: Iterable[str]) -> str:

@@ -69,8 +69,10 @@ def plan_output(folder: str, files: Mapping[str, str], record: Record) -> Plan:
     return Plan(folder, files, tuple(written), removed, edited)
 
 
-def write_output(folder: str, files: Mapping[str, str], fingerprint: str, summary: str) -> Plan:
+def write_output(folder: str, files: Mapping[str, str], made_of: Record) -> Plan:
     """Write `files`, and remove what an earlier run made and this one would not; return what was done.
+
+    `made_of` is the record to leave, with no files in it yet.
 
     All files are written aside first, then a record of old and new, then they are moved into place: a run that
     is killed leaves only whole files, and the next one knows them as its own and what is left to do. Runs on
@@ -83,10 +85,10 @@ def write_output(folder: str, files: Mapping[str, str], fingerprint: str, summar
         plan = plan_output(folder, files, record)
         digests = {name: digest(text.encode()) for name, text in files.items()}
         obsolete = {name: value for name, value in record.files.items() if name not in {*files, *plan.edited}}
-        during = Record("", summary, {**obsolete, **digests})
+        during = made_of._replace(fingerprint="", files={**obsolete, **digests})
         _write(folder, plan.texts, plan.removed, during)
         _remove(folder, obsolete)
-        write_record(folder, Record(fingerprint, summary, digests))
+        write_record(folder, made_of._replace(files=digests))
         return plan
 
 

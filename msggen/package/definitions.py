@@ -27,6 +27,7 @@ class Definitions(NamedTuple):
     topics: Mapping[str, tuple[str, ...]]
     topics_only: bool = False
     dependencies: Mapping[str, Location] = MappingProxyType({})
+    notices: tuple[Diagnostic, ...] = ()
 
 
 def read_definitions(sources: Sources, package: str, *, topics_only: bool) -> Definitions:
@@ -47,7 +48,8 @@ def read_definitions(sources: Sources, package: str, *, topics_only: bool) -> De
     files = {_flat("msg", file): contents[file.path] for file in own}
     files |= {_flat("srv", file): contents[file.path] for file in sources.services if not file.package}
     dependencies = {name: field.location for name, field in reversed(spelled) if name != package}
-    return Definitions(dict(sorted(files.items())), _topics(catalog), topics_only, dict(sorted(dependencies.items())))
+    sorted_dependencies = dict(sorted(dependencies.items()))
+    return Definitions(dict(sorted(files.items())), _topics(catalog), topics_only, sorted_dependencies, catalog.notices)
 
 
 def _flat(folder: str, file: File) -> str:

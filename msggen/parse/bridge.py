@@ -1,10 +1,17 @@
-"""`dds_topics.yaml`: what crosses the bridge between uORB and DDS (FACTS 4)."""
+"""`dds_topics.yaml`: what crosses the bridge between uORB and DDS, or Zenoh.
+
+Where PX4 adds to the file, reading goes on: what is not known here is a warning, and kept as data. Only what leaves
+an entry without a meaning is an error. Keys and their meaning are those of the firmware's
+`src/modules/uxrce_dds_client/generate_dds_topics.py`.
+"""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple, TypeGuard
 
 import yaml
 
@@ -17,35 +24,71 @@ _LISTS = {
     "subscriptions": (Direction.IN, False),
     "subscriptions_multi": (Direction.IN, True),
 }
-_KEYS = ("topic", "type", "rate_limit", "instance", "options")
+_OF_PUBLICATIONS = ("rate_limit", "instance", "options")
+_OF_MULTI = ("route_field", "max_instances")
+KEYS = ("topic", "type", *_OF_PUBLICATIONS, *_OF_MULTI)
+"""The keys of an entry that msggen knows."""
+
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
-_TYPE = re.compile(r"[a-z][a-z0-9_]*::msg::[A-Z][A-Za-z0-9]*")
+_TYPE = re.compile(r"[a-z][a-z0-9_]*::msg::[A-Za-z][A-Za-z0-9_]*")
+_FIELD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _MAX_DEPTH = 32
 _MAX_INSTANCE = 255
 """uORB counts instances in 8 bits."""
 
+_UNLIMITED = ("unlimited", "off", "none")
+"""Words for no rate limit, in any case."""
+
+ZENOH_OPTIONS: Mapping[str, tuple[object, ...]] = MappingProxyType(
+    {
+        "cc": ("drop", "block"),
+        "express": (True, False),
+        "prio": (
+            "real_time",
+            "interactive_high",
+            "interactive_low",
+            "data_high",
+            "data",
+            "data_low",
+            "background",
+        ),
+        "rel": ("reliable", "best_effort"),
+    }
+)
+"""What Zenoh's client takes for each publication (`src/modules/zenoh/zenoh_config.cpp`)."""
+
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-def parse_bridge(data: bytes, path: str) -> tuple[tuple[BridgeEntry, ...], list[Diagnostic]]:
-    """Read the bytes of `path`; return its entries, publications first, with all that is wrong with it."""
+class Bridge(NamedTuple):
+    """The entries of a YAML file, publications first; `extra` has what stands beside the lists that are known."""
+
+    entries: tuple[BridgeEntry, ...] = ()
+    extra: Mapping[str, object] = MappingProxyType({})
+    found: tuple[Diagnostic, ...] = ()
+
+
+def parse_bridge(data: bytes, path: str) -> Bridge:
+    """Read the bytes of `path`; return its entries, with the errors and warnings that were found."""
     reader = _Reader(path)
     try:
         text = data.decode("utf-8-sig")
         _check_depth(text)
         root = yaml.compose(text, Loader=_LOADER)
+        bridge = reader.bridge(root) if root else Bridge()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
         what = " ".join(str(part) for part in (error.context, error.problem) if part)
-        return (), [Diagnostic(Location(path, line, column), "Y101", f"not YAML: {what}")]
+        return Bridge(found=(Diagnostic(Location(path, line, column), "Y101", f"not YAML: {what}"),))
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         column = error.start - data.rfind(b"\n", 0, error.start)
-        return (), [Diagnostic(Location(path, line, column), "Y101", f"byte 0x{data[error.start]:02x} is not UTF-8")]
+        text = f"byte 0x{data[error.start]:02x} is not UTF-8"
+        return Bridge(found=(Diagnostic(Location(path, line, column), "Y101", text),))
     except yaml.YAMLError as error:
-        return (), [Diagnostic(Location(path), "Y101", f"not YAML: {str(error).splitlines()[0]}")]
-    return (tuple(reader.entries(root)) if root else ()), reader.faults
+        return Bridge(found=(Diagnostic(Location(path), "Y101", f"not YAML: {str(error).splitlines()[0]}"),))
+    return bridge._replace(found=tuple(reader.found))
 
 
 def _check_depth(text: str) -> None:
@@ -59,101 +102,178 @@ def _check_depth(text: str) -> None:
 
 
 class _Reader:
-    """Reads YAML nodes, and notes what is wrong with them."""
+    """Reads YAML nodes, and notes the errors and warnings."""
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self.faults: list[Diagnostic] = []
+        self.found: list[Diagnostic] = []
 
-    def entries(self, root: yaml.Node) -> Iterator[BridgeEntry]:
-        lists = self.mapping(root, tuple(_LISTS), "the file")
-        for name, (direction, multi) in _LISTS.items():
+    def bridge(self, root: yaml.Node) -> Bridge:
+        lists, extra = self.mapping(root, tuple(_LISTS), "the file")
+        return Bridge(tuple(self.entries(lists)), MappingProxyType(extra))
+
+    def entries(self, lists: Mapping[str, yaml.Node]) -> Iterator[BridgeEntry]:
+        for name in _LISTS:
             node = lists.get(name)
             if node is None or _is_null(node):
                 continue
             if not isinstance(node, yaml.SequenceNode):
-                self.fault(node, "Y102", f"'{name}': expected a list of topics, found {_found(node)}")
+                self.note(node, "Y102", f"'{name}': expected a list of topics, found {_found(node)}")
                 continue
             for item in node.value:
-                entry = self.entry(item, direction, multi=multi)
+                entry = self.entry(item, name)
                 if entry:
                     yield entry
 
-    def entry(self, node: yaml.Node, direction: Direction, *, multi: bool) -> BridgeEntry | None:
-        values = self.mapping(node, _KEYS, "an entry")
+    def entry(self, node: yaml.Node, name: str) -> BridgeEntry | None:
+        values, extra = self.mapping(node, KEYS, "an entry")
         for key in ("topic", "type"):
             if key not in values and isinstance(node, yaml.MappingNode):
-                self.fault(node, "Y104", f"expected the key '{key}'")
+                self.note(node, "Y104", f"expected the key '{key}'")
         topic = self.text(values.get("topic"), "topic", _TOPIC, "a name such as '/fmu/out/vehicle_status'")
         type_name = self.text(values.get("type"), "type", _TYPE, "a type such as 'px4_msgs::msg::VehicleStatus'")
-        rate_limit = self.number(values.get("rate_limit"), "rate_limit", float, 1e9, "a frequency in Hz or 'unlimited'")
-        instance = self.number(
-            values.get("instance"), "instance", int, _MAX_INSTANCE, f"a whole number from 0 to {_MAX_INSTANCE}"
-        )
-        options = values.get("options")
-        if options and not isinstance(options, yaml.MappingNode) and not _is_null(options):
-            self.fault(options, "Y102", f"'options': expected a mapping, found {_found(options)}")
         if not (topic and type_name):
             return None
-        return BridgeEntry(
-            direction,
-            topic,
-            type_name,
-            self.place(values["topic"]),
-            self.place(values["type"]),
-            multi,
-            None if rate_limit is None else float(rate_limit),
-            None if instance is None else int(instance),
-        )
+        direction, multi = _LISTS[name]
+        entry = BridgeEntry(direction, topic, type_name, self.place(values["topic"]), self.place(values["type"]), multi)
+        optional = {key: node for key, node in values.items() if not _is_null(node)}
+        without_effect = self.without_effect(optional, name)
+        known = {key: node for key, node in optional.items() if key not in without_effect}
+        return entry._replace(**self.optional(known, extra), extra=MappingProxyType(extra | without_effect))
 
-    def mapping(self, node: yaml.Node, known: tuple[str, ...], what: str) -> dict[str, yaml.Node]:
-        if not isinstance(node, yaml.MappingNode):
-            self.fault(node, "Y102", f"{what}: expected a mapping with {', '.join(known)}; found {_found(node)}")
-            return {}
-        values: dict[str, yaml.Node] = {}
+    def without_effect(self, values: Mapping[str, yaml.Node], name: str) -> dict[str, object]:
+        """Return the values of keys that count in another list than `name` only, and warn of them."""
+        keys = [*(_OF_PUBLICATIONS if name != "publications" else ())]
+        keys += _OF_MULTI if name != "subscriptions_multi" else ()
+        for key in keys:
+            if key in values:
+                other = "subscriptions_multi" if key in _OF_MULTI else "publications"
+                self.note(values[key], "Y106", f"'{key}' has no effect in '{name}', only in '{other}'")
+        return {key: _data(values[key]) for key in keys if key in values}
+
+    def optional(self, values: Mapping[str, yaml.Node], extra: dict[str, object]) -> dict[str, Any]:
+        """Return what the optional keys say; a value of a kind that is not known goes to `extra`."""
+        found: dict[str, Any] = {}
+        readers = {
+            "rate_limit": (read_rate, "a frequency in Hz, 0 or 'unlimited'"),
+            "instance": (_instance, f"a whole number from 0 to {_MAX_INSTANCE}"),
+            "route_field": (_field, "the name of a field"),
+            "max_instances": (_count, f"a whole number from 1 to {_MAX_INSTANCE}"),
+            "options": (_mapping, "a mapping"),
+        }
+        for key, (read, expected) in readers.items():
+            if key in values:
+                value = read(_data(values[key]))
+                if value is None:
+                    code = "Y107" if key == "options" else "Y105"
+                    self.note(values[key], code, f"'{key}': expected {expected}, found {_found(values[key])}")
+                    extra[key] = _data(values[key])
+                else:
+                    found["rate_limit_hz" if key == "rate_limit" else key] = value
+        if "options" in found:
+            self.check_options(values["options"])
+        if "route_field" in values and "max_instances" not in values:
+            self.note(values["route_field"], "Y104", "expected the key 'max_instances' beside 'route_field'")
+        return found
+
+    def check_options(self, node: yaml.Node) -> None:
+        """Warn of options that Zenoh's client would refuse when it starts."""
         for key, value in node.value:
-            if key.value not in known:
-                self.fault(key, "Y103", f"unknown key '{_found(key)}'{suggestion(str(key.value), known)}")
-            elif key.value in values:
-                self.fault(key, "Y103", f"the key '{key.value}' stands here twice")
-            else:
+            known = ZENOH_OPTIONS.get(key.value)
+            if known is None:
+                self.note(key, "Y107", f"unknown option '{_found(key)}'{suggestion(str(key.value), ZENOH_OPTIONS)}")
+            elif _data(value) not in known:
+                words = ", ".join(str(word).lower() for word in known)
+                self.note(value, "Y107", f"'{key.value}': expected {words}; found {_found(value)}")
+
+    def mapping(
+        self, node: yaml.Node, known: Iterable[str], what: str
+    ) -> tuple[dict[str, yaml.Node], dict[str, object]]:
+        """Return the values of the keys that are `known`, and the data of the others; of two alike the last counts."""
+        if not isinstance(node, yaml.MappingNode):
+            self.note(node, "Y102", f"{what}: expected a mapping with {', '.join(known)}; found {_found(node)}")
+            return {}, {}
+        values: dict[str, yaml.Node] = {}
+        extra: dict[str, object] = {}
+        merges = any(key.tag.endswith(":merge") for key, _ in node.value)
+        yaml.constructor.SafeConstructor().flatten_mapping(node)
+        for key, value in node.value:
+            if key.value in known:
+                if key.value in values and not merges:
+                    self.note(key, "Y103", f"the key '{key.value}' stands here twice, the last one counts")
                 values[key.value] = value
-        return values
+            else:
+                self.note(key, "Y103", f"unknown key '{_found(key)}'{suggestion(str(key.value), known)}")
+                extra[str(_found(key))] = _data(value)
+        return values, extra
 
     def text(self, node: yaml.Node | None, key: str, pattern: re.Pattern[str], expected: str) -> str:
         if node is None:
             return ""
         if not isinstance(node, yaml.ScalarNode) or not pattern.fullmatch(node.value):
-            self.fault(node, "Y102", f"'{key}': expected {expected}, found {_found(node)}")
+            self.note(node, "Y102", f"'{key}': expected {expected}, found {_found(node)}")
             return ""
         return str(node.value)
-
-    def number(self, node: yaml.Node | None, key: str, kind: type[float], most: float, expected: str) -> float | None:
-        if node is None:
-            return None
-        if key == "rate_limit" and node.value == "unlimited":
-            return 0.0
-        value = _number(node) if kind is float or node.tag.endswith(":int") else -1
-        if not 0 <= value <= most:
-            self.fault(node, "Y102", f"'{key}': expected {expected}, found {_found(node)}")
-        return value
 
     def place(self, node: yaml.Node) -> Location:
         return Location(self.path, node.start_mark.line + 1, node.start_mark.column + 1)
 
-    def fault(self, node: yaml.Node, code: str, message: str) -> None:
-        self.faults.append(Diagnostic(self.place(node), code, message))
+    def note(self, node: yaml.Node, code: str, message: str) -> None:
+        self.found.append(Diagnostic(self.place(node), code, message))
 
 
-def _number(node: yaml.Node) -> float:
-    """Return the number that YAML takes the node for, or -1."""
-    if not isinstance(node, yaml.ScalarNode) or not node.tag.endswith((":int", ":float")):
-        return -1
+def read_rate(value: object) -> float | None:
+    """Return a rate limit in Hz, 0.0 for no limit, None for what PX4's script does not take; `off` is False in YAML."""
+    if isinstance(value, str):
+        return 0.0 if value.strip().lower() in _UNLIMITED else None
+    if not isinstance(value, (int, float)) or math.isnan(value):
+        return None
+    return max(float(value), 0.0)
+
+
+def _instance(value: object) -> int | None:
+    return value if _is_whole(value) and 0 <= value <= _MAX_INSTANCE else None
+
+
+def _count(value: object) -> int | None:
+    return value if _is_whole(value) and 1 <= value <= _MAX_INSTANCE else None
+
+
+def _is_whole(value: object) -> TypeGuard[int]:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _field(value: object) -> str | None:
+    return value if isinstance(value, str) and _FIELD.fullmatch(value) else None
+
+
+def _mapping(value: object) -> Mapping[str, object] | None:
+    return MappingProxyType(value) if isinstance(value, dict) else None
+
+
+def _data(node: yaml.Node, made: dict[int, object] | None = None) -> object:
+    """Return the value that YAML takes the node for, as text where it is none that Python has.
+
+    `made` has the values so far: an alias stands for the same value, which may hold itself.
+    """
+    made = {} if made is None else made
+    if id(node) in made:
+        return made[id(node)]
+    if isinstance(node, yaml.SequenceNode):
+        items: list[object] = []
+        made[id(node)] = items
+        items += [_data(item, made) for item in node.value]
+        return items
+    if isinstance(node, yaml.MappingNode):
+        values: dict[str, object] = {}
+        made[id(node)] = values
+        values |= {str(_found(key)): _data(value, made) for key, value in node.value}
+        return values
     try:
-        value: float = yaml.constructor.SafeConstructor().construct_object(node)
-    except ValueError:
-        return -1
-    return value
+        value: object = yaml.constructor.SafeConstructor().construct_object(node)
+    except (ValueError, yaml.YAMLError):
+        value = str(node.value)
+    return made.setdefault(id(node), value)
 
 
 def _is_null(node: yaml.Node) -> bool:

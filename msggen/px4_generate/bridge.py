@@ -1,19 +1,29 @@
-"""The bridge's file, as the firmware's `generate_dds_topics.py` makes it of `dds_topics.yaml`."""
+"""The bridge's file, as the firmware's `generate_dds_topics.py` makes it of `dds_topics.yaml`.
+
+That of the uXRCE client and that of Zenoh: one script makes both, by different templates.
+"""
 
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Collection
 from typing import Any, NamedTuple
 
 import yaml
 
-from msggen.diagnostics import InputError, fault
+from msggen.diagnostics import Diagnostic, InputError, Level, fault
 from msggen.empy import EmpyTemplate
-from msggen.model import snake_case
-from msggen.parse.bridge import parse_bridge
+from msggen.identity import nearest_interval
+from msggen.model import options_text, snake_case
+from msggen.parse.bridge import KEYS, parse_bridge, read_rate
+
+SCRIPT = "generate_dds_topics.py"
+"""The firmware's script, which is read to learn what it computes."""
 
 _LISTS = ("publications", "subscriptions", "subscriptions_multi")
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_COMPUTED = re.compile(r"""\[\s*["'](\w+)["']\s*\]\s*=(?!=)|setdefault\(\s*["'](\w+)["']""")
 
 
 class BridgeRequest(NamedTuple):
@@ -24,40 +34,113 @@ class BridgeRequest(NamedTuple):
     namespace: str
 
 
+class _UnknownNameError(Exception):
+    """A template asks for a name that the firmware's script computes, and msggen does not."""
+
+
+class _Entry(dict[str, Any]):
+    """An entry as templates see it. A name that the script computes, and msggen does not, is never silently absent.
+
+    `computed` are the names that the script sets, None where it was not found; `known` are those that some entry has.
+    """
+
+    computed: Collection[str] | None = ()
+    known: Collection[str] = ()
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """Return a value, or `default`. Raises _UnknownNameError."""
+        self._check(key)
+        return super().get(key, default)
+
+    def __contains__(self, key: object) -> bool:
+        self._check(key)
+        return super().__contains__(key)
+
+    def __missing__(self, key: str) -> Any:
+        self._check(key)
+        raise KeyError(key)
+
+    def _check(self, key: object) -> None:
+        if key in self.known:
+            return
+        if self.computed is None:
+            text = f"no entry has '{key}', and there is no {SCRIPT} beside the template to tell whether it computes it"
+            raise _UnknownNameError(text)
+        if key in self.computed:
+            raise _UnknownNameError(f"'{key}' is computed by the firmware's {SCRIPT}, and msggen does not know how")
+
+
 def generate_bridge(request: BridgeRequest) -> dict[str, str]:
     """Return the text of the one file, by its name. Raises InputError for a faulty YAML file or template."""
     template = EmpyTemplate(request.template)
     lists = _read(request.topics)
-    for entry in [entry for name in _LISTS for entry in lists[name]]:
+    every = [entry for name in _LISTS for entry in lists[name]]
+    for entry in every:
         _describe(entry, request.namespace)
     for entry in lists["publications"]:
         if "instance" in entry:
             entry["topic"] += str(entry["instance"])
         else:
             entry["instance"] = 0
-    includes = sorted({entry["simple_base_type"] for name in _LISTS for entry in lists[name]})
+    computed = _computed(request)
+    known = frozenset({*KEYS, *(name for entry in every for name in entry)})
+    for entry in every:
+        entry.computed, entry.known = computed, known
+    includes = sorted({entry["simple_base_type"] for entry in every})
     names = {**lists, "type_includes": includes, "namespace": request.namespace}
-    text = template.expand(names, (os.path.dirname(os.path.abspath(request.template)),))
+    text = _expand(template, names)
     return {os.path.basename(request.template).replace(".em", ""): text}
 
 
-def _read(path: str) -> dict[str, list[dict[str, Any]]]:
-    """Return the entries of the lists, as the YAML has them. Raises InputError; keys that are new do no harm."""
+def _read(path: str) -> dict[str, list[_Entry]]:
+    """Return the entries of the lists, as the YAML has them. Raises InputError; keys that are new do no harm.
+
+    A rate limit or an instance of a new kind is an error here: the script stops at it.
+    """
     try:
         with open(path, "rb") as stream:
             data = stream.read()
     except OSError as error:
         raise fault(path, "S101", f"cannot read the topics: {error.strerror or error}", 0) from error
-    faults = [found for found in parse_bridge(data, path)[1] if found.code != "Y103"]
-    if faults:
-        raise InputError(faults)
+    errors = [found for found in parse_bridge(data, path).found if found.level is Level.ERROR or found.code == "Y105"]
+    if errors:
+        raise InputError(errors)
     root = yaml.load(data, Loader=_LOADER) or {}  # noqa: S506 - it is a safe one
-    return {name: root.get(name) or [] for name in _LISTS}
+    return {name: [_Entry(entry) for entry in root.get(name) or []] for name in _LISTS}
 
 
-def _describe(entry: dict[str, Any], namespace: str) -> None:
+def _describe(entry: _Entry, namespace: str) -> None:
     """Add to an entry what templates read of it."""
     entry["topic_simple"] = entry["topic"].rsplit("/", 1)[-1]
     entry["topic"] = f"/{namespace}{entry['topic']}" if namespace else entry["topic"]
     entry["simple_base_type"] = snake_case(entry["type"].rsplit("::", 1)[-1])
     entry["dds_type"] = entry["type"].replace("::msg::", "::msg::dds_::") + "_"
+    rate = read_rate(entry.get("rate_limit"))
+    entry["publish_interval_ms"] = None if rate is None else nearest_interval(rate)
+    options = entry.get("options")
+    entry["pub_options_str"] = options_text(options) if isinstance(options, dict) else ""
+
+
+def _expand(template: EmpyTemplate, names: dict[str, Any]) -> str:
+    """Return the text that the template makes of `names`. Raises InputError."""
+    folder = os.path.dirname(os.path.abspath(template.path))
+    try:
+        return template.expand(names, (folder,))
+    except InputError as error:
+        if not isinstance(error.__cause__, _UnknownNameError):
+            raise
+        location = error.diagnostics[0].location
+        raise InputError([Diagnostic(location, "T107", str(error.__cause__))]) from None
+
+
+def _computed(request: BridgeRequest) -> frozenset[str] | None:
+    """Return the names that the firmware's script sets in entries, None where there is no script to read."""
+    folders = [os.path.dirname(os.path.abspath(path)) for path in (request.template, request.topics)]
+    folders += [os.path.join(os.path.dirname(folder), "uxrce_dds_client") for folder in folders]
+    for folder in folders:
+        try:
+            with open(os.path.join(folder, SCRIPT), encoding="utf-8", errors="replace") as stream:
+                return frozenset(found[1] or found[2] for found in _COMPUTED.finditer(stream.read()))
+        except OSError:
+            continue
+    return None

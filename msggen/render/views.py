@@ -5,6 +5,7 @@ A view joins what model, layout and identity know of one thing. Each fact is ask
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -76,6 +77,11 @@ class CatalogView(_View):
     def endpoints(self) -> tuple[EndpointView, ...]:
         """What crosses the bridge, in the order of dds_topics.yaml."""
         return tuple(EndpointView(endpoint, self._views) for endpoint in endpoints(self._model))
+
+    @property
+    def bridge_extra(self) -> Mapping[str, object]:
+        """What dds_topics.yaml has besides the lists of topics that msggen knows, by name."""
+        return self._model.bridge_extra
 
 
 class _Definition(_View):
@@ -434,13 +440,43 @@ class EndpointView(_View):
 
     @property
     def rate_limit_hz(self) -> float | None:
-        """None where the YAML has none (the firmware then sends at most 100 Hz), 0.0 for no limit."""
+        """None where the YAML has none, 0.0 for no limit."""
         return self._model.entry.rate_limit_hz
+
+    @property
+    def publish_interval_ms(self) -> int | None:
+        """The shortest time between two samples that PX4 sends, 0 for all in uORB's queue; None on the way in."""
+        return self._model.publish_interval_ms
 
     @property
     def instance(self) -> int | None:
         """The uORB instance, or None where the YAML names none."""
         return self._model.entry.instance
+
+    @property
+    def is_multi(self) -> bool:
+        """Whether PX4 publishes it on a uORB instance of its own: an entry of `subscriptions_multi`."""
+        return self._model.entry.multi
+
+    @property
+    def route_field(self) -> str | None:
+        """The field of which each value gets a uORB instance of its own, or None."""
+        return self._model.entry.route_field
+
+    @property
+    def max_instances(self) -> int | None:
+        """How many values of `route_field` get an instance, or None."""
+        return self._model.entry.max_instances
+
+    @property
+    def options(self) -> Mapping[str, object]:
+        """The options for Zenoh's client, in the order of the YAML."""
+        return self._model.entry.options
+
+    @property
+    def extra(self) -> Mapping[str, object]:
+        """What msggen does not know in the entry, by key, as the YAML has it."""
+        return self._model.entry.extra
 
     @property
     def writer_qos(self) -> Qos:

@@ -19,12 +19,17 @@ _COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}
 def write_github(report: Report) -> str:
     """Return a command for each finding, then the summary as a plain line."""
     findings = sorted(report.findings, key=lambda finding: not deceives(finding))
-    return "\n".join([*map(_of_finding, findings), printable(report.summary)])
+    notices = [_of_diagnostic(found, _COMMANDS[found.level.value]) for found in report.notices]
+    return "\n".join([*map(_of_finding, findings), *notices, printable(report.summary)])
 
 
 def write_faults(faults: Sequence[Diagnostic]) -> str:
     """Return a command for each of `faults`, for which nothing could be compared."""
-    return "\n".join(_command("error", found.location, found.code, printable(found.message)) for found in faults)
+    return "\n".join(_of_diagnostic(found, "error") for found in faults)
+
+
+def _of_diagnostic(found: Diagnostic, command: str) -> str:
+    return _command(command, found.location, found.code, printable(found.message))
 
 
 def _of_finding(finding: Finding) -> str:

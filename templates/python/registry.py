@@ -106,8 +106,12 @@ class Endpoint(Frozen):
         "message_name",
         "object_id",
         "rate_limit_hz",
+        "publish_interval_ms",
         "instance",
         "qos",
+        "route_field",
+        "max_instances",
+        "options",
     )
 
     direction: Literal["in", "out"]
@@ -117,11 +121,19 @@ class Endpoint(Frozen):
     object_id: int
     """The XRCE client's id of the topic."""
     rate_limit_hz: float | None
-    """None where the bridge's YAML says nothing: the firmware then sends at most 100 Hz. 0.0: no limit."""
+    """What the bridge's YAML says: None where it says nothing, 0.0 for no limit."""
+    publish_interval_ms: int | None
+    """The shortest time between two samples that PX4 sends; 0: all that uORB's queue holds. None on the way in."""
     instance: int | None
     """The uORB instance, where the YAML names one."""
     qos: QosPair
     """What PX4 uses at its end, and what works at the other."""
+    route_field: str | None
+    """On the way in: each value of this field gets a uORB instance of its own."""
+    max_instances: int | None
+    """How many values of `route_field` get one; samples with further values are dropped."""
+    options: str
+    """Options of Zenoh's client: `cc=block,express=true`."""
 
     def __init__(
         self,
@@ -130,8 +142,12 @@ class Endpoint(Frozen):
         message_name: str,
         object_id: int,
         rate_limit_hz: float | None,
+        publish_interval_ms: int | None,
         instance: int | None,
         qos: QosPair,
+        route_field: str | None = None,
+        max_instances: int | None = None,
+        options: str = "",
     ) -> None:
         put = object.__setattr__
         put(self, "direction", direction)
@@ -139,8 +155,12 @@ class Endpoint(Frozen):
         put(self, "message_name", message_name)
         put(self, "object_id", object_id)
         put(self, "rate_limit_hz", rate_limit_hz)
+        put(self, "publish_interval_ms", publish_interval_ms)
         put(self, "instance", instance)
         put(self, "qos", qos)
+        put(self, "route_field", route_field)
+        put(self, "max_instances", max_instances)
+        put(self, "options", options)
 
     @property
     def dds_name(self) -> str:
@@ -181,8 +201,12 @@ def renamed(endpoint: Endpoint, ros_name: str, message_name: str) -> Endpoint:
         message_name,
         object_id=endpoint.object_id,
         rate_limit_hz=endpoint.rate_limit_hz,
+        publish_interval_ms=endpoint.publish_interval_ms,
         instance=endpoint.instance,
         qos=endpoint.qos,
+        route_field=endpoint.route_field,
+        max_instances=endpoint.max_instances,
+        options=endpoint.options,
     )
 
 
