@@ -1,6 +1,6 @@
 """What is wrong with an input, said to people: `path:line:col: CODE message`."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import Enum
 from types import MappingProxyType
 from typing import NamedTuple
@@ -158,6 +158,13 @@ def fault(path: str, code: str, message: str, line: int = 1, column: int = 1) ->
 def counted(number: int, noun: str) -> str:
     """Return `1 message`, `2 messages`."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def listed(items: Sequence[str], most: int = 4) -> str:
+    """Return `a, b, c and 9 more`: no more than `most` of the items, and how many there are besides."""
+    if len(items) <= most:
+        return ", ".join(items)
+    return f"{', '.join(items[: most - 1])} and {len(items) - most + 1} more"
 
 
 def suggestion(wrong: str, known: Iterable[str]) -> str:
