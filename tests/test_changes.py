@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,6 +42,38 @@ INNER = {"msg/Inner.msg": f"{T}float32 x\nfloat32 y\n"}
 SWAPPED = {"msg/Inner.msg": f"{T}float32 y\nfloat32 x\n"}
 OUTER = {"msg/Middle.msg": f"{T}Inner[2] i\n", "msg/Outer.msg": f"{T}Middle m\nuint8 a\n"}
 HOME = "uint64 timestamp\nuint8 A = 1\n"
+W = "msg/versioned/W.msg"
+BESIDE = {"msg/versioned/Other.msg": f"uint32 MESSAGE_VERSION = 0\n{T}"}
+
+
+def version(number: int, field: str) -> dict[str, str]:
+    """Return a versioned message of one field."""
+    return {W: f"uint32 MESSAGE_VERSION = {number}\n{T}{field}\n"}
+
+
+STEPS = {
+    f"msg/px4_msgs_old/msg/WV{number}.msg": version(number, field)[W]
+    for number, field in enumerate(("uint8 a", "uint16 b", "float32 c"))
+}
+
+
+def without(files: dict[str, str], name: str) -> dict[str, str]:
+    return {path: text for path, text in files.items() if name not in path}
+
+
+def headers(*steps: str) -> dict[str, str]:
+    """Return a header for each step, "WV0 W" say, that copies all the fields that there are, by a macro."""
+    texts = {}
+    for step in steps:
+        older, newer = step.split()
+        package = "px4_msgs_old" if re.search(r"V\d", newer) else "px4_msgs"
+        types = f"using Older = px4_msgs_old::msg::{older};\nusing Newer = {package}::msg::{newer};\n"
+        texts[f"{older}_{newer}.h"] = types + "".join(f"COPY({field})\n" for field in ("timestamp", *"abcd"))
+    includes = "".join(f'#include "{name}"\n' for name in texts)
+    files = {f"{TRANSLATIONS}/{name}": text for name, text in texts.items()}
+    return {**files, f"{TRANSLATIONS}/all_translations.h": includes}
+
+
 NOT_YET = f"// px4_msgs_old::msg::WV0 and px4_msgs::msg::W {T}"
 
 STICKS = "float32 x  # Forward\nfloat32 y  # Right\nfloat32 z  # Up\nfloat32 r  # Clockwise\n"
@@ -246,9 +279,62 @@ CASES = {
         {("INVALID_CHANGED", "A")},
     ),
     "a version that jumps with nothing but a constant": Case(
-        {"msg/W.msg": f"uint32 MESSAGE_VERSION = 0\n{HOME}"},
-        {"msg/W.msg": f"uint32 MESSAGE_VERSION = 5\n{HOME}uint8 B = 2\n"},
+        {"msg/versioned/W.msg": f"uint32 MESSAGE_VERSION = 0\n{HOME}"},
+        {
+            "msg/versioned/W.msg": f"uint32 MESSAGE_VERSION = 4000000000\n{HOME}uint8 B = 2\n",
+            "msg/px4_msgs_old/msg/WV0.msg": f"uint32 MESSAGE_VERSION = 0\n{HOME}",
+            **headers("WV0 W"),
+        },
         {("VERSION_NOT_RAISED", "W")},
+    ),
+    "a version that jumps in a package, which keeps no steps": Case(
+        {"msg/W.msg": f"uint32 MESSAGE_VERSION = 0\n{T}uint8 a\n"},
+        {"msg/W.msg": f"uint32 MESSAGE_VERSION = 5\n{T}uint16 a\n"},
+        {("FIELD_RETYPED", "W")},
+        ("W",),
+    ),
+    "a version that rises by several archived and translated steps": Case(
+        version(0, "uint8 a"),
+        {**version(3, "float64 d"), **STEPS, **headers("WV0 WV1", "WV1 WV2", "WV2 W")},
+        {(GONE, "W"), (NEW, "W")},
+    ),
+    "a version that rises by several steps, one of them not archived": Case(
+        version(0, "uint8 a"),
+        {**without(STEPS, "WV1"), **version(3, "float64 d"), **headers("WV0 WV1", "WV1 WV2", "WV2 W")},
+        {(GONE, "W"), (NEW, "W"), ("VERSION_NOT_RAISED", "W"), ("TRANSLATION_MISSING", "W")},
+    ),
+    "a version that rises by several steps, one of them not translated": Case(
+        version(0, "uint8 a"),
+        {**version(3, "float64 d"), **STEPS, **headers("WV0 WV1", "WV2 W")},
+        {(GONE, "W"), (NEW, "W"), ("TRANSLATION_MISSING", "W")},
+    ),
+    "a version that rises by several steps, translated at once": Case(
+        version(0, "uint8 a"),
+        {**version(3, "float64 d"), **STEPS, **headers("WV0 W")},
+        {(GONE, "W"), (NEW, "W")},
+    ),
+    "a version that rises by several steps from another definition": Case(
+        version(0, "int8 a"),
+        {**version(3, "float64 d"), **STEPS, **headers("WV0 WV1", "WV1 WV2", "WV2 W")},
+        {(GONE, "W"), (NEW, "W"), ("VERSION_NOT_ARCHIVED", "W")},
+    ),
+    "a definition that comes back after two versions": Case(
+        version(0, "uint8 a"), {**version(2, "uint8 a"), **STEPS, **headers("WV0 WV1", "WV1 W")}, set()
+    ),
+    "a message that leaves the versioned ones and keeps its version": Case(
+        version(1, "uint8 a"), {"msg/W.msg": version(1, "uint8 a")[W], **BESIDE}, {("VERSION_REMOVED", "W")}
+    ),
+    "a message that leaves the versioned ones with its version": Case(
+        {**version(1, "uint8 a"), **BESIDE}, {"msg/W.msg": f"{T}uint8 a\n", **BESIDE}, {("VERSION_REMOVED", "W")}
+    ),
+    "constants of a complete new version": Case(
+        {W: f"{version(0, 'uint8 a')[W]}uint8 ON = 1\nuint8 OFF = 2\nuint8 ALL = 9\n"},
+        {
+            W: f"{version(1, 'uint8 a')[W]}uint8 ON = 2\nuint16 ALL = 9\n",
+            "msg/px4_msgs_old/msg/WV0.msg": version(0, "uint8 a")[W],
+            **headers("WV0 W"),
+        },
+        {(f"CONSTANT_{what}", "W") for what in ("REMOVED", "VALUE_CHANGED", "TYPE_CHANGED")},
     ),
     "a version that goes back with nothing but a constant": Case(
         {"msg/W.msg": f"uint32 MESSAGE_VERSION = 3\n{HOME}"},
@@ -291,6 +377,32 @@ def run(folder: Path, case: Case, ignored: dict[str, tuple[Rule, ...]] | None = 
     sides = [write_definitions(folder / name, getattr(case, name)) for name in ("previous", "current")]
     before, after = (find_sources(str(side)) for side in sides)
     return breaking(before, after, BREAKING, ignored).findings
+
+
+def test_constants_of_a_complete_new_version_are_handled(tmp_path: Path) -> None:
+    found = run(tmp_path, CASES["constants of a complete new version"])
+    assert [each for each in found if not each.is_handled] == []
+
+
+def test_several_complete_steps_take_care_of_the_change(tmp_path: Path) -> None:
+    found = run(tmp_path, CASES["a version that rises by several archived and translated steps"])
+    assert [each for each in found if each.fails] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("one of them not archived", "expected MESSAGE_VERSION = 1, found 3, and version 1 is not in the archive"),
+        ("one of them not translated", "includes translates 'W' from version 1: expected in "),
+        ("leaves the versioned ones and keeps", "'W' is not in msg/versioned any more"),
+        ("leaves the versioned ones with", "MESSAGE_VERSION, 1 in previous and is not in msg/versioned any more"),
+        ("geofence", "at byte 9 is not in previous, which has 'primary_geofence_breached' there: was it renamed?"),
+        ("geofence", "at byte 9 of previous is missing, 'geofence_max_alt_triggered' is there: was it renamed?"),
+    ],
+)
+def test_what_is_wrong_is_said(name: str, sentence: str, tmp_path: Path) -> None:
+    [case] = [case for title, case in CASES.items() if name in title]
+    assert any(sentence in each.change.message.replace(str(tmp_path) + "/", "") for each in run(tmp_path, case))
 
 
 def told(findings: tuple[Finding, ...]) -> set[tuple[str, str]]:

@@ -48,11 +48,17 @@ RULES = (
         Severity.WARNING,
     ),
     Rule(
-        "VERSION_NOT_RAISED", "a versioned message changed, its version not by one", _VERSION, version.find_not_raised
+        "VERSION_NOT_RAISED",
+        "a versioned message changed, its version not step by step",
+        _VERSION,
+        version.find_not_raised,
     ),
     Rule("VERSION_NEEDLESS", "a version changed, the message did not", _VERSION, version.find_needless),
     Rule(
-        "VERSION_REMOVED", "a message is versioned no more, or an archived version gone", _VERSION, version.find_removed
+        "VERSION_REMOVED",
+        "a message is versioned no more, or an archived version is gone",
+        _VERSION,
+        version.find_removed,
     ),
     Rule("VERSION_NOT_ARCHIVED", "the old version is not in px4_msgs_old", _VERSION, version.find_not_archived),
     Rule("TRANSLATION_MISSING", "no header translates from the old version", _VERSION, version.find_not_translated),
@@ -95,7 +101,7 @@ def find(comparison: Comparison, rules: Sequence[Rule]) -> Iterator[Finding]:
             finding = Finding(rule, change)
             if rule.category is Category.WIRE:
                 finding = replace(finding, silent_for=silent.get(change.subject, ()))
-            if rule.category in (Category.WIRE, Category.HASH):
+            if rule.category in (Category.WIRE, Category.HASH, Category.SOURCE):
                 finding = replace(finding, is_handled=change.subject in handled)
             if rule.id == "TOPIC_RENAMED":
                 finding = replace(finding, is_handled=change.subject in topics)
