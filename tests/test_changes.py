@@ -362,6 +362,36 @@ CASES = {
         {"msg/A.msg": T, "msg/B.msg": f"# TOPICS b t\n{T}", BRIDGE: bridged("/fmu/out/sub/t", "B")},
         {("TOPIC_MOVED", "/fmu/out/sub/t"), ("TOPIC_RETYPED", "/fmu/out/sub/t")},
     ),
+    "a message under another name, with its topic": Case(
+        {"msg/Wheel.msg": f"{T}float32 speed\n", BRIDGE: bridged("/fmu/out/wheel", "Wheel")},
+        {"msg/WheelSpeed.msg": f"{T}float32 speed\n", BRIDGE: bridged("/fmu/out/wheel_speed", "WheelSpeed")},
+        {
+            ("MESSAGE_RENAMED", "WheelSpeed"),
+            ("TOPIC_MOVED", "/fmu/out/wheel_speed"),
+            ("TOPIC_RETYPED", "/fmu/out/wheel_speed"),
+        },
+    ),
+    "a message under another name, and a topic that stays": Case(
+        {"msg/Wheel.msg": f"# TOPICS turn\n{T}", BRIDGE: bridged("/fmu/out/turn", "Wheel")},
+        {"msg/Wheels.msg": f"# TOPICS turn\n{T}", BRIDGE: bridged("/fmu/out/turn", "Wheels")},
+        {("MESSAGE_RENAMED", "Wheels"), ("TOPIC_RETYPED", "/fmu/out/turn")},
+    ),
+    "a message gone, and one of a near name with other fields": Case(
+        {"msg/Wheel.msg": f"{T}float32 speed\n"},
+        {"msg/Wheels.msg": f"{T}float32 speeds\n"},
+        {("MESSAGE_REMOVED", "Wheel")},
+    ),
+    "a message gone, and one of a near name with other constants": Case(
+        {"msg/Wheel.msg": f"{T}uint8 A = 1\n"}, {"msg/Wheels.msg": f"{T}uint8 A = 2\n"}, {("MESSAGE_REMOVED", "Wheel")}
+    ),
+    "a message gone, and one of another name with the same fields": Case(
+        {"msg/Wheel.msg": f"{T}float32 speed\n"}, {"msg/Fan.msg": f"{T}float32 speed\n"}, {("MESSAGE_REMOVED", "Wheel")}
+    ),
+    "two messages gone, and one of their names and fields": Case(
+        {"msg/Wheel.msg": f"{T}float32 speed\n", "msg/Wheels.msg": f"{T}float32 speed\n"},
+        {"msg/WheelOne.msg": f"{T}float32 speed\n"},
+        {("MESSAGE_RENAMED", "WheelOne"), ("MESSAGE_REMOVED", "Wheels")},
+    ),
     "archived versions that a package never has": Case(
         {
             "msg/versioned/W.msg": f"uint32 MESSAGE_VERSION = 1\n{T}",
@@ -395,7 +425,7 @@ def test_several_complete_steps_take_care_of_the_change(tmp_path: Path) -> None:
         ("one of them not archived", "expected MESSAGE_VERSION = 1, found 3, and version 1 is not in the archive"),
         ("one of them not translated", "includes translates 'W' from version 1: expected in "),
         ("leaves the versioned ones and keeps", "'W' is not in msg/versioned any more"),
-        ("leaves the versioned ones with", "MESSAGE_VERSION, 1 in previous and is not in msg/versioned any more"),
+        ("leaves the versioned ones with", "MESSAGE_VERSION, 1 in previous, and is not in msg/versioned any more"),
         ("geofence", "at byte 9 is not in previous, which has 'primary_geofence_breached' there: was it renamed?"),
         ("geofence", "at byte 9 of previous is missing, 'geofence_max_alt_triggered' is there: was it renamed?"),
     ],

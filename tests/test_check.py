@@ -398,6 +398,20 @@ def test_another_meaning_is_warned_of_and_fails_nothing(
     assert last.endswith(", 1 only warned of")
 
 
+# --- Other names
+
+
+def test_a_message_under_another_name_is_told_as_one(capsys: Capture) -> None:
+    (MSG / "Rpm.msg").rename(MSG / "RpmSensor.msg")
+    assert drift(capsys) == {("MESSAGE_RENAMED", "RpmSensor")}
+
+
+def test_a_message_of_a_near_name_that_cannot_be_read_is_only_new(capsys: Capture) -> None:
+    (MSG / "Rpm.msg").unlink()
+    write_definitions(MSG, {"RpmSensor.msg": "float3 x\n"})
+    assert drift(capsys) == {("MESSAGE_REMOVED", "Rpm"), ("DEFINITION_ADDED", "RpmSensor")}
+
+
 # --- Sizes that vary
 
 

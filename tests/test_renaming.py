@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.compare.renaming import Candidates, are_near, is_renamed
+from msggen.compare.renaming import Candidates, is_renamed, nearest_message
 from msggen.model import Field
 from msggen.parse import parse_message
 
@@ -91,21 +91,21 @@ def test_the_same_comment_outweighs_a_nearer_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "expected"),
+    ("name", "others", "expected"),
     [
-        ("Px4IoStatus", "Px4ioStatus", True),
-        ("GeneratorStatus", "Generator", True),
-        ("EscReport", "EscReports", True),
-        ("SensorGps", "SensorGnss", True),
-        ("WheelEncoders", "WheelEncoder", True),
-        ("EstimatorBias", "Estimator3dBias", True),
-        ("Rpm", "Wind", False),
-        ("VehicleAttitude", "VehicleAttitudeSetpoint", False),
-        ("SensorGyro", "SensorAccel", False),
+        ("A", ["AB", "Rpm"], "AB"),
+        ("Px4IoStatus", ["Px4ioStatus"], "Px4ioStatus"),
+        ("EscReports", ["EscReport", "EscReportsOld"], "EscReport"),
+        ("SensorGps", ["SensorGnss"], "SensorGnss"),
+        ("Rpm", ["Wind", "Gripper"], None),
+        ("VehicleAttitude", ["VehicleAttitudeSetpoint", "VehicleAttitudeRate"], None),
+        ("Rpm", ["RpmSensor"], "RpmSensor"),
+        ("EstimatorAidSource1d", ["EstimatorAidSource3d"], None),
+        ("Rpm", [], None),
     ],
 )
-def test_names_of_messages_are_near_by_their_words(first: str, second: str, expected: bool) -> None:  # noqa: FBT001
-    assert are_near(first, second) is are_near(second, first) is expected
+def test_a_message_may_be_the_one_with_the_nearest_name(name: str, others: list[str], expected: str | None) -> None:
+    assert nearest_message(name, others) == expected
 
 
 WORDS = (

@@ -12,11 +12,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 from msggen.compare.finding import Reader
-from msggen.compare.renaming import Candidates, is_renamed
+from msggen.compare.renaming import Candidates, is_renamed, nearest_message
 from msggen.firmware.history import History
 from msggen.layout import Layout, Path, is_static, lay_out
 from msggen.location import Location
-from msggen.model import Catalog, Constant, Field, FieldType, Message
+from msggen.model import VERSION, Catalog, Constant, Field, FieldType, Message, Value
 
 Shape = tuple["tuple[str, str, Shape | None]", ...]
 """Type and name of each field, and the shape of what it nests: all that decides bytes, names and hashes."""
@@ -223,6 +223,22 @@ class Comparison:
         return tuple(MessagePair(previous, before[name], current, after[name]) for name in names)
 
     @cached_property
+    def renamed_messages(self) -> Mapping[str, str]:
+        """The messages that the current side has under another name, by their previous name: nothing else differs."""
+        before, after = (
+            {each.name: each for each in side.catalog.uorb_messages} for side in (self.previous, self.current)
+        )
+        gained = {name: _content(self.current.catalog, after[name]) for name in after.keys() - before}
+        found: dict[str, str] = {}
+        for name in sorted(before.keys() - after):
+            content = _content(self.previous.catalog, before[name])
+            now = nearest_message(name, sorted(other for other in gained if gained[other] == content))
+            if now:
+                found[name] = now
+                del gained[now]
+        return found
+
+    @cached_property
     def changed(self) -> tuple[MessagePair, ...]:
         """The pairs in which any type or name is another, at any depth."""
         return tuple(pair for pair in self.pairs if pair.differs)
@@ -238,6 +254,12 @@ def shape(catalog: Catalog, message: Message) -> Shape:
         )
         for field in message.fields
     )
+
+
+def _content(catalog: Catalog, message: Message) -> tuple[Shape, dict[str, tuple[str, Value]]]:
+    """Return all of a definition but its name, its comments and its version."""
+    constants = {each.name: (str(each.type), each.value) for each in message.constants if each.name != VERSION}
+    return shape(catalog, message), constants
 
 
 def meaning(type_: FieldType) -> str:

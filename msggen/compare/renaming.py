@@ -33,6 +33,8 @@ _SHORTEST_STEM = 4
 """Words with the same beginning have at least this many letters in common, unless one abbreviates the other."""
 _SHORTEST_COMMENT = 3
 """Words of a comment that says what a field is."""
+_NEAR = 0.6
+"""How much of their letters the names of two messages share at least, from 0 to 1."""
 
 
 class Candidates(NamedTuple):
@@ -62,10 +64,22 @@ def is_renamed(before: Field, after: Field, fields: Candidates) -> bool:
     return bool(common.shared) if is_same_unit else common.is_distinctive({w for f in others for w in words(f.name)})
 
 
-def are_near(first: str, second: str) -> bool:
-    """Whether two names say the same: the words of one are those of the other, or nearly, and perhaps a few more."""
-    common = _Common(words(first), words(second))
-    return common.is_near and not common.has_other_meaning
+def nearest_message(name: str, others: Iterable[str]) -> str | None:
+    """Return the one of `others` that a message of the same definition may be called now, None if none is near."""
+    from difflib import SequenceMatcher
+
+    ratios = {other: SequenceMatcher(None, name, other).ratio() for other in others}
+    near = [other for other in ratios if _may_be_called(name, other, ratios[other])]
+    return max(near, key=lambda other: ratios[other], default=None)
+
+
+def _may_be_called(name: str, other: str, ratio: float) -> bool:
+    common = _Common(words(name), words(other))
+    first, second = common.rest
+    differ_in_number = any(map(str.isdecimal, first)) and any(map(str.isdecimal, second))
+    return (common.is_near or ratio >= _NEAR) and not (
+        _OTHER_MEANING.intersection((*first, *second)) or differ_in_number
+    )
 
 
 def words(name: str) -> tuple[str, ...]:

@@ -25,6 +25,9 @@ RULES = (
     ),
     Rule("NESTED_NAME_CHANGED", "a name in a nested message, at any depth, is another", _HASH, names.find_nested),
     Rule("MESSAGE_REMOVED", "a message is gone", _SOURCE, source.find_removed_messages),
+    Rule(
+        "MESSAGE_RENAMED", "a message has another name, and the same definition", _SOURCE, source.find_renamed_messages
+    ),
     Rule("SERVICE_REMOVED", "a service is gone", _SOURCE, source.find_removed_services),
     Rule("CONSTANT_REMOVED", "a constant is gone", _SOURCE, source.find_removed_constants),
     Rule("CONSTANT_VALUE_CHANGED", "a constant has another value", _SOURCE, source.find_other_values),

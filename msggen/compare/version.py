@@ -50,7 +50,7 @@ def find_removed(comparison: Comparison) -> Iterator[Change]:
     for pair in comparison.pairs:
         lost = list(_lost(comparison, pair))
         if lost:
-            yield _change(pair, f"'{pair.name}' {' and '.join(lost)}")
+            yield _change(pair, f"'{pair.name}' {', and '.join(lost)}")
     before, after = comparison.previous.history, comparison.current.history
     if before and after and after.is_kept:
         for name in sorted(before.archived.keys() - after.archived):
