@@ -61,6 +61,10 @@ class Tree:
         client = self.path / "src/modules/uxrce_dds_client"
         bridge = ("-y", str(client / "dds_topics.yaml"), "-t", str(client / "dds_topics.h.em"), "-u")
         yield Task("dds_topics.h", str(client / "generate_dds_topics.py"), bridge)
+        zenoh = self.path / "src/modules/zenoh"
+        if (zenoh / "dds_topics.yaml").is_file():
+            topics = ("-y", str(zenoh / "dds_topics.yaml"), "-t", str(zenoh / "default_topics.c.em"), "-u")
+            yield Task("default_topics.c, Zenoh", str(client / "generate_dds_topics.py"), topics)
 
 
 def main() -> None:

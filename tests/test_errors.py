@@ -214,7 +214,7 @@ DOUBTS = [
 ]
 
 OF_OTHER_COMMANDS = {"S110", "S111", "S112", "S113", "S114", "S115", "S116", "S119"}
-"""What no build stops at: test_check.py has S110, test_novelties.py S119, test_sync_refused.py the others."""
+"""What no build stops at: test_check.py has S110, test_next_firmware.py S119, test_sync_refused.py the others."""
 
 
 def build(folder: Path, fault: Fault, monkeypatch: pytest.MonkeyPatch) -> int:

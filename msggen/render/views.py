@@ -81,7 +81,7 @@ class CatalogView(_View):
     @property
     def bridge_extra(self) -> Mapping[str, object]:
         """What dds_topics.yaml has besides the lists of topics that msggen knows, by name."""
-        return self._model.bridge_extra
+        return dict(self._model.bridge_extra)
 
 
 class _Definition(_View):
@@ -471,12 +471,12 @@ class EndpointView(_View):
     @property
     def options(self) -> Mapping[str, object]:
         """The options for Zenoh's client, in the order of the YAML."""
-        return self._model.entry.options
+        return dict(self._model.entry.options)
 
     @property
     def extra(self) -> Mapping[str, object]:
         """What msggen does not know in the entry, by key, as the YAML has it."""
-        return self._model.entry.extra
+        return dict(self._model.entry.extra)
 
     @property
     def writer_qos(self) -> Qos:
