@@ -295,10 +295,14 @@ def _layout(catalog: Catalog, message: Message) -> Layout | None:
 
 
 def _values(layout: Layout) -> Iterator[tuple[Path, int, int, str]]:
-    """Yield for each value how to reach it, its place in its array, its offset, and what its bytes mean."""
+    """Yield for each value how to reach it, its place in its array, its offset, and what its bytes mean.
+
+    A single message is reached like the first of an array: the bytes are the same.
+    """
     for leaf in layout.leaves:
+        path = tuple((name, index or 0) for name, index in leaf.path)
         for index in range(leaf.count):
-            yield leaf.path, index, leaf.offset + index * leaf.size, meaning(leaf.type)
+            yield path, index, leaf.offset + index * leaf.size, meaning(leaf.type)
 
 
 def _longest_increasing(numbers: list[int]) -> set[int]:
