@@ -33,6 +33,7 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
     files = {f"{name}.msg" for name in _names(before.uorb_messages)}
     files |= {f"{name}.srv" for name in _names(before.own_services)}
     after = _with_renamed(current, files, before)
+    files |= {f"{file.stem}.msg" for file in previous.unbuilt}
     extra = () if topics_only else tuple(_extra(current, files))
     comparison = Comparison(
         Side(previous.label, _place(previous), before), Side(current.label, _place(current), after, extra=extra)

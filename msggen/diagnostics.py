@@ -10,6 +10,9 @@ from msggen.location import Location
 _SHORTEST = 4
 """The beginning of a name is near it from so many letters on, where nothing is nearer."""
 
+_FEW = 4
+"""So many names are listed."""
+
 CODES: dict[str, str] = {
     "M101": "a line that is neither a field, a constant nor a comment",
     "M102": "a file that is not UTF-8, or has a byte order mark",
@@ -17,10 +20,12 @@ CODES: dict[str, str] = {
     "M104": "a control character",
     "M105": "a service without its `---` line, or with several",
     "M106": "lines that end in CR LF",
+    "M107": "a tag that msggen does not know",
     "M201": "a name that the grammar forbids",
-    "M202": "a name that Python or the generated class needs for itself",
-    "M203": "a field or constant defined twice, or twice but for case",
-    "M204": "a message or service defined twice, or twice but for case",
+    "M202": "two messages that would be one class in Python",
+    "M203": "a field or constant defined twice",
+    "M204": "a message or service defined twice",
+    "M205": "a name that only one of PX4 and ROS 2 can be built with",
     "M301": "an unknown type",
     "M302": "messages that nest each other, or too deep",
     "M303": "an array length or string bound that cannot be",
@@ -30,7 +35,12 @@ CODES: dict[str, str] = {
     "M401": "a uORB message without `uint64 timestamp`",
     "M402": "a `# TOPICS` line that the firmware would misread",
     "M403": "a uORB topic declared twice",
-    "M404": "MESSAGE_VERSION or ORB_QUEUE_LENGTH out of place",
+    "M404": "an archived version with another MESSAGE_VERSION than its name says",
+    "M405": "a special constant without its usual meaning",
+    "M406": "a `# TOPICS` line that the firmware ignores",
+    "M407": "messages that only some boards build",
+    "M408": "a message that the firmware does not build",
+    "M409": "a condition that a board does not decide",
     "Y101": "a file that is not YAML",
     "Y102": "a value of the wrong kind",
     "Y103": "a key that msggen does not know",
@@ -60,7 +70,9 @@ CODES: dict[str, str] = {
     "S115": "a symbolic link that leads out of the package",
     "S116": "a file that differs only in case from one of the firmware",
     "S117": "no earlier versions of messages",
+    "S118": "a board that cannot be used",
     "S119": "a firmware that has more than the newest release msggen knows",
+    "S121": "a folder of definitions that msggen does not read",
     "B101": "a firmware that `bump` cannot write to",
     "B102": "a message that has no versions",
     "B103": "a version that is not one more than the old one",
@@ -100,6 +112,16 @@ class Level(Enum):
 
 _LEVELS: Mapping[str, Level] = MappingProxyType(
     {
+        "M104": Level.WARNING,
+        "M106": Level.WARNING,
+        "M107": Level.WARNING,
+        "M205": Level.WARNING,
+        "M405": Level.WARNING,
+        "M406": Level.WARNING,
+        "M407": Level.NOTE,
+        "M408": Level.WARNING,
+        "M409": Level.WARNING,
+        "S121": Level.WARNING,
         "Y103": Level.WARNING,
         "Y105": Level.WARNING,
         "Y106": Level.WARNING,
@@ -160,11 +182,10 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def listed(items: Sequence[str], most: int = 4) -> str:
-    """Return `a, b, c and 9 more`: no more than `most` of the items, and how many there are besides."""
-    if len(items) <= most:
-        return ", ".join(items)
-    return f"{', '.join(items[: most - 1])} and {len(items) - most + 1} more"
+def few(names: Sequence[str]) -> str:
+    """Return the first of `names`, and how many more there are."""
+    shown = names if len(names) <= _FEW + 1 else names[:_FEW]
+    return ", ".join(shown) + (f" and {len(names) - _FEW} more" if len(shown) < len(names) else "")
 
 
 def suggestion(wrong: str, known: Iterable[str]) -> str:

@@ -88,6 +88,11 @@ class UorbTopic(NamedTuple):
     orb_id: int
     message: Message
 
+    @property
+    def condition(self) -> str:
+        """The condition under which the firmware's build lists its message, "" for none."""
+        return self.message.condition
+
 
 def uorb_topics(catalog: Catalog) -> tuple[UorbTopic, ...]:
     """Return all topics in the order of their ids: that of their sorted names, over the whole set."""

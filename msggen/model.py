@@ -14,6 +14,10 @@ from typing import NamedTuple, Union
 from msggen.diagnostics import Diagnostic
 from msggen.location import Location
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from msggen.translation import Translation
+
 Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated, and it names itself
 """What a constant or a default may hold; tuples only as defaults of arrays."""
 
@@ -114,7 +118,8 @@ class FieldType(NamedTuple):
 class Comment(NamedTuple):
     """What a definition says about a node: its sentences, and the tags that PX4 writes in brackets.
 
-    `text` has the sentences, tags taken out; the tags hold their bracket's content, or "" when absent.
+    `text` has the sentences, tags taken out; the tags hold their bracket's content, or "" when absent. `extra` has the
+    tags that have no attribute here, as name and content.
     """
 
     text: str = ""
@@ -123,11 +128,17 @@ class Comment(NamedTuple):
     enum: str = ""
     invalid: str = ""
     frame: str = ""
+    extra: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def tags(self) -> tuple[tuple[str, str], ...]:
+        """Name and content of every tag with an `@`."""
+        named = (("range", self.range), ("enum", self.enum), ("invalid", self.invalid), ("frame", self.frame))
+        return (*[tag for tag in named if tag[1]], *self.extra)
 
     def __str__(self) -> str:
-        named = (("range", self.range), ("enum", self.enum), ("invalid", self.invalid), ("frame", self.frame))
         tags = [f"[{self.unit}]"] if self.unit else []
-        tags += [f"[@{name} {value}]" for name, value in named if value]
+        tags += [f"[@{name} {value}]" if value else f"[@{name}]" for name, value in self.tags]
         return " ".join([*tags, self.text]).strip()
 
 
@@ -173,6 +184,8 @@ class Message(NamedTuple):
     comment: str = ""
     version_of: str = ""
     """Of an archived version: the key of the message that it is an earlier version of."""
+    condition: str = ""
+    """The condition under which the firmware's build lists the message, as CMake spells it; "" for none."""
 
     @property
     def key(self) -> str:
@@ -210,8 +223,8 @@ class Message(NamedTuple):
 
     @property
     def message_version(self) -> int:
-        """MESSAGE_VERSION, or 0: what the firmware assumes without it."""
-        return self._special(VERSION, 0)
+        """MESSAGE_VERSION as the firmware reads it, or 0: what it assumes without."""
+        return self._special(VERSION, 0) % 2**32
 
     @property
     def is_versioned(self) -> bool:
@@ -225,7 +238,10 @@ class Message(NamedTuple):
 
     def _special(self, name: str, default: int) -> int:
         values = [constant.value for constant in self.constants if constant.name == name]
-        return values[0] if values and isinstance(values[0], int) else default
+        try:
+            return int(values[0]) if values else default  # type: ignore[arg-type]  # a tuple is a TypeError
+        except (TypeError, ValueError, OverflowError):
+            return default
 
 
 class Service(NamedTuple):
@@ -322,6 +338,7 @@ class Catalog(NamedTuple):
 
     The messages of `package` are uORB's, and have topics; those of other packages only ROS 2 knows. `archived` has
     earlier versions of messages by key, where they were asked for: they are no longer on uORB, and have no topics.
+    `translations` say how the firmware makes one version from another.
     `bridge_extra` has what the bridge's YAML holds besides the lists of topics that msggen knows. `notices` are the
     warnings and notes about the sources.
     """
@@ -332,6 +349,7 @@ class Catalog(NamedTuple):
     conventions: Conventions
     package: str = DEFAULT_PACKAGE
     archived: Mapping[str, Message] = MappingProxyType({})
+    translations: tuple["Translation", ...] = ()
     bridge_extra: Mapping[str, object] = MappingProxyType({})
     notices: tuple[Diagnostic, ...] = ()
 

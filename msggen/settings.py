@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
-from msggen.firmware.source import join_package, split_package
+from msggen.firmware.source import BoardOption, join_package, split_package
 from msggen.location import Location
 
 
@@ -19,6 +19,7 @@ class Settings(NamedTuple):
     msg_dir: tuple[str, ...] = ()
     topics: str | None = None
     release: str | None = None
+    board: str | None = None
     output: str | None = None
     package: str | None = None
     archived: bool | None = None
@@ -118,7 +119,8 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
         return value
     if not isinstance(value, str) or not value:
         _fail(path, "C103", f"'{key}': expected a text, found {value!r}", *place)
-    return os.path.join(base, os.path.expanduser(value)) if field in _PATHS else value
+    is_path = field in _PATHS or (field == "board" and BoardOption(value).is_path)
+    return os.path.join(base, os.path.expanduser(value)) if is_path else value
 
 
 def _folder(text: str, base: str, place: Location) -> str:

@@ -237,10 +237,26 @@ def to_object(package: Any, catalog: Catalog, message: Message, values: Values) 
             return array(CODES[type_.name], value)
         return tuple(one(type_, item) for item in value)
 
-    arguments = {field.name: held(field.type, values[field.name]) for field in message.fields}
     is_own = message.released_as[0] == catalog.package
     home = package if is_own else getattr(getattr(package, message.package), message.folder)
-    return getattr(home, message.name)(**arguments)
+    cls = class_of(home, message)
+    attributes = {field.name: field.attribute for field in cls.__msg__.fields}
+    return cls(**{attributes[field.name]: held(field.type, values[field.name]) for field in message.fields})
+
+
+def class_of(home: Any, message: Message) -> Any:
+    """Return the class of `message` in `home`, where it may have another name than in the definition."""
+    found = getattr(home, message.name, None)
+    return (
+        found
+        if is_class_of(found, message)
+        else next(cls for cls in map(home.__getattr__, home.__all__) if is_class_of(cls, message))
+    )
+
+
+def is_class_of(value: Any, message: Message) -> bool:
+    """Whether `value` is the class of `message`."""
+    return bool(getattr(value, "__msg__", None) and value.__msg__.name == message.name)
 
 
 def to_values(catalog: Catalog, message: Message, sample: Any) -> Values:
@@ -253,4 +269,5 @@ def to_values(catalog: Catalog, message: Message, sample: Any) -> Values:
         is_scalar = type_.array is ArrayKind.SCALAR
         return one(type_, value) if is_scalar else [one(type_, item) for item in value]
 
-    return {field.name: held(field.type, getattr(sample, field.name)) for field in message.fields}
+    attributes = {field.name: field.attribute for field in sample.__msg__.fields}
+    return {field.name: held(field.type, getattr(sample, attributes[field.name])) for field in message.fields}

@@ -9,7 +9,7 @@ import math
 import pytest
 from conftest import ROOT
 
-from msggen.diagnostics import Diagnostic
+from msggen.diagnostics import Diagnostic, Level
 from msggen.location import Location
 from msggen.model import (
     INTEGER_RANGES,
@@ -124,6 +124,9 @@ def test_a_message_of_another_package_is_no_primitive_whatever_its_name() -> Non
         ("bool A = False", False),
         ("bool A = 1", True),
         ("bool A = 0", False),
+        ("bool A = 2", True),
+        ("bool A = 0x0", False),
+        ("float32 A = 3.4028235e38", 3.4028235e38),
         ("string A = plain words", "plain words"),
         ('string A = " kept "', " kept "),
         ("string A = 'single'", "single"),
@@ -165,7 +168,7 @@ def test_an_integer_takes_its_whole_range_and_no_more(name: str) -> None:
         "uint8 A = 'a'",
         "uint8 A =",
         "bool A = yes",
-        "bool A = 2",
+        "bool A = 1.0",
         "string<=3 A = four",
         "uint8[2] A = 1",
         "EscReport A = 1",
@@ -222,19 +225,48 @@ def test_a_field_may_have_any_name_of_the_grammar(name: str) -> None:
     assert only_field(f"uint8 {name}").name == name
 
 
-@pytest.mark.parametrize("name", ["A", "aB", "1a", "_a", "a_", "a__b", "a-b", "ä", "a;"])
+@pytest.mark.parametrize("name", ["A", "aB", "1a", "_a", "a-b", "ä", "a;"])
 def test_a_field_may_have_no_other_name(name: str) -> None:
     assert faults_of(f"uint8 {name}") == ["M201"]
 
 
-@pytest.mark.parametrize("name", ["a", "aB", "1A", "_A", "A_", "A__B", "A-B"])
+@pytest.mark.parametrize("name", ["1A", "_A", "A-B", "Ä"])
 def test_a_constant_may_have_no_name_against_the_grammar(name: str) -> None:
     assert faults_of(f"uint8 {name} = 1") == ["M201"]
 
 
+@pytest.mark.parametrize(
+    "line", ["uint8 a_", "uint8 a__b", "uint8 a = 1", "uint8 aB = 1", "uint8 A_ = 1", "uint8 A__B = 1"]
+)
+def test_a_name_that_only_px4_takes_is_a_warning(line: str) -> None:
+    assert faults_of(line) == ["M205"]
+    assert parse_message(line, "Foo.msg", "Foo", "my_msgs", of_uorb=False)[1][0].code == "M201"
+
+
+@pytest.mark.parametrize("line", ["uint8 class", "int16 new", "bool not"])
+def test_a_name_that_cpp_needs_is_a_warning(line: str) -> None:
+    assert faults_of(line) == ["M205"]
+    assert parse_message(line, "Foo.msg", "Foo", "my_msgs", of_uorb=False)[1] == []
+
+
 @pytest.mark.parametrize("name", ["lambda", "from", "async", "encode", "decode", "self"])
-def test_names_that_python_or_the_class_needs_are_errors(name: str) -> None:
-    assert faults_of(f"uint8 {name}") == ["M202"]
+def test_names_that_python_or_the_class_needs_are_as_good_as_others(name: str) -> None:
+    assert faults_of(f"uint8 {name}") == []
+    assert only_field(f"uint8 {name}").name == name
+
+
+def test_a_field_and_a_constant_may_differ_in_case_alone() -> None:
+    message = read("uint8 BANDS = 1\nuint8 bands")
+    assert (message.constants[0].name, message.fields[0].name) == ("BANDS", "bands")
+    assert faults_of("uint8 BANDS = 1\nuint8 BANDS = 1") == ["M203"]
+
+
+@pytest.mark.parametrize("name", ["foo", "esc_report", "Esc_Report"])
+def test_a_file_name_that_only_px4_takes_is_a_warning(name: str) -> None:
+    found = parse_message("uint64 timestamp", f"{name}.msg", name, "px4_msgs")[1]
+    assert [(each.code, each.level) for each in found] == [("M205", Level.WARNING)]
+    assert parse_message("uint64 timestamp", f"{name}.msg", name, "my_msgs", of_uorb=False)[1][0].code == "M201"
+    assert only_field(f"{name}[3] x").type == FieldType(name, None, ArrayKind.FIXED, 3)
 
 
 # Places
@@ -348,7 +380,9 @@ def test_fields_and_constants_keep_their_order() -> None:
         ("Heading [-pi, pi]", Comment("Heading [-pi, pi]")),
         ("[0] Zero.", Comment("[0] Zero.")),
         ("[pi] Half a turn.", Comment("Half a turn.", unit="pi")),
-        ("[@unknown 5] Text.", Comment("[@unknown 5] Text.")),
+        ("[@unknown 5] Text.", Comment("Text.", extra=(("unknown", "5"),))),
+        ("[@uncontrolled NaN] [@new] Text.", Comment("Text.", extra=(("uncontrolled", "NaN"), ("new", "")))),
+        ("[@text 1] [@extra 2] Text.", Comment("[@text 1] [@extra 2] Text.")),
         ("[] Text.", Comment("[] Text.")),
         ("[m Text.", Comment("[m Text.")),
         ("[more words than a unit has] Text.", Comment("[more words than a unit has] Text.")),
@@ -414,15 +448,24 @@ def test_a_topics_line_is_no_comment() -> None:
     [
         "# TOPICS one  two",
         "# TOPICS  one",
-        "# TOPICS",
-        "#TOPICS one",
-        " # TOPICS one",
+        "# TOPICS ",
         "# TOPICS a-b",
-        "# TOPICS class",
+        "# TOPICS 1a",
     ],
 )
 def test_a_topics_line_that_the_firmware_would_misread_is_an_error(line: str) -> None:
     assert faults_of(f"uint64 timestamp\n{line}") == ["M402"]
+
+
+@pytest.mark.parametrize("line", ["# TOPICS", "#TOPICS one", " # TOPICS one", "# TOPIC one"])
+def test_a_topics_line_that_the_firmware_ignores_is_a_warning(line: str) -> None:
+    assert faults_of(f"uint64 timestamp\n{line}") == ["M406"]
+    assert parse_message(f"uint64 timestamp\n{line}", "Foo.msg", "Foo", "px4_msgs")[0].topic_names == ("foo",)
+
+
+@pytest.mark.parametrize("topic", ["class", "a__b", "_a"])
+def test_a_topic_that_only_one_of_px4_and_ros_takes_is_a_warning(topic: str) -> None:
+    assert faults_of(f"uint64 timestamp\n# TOPICS {topic}") == ["M205"]
 
 
 # Constants with a meaning of their own
@@ -436,6 +479,68 @@ def test_version_and_queue_length_are_read_from_their_constants() -> None:
 def test_without_them_the_version_is_0_and_the_queue_holds_one() -> None:
     message = read("uint64 timestamp")
     assert (message.message_version, message.queue_length) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("line", "version"),
+    [("float32 MESSAGE_VERSION = 2.5", 2), ("bool MESSAGE_VERSION = 1", 1), ("int8 MESSAGE_VERSION = -1", 2**32 - 1)],
+)
+def test_a_version_of_an_unusual_type_is_a_warning_and_read_as_the_firmware_does(line: str, version: int) -> None:
+    message, found = parse_message(line, "Foo.msg", "Foo", "px4_msgs")
+    assert [each.code for each in found] == ["M405"]
+    assert message.message_version == version
+
+
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_a_version_that_is_no_number_is_none(value: str) -> None:
+    assert parse_message(f"float32 MESSAGE_VERSION = {value}", "Foo.msg", "Foo", "px4_msgs")[0].message_version == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("ORB_QUEUE_LENGHT", "did you mean 'ORB_QUEUE_LENGTH'?"),
+        ("MESSAGE_VERSOIN", "did you mean 'MESSAGE_VERSION'?"),
+        ("MESAGE_VERSION", "did you mean 'MESSAGE_VERSION'?"),
+        ("ORB_PRIORITY", "it knows MESSAGE_VERSION and ORB_QUEUE_LENGTH"),
+    ],
+)
+def test_a_constant_like_one_with_a_meaning_is_a_warning(name: str, hint: str) -> None:
+    _, (found,) = parse_message(f"uint64 timestamp\nuint8 {name} = 4", "Foo.msg", "Foo", "px4_msgs")
+    assert str(found) == f"Foo.msg:2:1: M405 the firmware gives '{name}' no meaning, {hint}"
+
+
+@pytest.mark.parametrize("name", ["LATEST_PROTOCOL_VERSION", "MESSAGE_TYPE_PARAM_SET", "ORBIT_YAW", "VERSION", "QUEUE"])
+def test_other_constants_are_nothing_special(name: str) -> None:
+    assert faults_of(f"uint64 timestamp\nuint8 {name} = 4") == []
+
+
+# Tags
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("uint8 a  # [m] [@unti m] Text.", "2:16"),
+        ("# [@unti m]\nuint8 a", "2:3"),
+        ("# One.\n# [@range 0, 1] [@unti m]\n# Three.\nuint8 a", "3:17"),
+        ("uint8 a  # One.\n    # [@unti m]", "3:7"),
+        ("uint8 A = 1  # [@unti m]", "2:16"),
+    ],
+)
+def test_a_tag_that_is_not_known_is_a_warning_in_its_place(text: str, place: str) -> None:
+    _, (found,) = parse_message(f"uint64 timestamp\n{text}", "Foo.msg", "Foo", "px4_msgs")
+    expected = "unknown tag '@unti': PX4 has @range, @enum, @invalid and @frame, and units as '[m]'"
+    assert str(found) == f"Foo.msg:{place}: M107 {expected}"
+
+
+def test_a_tag_has_its_place_in_the_response_of_a_service_too() -> None:
+    _, found = parse_service("uint8 a\n---\nuint8 b  # [@rnage 0]\n", "Foo.srv", "Foo", "px4_msgs")
+    assert list(map(str, found)) == ["Foo.srv:3:12: M107 unknown tag '@rnage', did you mean '@range'?"]
+
+
+def test_tags_of_other_packages_are_their_own() -> None:
+    assert parse_message("uint8 a  # [@unti m]", "Foo.msg", "Foo", "my_msgs", of_uorb=False)[1] == []
 
 
 # Services
@@ -487,8 +592,8 @@ def test_a_service_has_exactly_one_separator(text: str, place: int) -> None:
 
 
 def test_a_second_separator_does_not_shift_the_places_below_it() -> None:
-    _, faults = parse_service("uint8 a\n---\nuint8 b\n---\nfloat3 c", "Foo.srv", "Foo", "px4_msgs")
-    assert sorted((fault.location.line, fault.code) for fault in faults) == [(4, "M105"), (5, "M301")]
+    _, faults = parse_service("uint8 a\n---\nuint8 b\n---\nuint8[0] c", "Foo.srv", "Foo", "px4_msgs")
+    assert sorted((fault.location.line, fault.code) for fault in faults) == [(4, "M105"), (5, "M303")]
 
 
 def test_the_embedded_service_is_read(embedded: Catalog) -> None:

@@ -33,6 +33,7 @@ ENTRY = "publications:\n- topic: /fmu/out/foo\n  type: px4_msgs::msg::Foo\n"
 MULTI = "subscriptions_multi:\n- topic: /fmu/in/foo\n  type: px4_msgs::msg::Foo\n"
 ROUTED = f"{MULTI}  max_instances: 4\n"
 TREE = ("--px4", "in")
+STRICT = (*TREE, "--strict")
 
 
 class Fault(NamedTuple):
@@ -63,7 +64,18 @@ def bridge(code: str, place: str, fragment: str, text: str) -> Fault:
 
 def doubt(code: str, place: str, fragment: str, text: str) -> Fault:
     """Return a warning about the YAML, which `--strict` makes an error."""
-    return bridge(code, place, fragment, text)._replace(source=(*TREE, "--strict"))
+    return bridge(code, place, fragment, text)._replace(source=STRICT)
+
+
+def odd(code: str, place: str, fragment: str, text: str) -> Fault:
+    """Return a warning about a message, which `--strict` makes an error."""
+    return Fault(code, f"{FOO}:{place}", fragment, {FOO: f"{STAMP}{text}\n"}, STRICT)
+
+
+def in_lists(code: str, place: str, fragment: str, lists: str) -> Fault:
+    """Return a warning about what a tree lists, beside two messages and a board that turns on nothing."""
+    files = {FOO: STAMP, BAR: STAMP, "in/msg/CMakeLists.txt": lists, "in/src/modules/README": "", "sitl.px4board": ""}
+    return Fault(code, place, fragment, dict(files), (*TREE, "--strict"))
 
 
 FAULTS = [
@@ -75,34 +87,27 @@ FAULTS = [
     Fault("Y101", f"{YAML}:1:3", "byte 0xe4 is not UTF-8", {FOO: STAMP, YAML: b"# \xe4\n"}),
     Fault("M103", f"{FOO}:1:1", "'Foo' is empty", {FOO: ""}),
     Fault("M103", f"{FOO}:1:1", "'Foo' is empty", {FOO: "# Only words.\n\n"}),
-    line("M104", 10, r"'\x07'", "uint8 x #\a"),
-    line("M104", 11, r"'\u202e'", "uint8 x # \u202etxet"),
-    line("M104", 10, r"'\r'", "uint8 x #\rbad"),
     Fault("M105", f"{SERVICE}:1:1", "found 0", {FOO: STAMP, SERVICE: "uint8 a"}),
     Fault("M105", f"{SERVICE}:4:1", "found 2", {FOO: STAMP, SERVICE: "uint8 a\n---\nuint8 b\n---\nuint8 c\n"}),
-    Fault("M106", f"{FOO}:2:8", "CR LF", {FOO: f"{STAMP}uint8 a\r\nuint8 b\r\n"}),
     # names
-    line("M201", 7, "for example 'max_speed'", "uint8 max__speed"),
     line("M201", 7, "for example 'speed'", "uint8 Speed"),
-    line("M201", 7, "for example 'FAST'", "uint8 fast = 1"),
+    line("M201", 7, "expected UPPER_CASE", "uint8 1A = 1"),
     Fault("M201", "in/msg/esc-report.msg:1:1", "for example 'EscReport'", {"in/msg/esc-report.msg": STAMP}),
-    line("M202", 7, "'class' is a Python keyword", "uint8 class"),
-    line("M202", 7, "'encode' is reserved in generated classes", "uint8 encode"),
-    Fault("M202", "in/msg/None.msg:1:1", "'None' is reserved", {"in/msg/None.msg": STAMP}),
+    Fault("M202", "in/msg/A_1.msg:1:1", "would be 'A1'", {"in/msg/A1.msg": STAMP, "in/msg/A_1.msg": STAMP}),
     line("M203", 7, "already defined on line 1", "uint8 timestamp"),
-    line("M203", 7, "but for case ('timestamp')", "uint8 TIMESTAMP = 1"),
     Fault("M203", f"{FOO}:3:8", "already defined on line 2", {FOO: f"{STAMP}uint8 A = 1\nuint16 A = 1\n"}),
     Fault(
         "M204",
         "in/msg/versioned/Foo.msg:1:1",
         f"already defined in {FOO}",
-        {FOO: f"{STAMP}# TOPICS old\n", "in/msg/versioned/Foo.msg": f"{STAMP}# TOPICS new\n"},
+        {FOO: f"{STAMP}# TOPICS one\n", "in/msg/versioned/Foo.msg": f"{STAMP}# TOPICS two\n"},
     ),
     Fault(
         "M204",
-        "in/msg/versioned/FOO.msg:1:1",
-        "only in case from 'Foo'",
-        {FOO: STAMP, "in/msg/versioned/FOO.msg": STAMP},
+        "other/Foo.msg:1:1",
+        "differs only in case from 'FOO'",
+        {FOO: STAMP, "other/FOO.msg": "", "other/Foo.msg": ""},
+        (*TREE, "--msg-dir", "other=other"),
     ),
     # types and values
     line("M301", 1, "did you mean 'float32'?", "float3 x"),
@@ -145,13 +150,17 @@ FAULTS = [
     Fault("M401", f"{FOO}:1:1", "expects a field 'uint64 timestamp'", {FOO: "uint8 x\n"}),
     Fault("M401", f"{FOO}:2:1", "found 'uint32 timestamp'", {FOO: "uint8 x\nuint32 timestamp\n"}),
     line("M402", 14, "doubled space", "# TOPICS one  two"),
-    line("M402", 1, "the firmware ignores this line", "#TOPICS one"),
-    line("M402", 1, "the firmware ignores this line", "  # TOPICS one"),
+    line("M402", 10, "no name", "# TOPICS "),
     line("M402", 14, "'two-three' is no topic name", "# TOPICS one two-three"),
     line("M403", 14, "already declared in this file", "# TOPICS one one"),
     Fault("M403", f"{FOO}:2:10", f"already declared by {BAR}", {BAR: STAMP, FOO: f"{STAMP}# TOPICS bar\n"}),
-    line("M404", 1, "MESSAGE_VERSION must be an integer of at least 0", "float32 MESSAGE_VERSION = 1"),
-    line("M404", 1, "ORB_QUEUE_LENGTH must be an integer of at least 1", "uint8 ORB_QUEUE_LENGTH = 0"),
+    Fault(
+        "M404",
+        "in/msg/px4_msgs_old/msg/FooV0.msg:1:1",
+        "MESSAGE_VERSION must be 0, as in the name, found 1",
+        {FOO: STAMP, "in/msg/px4_msgs_old/msg/FooV0.msg": f"uint8 MESSAGE_VERSION = 1\n{STAMP}"},
+        (*TREE, "--archived"),
+    ),
     # the YAML
     bridge("Y101", "2:7", "not YAML", "publications:\n- a: b: c\n"),
     bridge("Y101", "1:15", "undefined alias", "publications: *nowhere\n"),
@@ -192,10 +201,43 @@ FAULTS = [
     Fault("S108", "in@v1.16", "not a git repository", {FOO: STAMP}, ("--px4", "in@v1.16")),
     Fault("S109", "in.zip", "cannot be read as an archive", {"in.zip": "<html>Not found</html>"}, ("--px4", "in.zip")),
     Fault("S117", "--archived", "in has no earlier versions of messages", {FOO: STAMP}, (*TREE, "--archived")),
+    Fault("S118", "--board", "in has no msg/CMakeLists.txt", {FOO: STAMP}, (*TREE, "--board", "px4_sitl")),
     Fault("S105", "--release", "did you mean 'v1.18'?", {FOO: STAMP}, (*TREE, "--release", "v1.71")),
 ]
 
 DOUBTS = [
+    in_lists("M408", "in/msg/Foo.msg:1:1", "does not list 'Foo'", "set(msg_files Bar.msg)"),
+    in_lists(
+        "M409",
+        "in/msg/CMakeLists.txt:3:25",
+        "cannot tell whether 'CONFIG_NEW AND X' holds for sitl.px4board, its messages are kept: Foo",
+        "set(msg_files Bar.msg)\nif(CONFIG_NEW AND X)\n  list(APPEND msg_files Foo.msg)\nendif()\n",
+    )._replace(source=(*TREE, "--board", "sitl.px4board", "--strict")),
+    odd("M104", "2:10", r"'\x07'", "uint8 x #\a"),
+    odd("M104", "2:11", r"'\u202e'", "uint8 x # \u202etxet"),
+    odd("M104", "2:10", r"'\r'", "uint8 x #\rbad"),
+    odd("M106", "2:8", "CR LF", "uint8 a\r\nuint8 b\r"),
+    odd("M107", "2:12", "did you mean '@range'?", "uint8 a  # [@rnage 0, 1]"),
+    odd("M205", "2:7", "for example 'max_speed'", "uint8 max__speed"),
+    odd("M205", "2:7", "for example 'FAST'", "uint8 fast = 1"),
+    odd("M205", "2:7", "'class' is a keyword of C++", "uint8 class"),
+    odd("M205", "2:10", "expects a letter first, and single underscores", "# TOPICS one__two"),
+    odd("M205", "2:10", "topic name 'new' is a keyword of C++", "# TOPICS new"),
+    Fault("M205", "in/msg/Class.msg:1:1", "the topic 'class'", {"in/msg/Class.msg": STAMP}, STRICT),
+    Fault("M205", "in/msg/esc_report.msg:1:1", "for example 'EscReport'", {"in/msg/esc_report.msg": STAMP}, STRICT),
+    Fault(
+        "M205",
+        "in/msg/versioned/FOO.msg:1:1",
+        "differs only in case from 'Foo'",
+        {FOO: STAMP, "in/msg/versioned/FOO.msg": STAMP},
+        STRICT,
+    ),
+    odd("M405", "2:1", "should be an integer of at least 0", "float32 MESSAGE_VERSION = 1"),
+    odd("M405", "2:1", "should be an integer of at least 1", "uint8 ORB_QUEUE_LENGTH = 0"),
+    odd("M405", "2:1", "did you mean 'ORB_QUEUE_LENGTH'?", "uint8 ORB_QUEUE_LENGHT = 4"),
+    odd("M406", "2:1", "the firmware ignores this line", "#TOPICS one"),
+    odd("M406", "2:1", "the firmware ignores this line", "  # TOPICS one"),
+    Fault("S121", "in/msg/new", "1 definition here not read", {FOO: STAMP, "in/msg/new/Bar.msg": STAMP}, STRICT),
     doubt("Y103", "1:1", "did you mean 'publications'?", "publicatoins:\n"),
     doubt("Y103", "1:1", "unknown key 'services'", "services: [{topic: /fmu/in/foo}]\n"),
     doubt("Y103", "4:3", "did you mean 'rate_limit'?", f"{ENTRY}  ratelimit: 5\n"),
@@ -213,8 +255,9 @@ DOUBTS = [
     doubt("Y107", "4:17", "'cc': expected drop, block; found wait", f"{ENTRY}  options: {{cc: wait}}\n"),
 ]
 
-OF_OTHER_COMMANDS = {"S110", "S111", "S112", "S113", "S114", "S115", "S116", "S119"}
-"""What no build stops at: test_check.py has S110, test_next_firmware.py S119, test_sync_refused.py the others."""
+OF_OTHER_COMMANDS = {"M407", "S110", "S111", "S112", "S113", "S114", "S115", "S116", "S119"}
+"""What no build stops at: test_boards.py has M407, test_check.py S110, test_next_firmware.py S119, test_sync_refused.py
+the others."""
 
 
 def build(folder: Path, fault: Fault, monkeypatch: pytest.MonkeyPatch) -> int:
@@ -264,7 +307,7 @@ def test_what_px4_may_have_added_is_a_warning(
     fault: Fault, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for _ in range(2):  # it is said again where there is nothing to do
-        assert build(tmp_path, fault._replace(source=TREE), monkeypatch) == DONE
+        assert build(tmp_path, fault._replace(source=fault.source[:-1]), monkeypatch) == DONE
         told = capsys.readouterr().err
         assert told.startswith(f"{fault.place}: {fault.code} warning: ")
         assert fault.fragment in told
@@ -295,10 +338,10 @@ def test_all_faults_of_all_files_come_in_one_run_in_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files: dict[str, str | bytes] = {
-        BAR: f"{STAMP}float3 a\nuint8 b_\nuint8 C = 256\nuint8 d\nuint8 d\n",
+        BAR: f"{STAMP}float3 a\nuint8 B\nuint8 C = 256\nuint8 d\nuint8 d\n",
         FOO: "uint8 a\n",
         "in/msg/Baz.msg": f"{STAMP}Baz again\n",
-        SERVICE: "unit8 a\n---\nuint8 class\n",
+        SERVICE: "unit8 a\n---\nuint8 1a\n",
         YAML: f"{ENTRY}  rate: 5\n- topic: /fmu/out/foo\n  type: px4_msgs::msg::Fooo\n",
     }
     assert build(tmp_path, Fault("", "", "", files), monkeypatch) == FAILED
@@ -314,7 +357,7 @@ def test_all_faults_of_all_files_come_in_one_run_in_order(
         "in/msg/Baz.msg:2:1: M302",
         f"{FOO}:1:1: M401",
         f"{SERVICE}:1:1: M301",
-        f"{SERVICE}:3:7: M202",
+        f"{SERVICE}:3:7: M201",
     ]
     assert last == "10 errors, nothing written"
 

@@ -210,16 +210,29 @@ def test_a_setting_that_is_no_package_has_its_place(capsys: Capture) -> None:
 
 NOT_FOR_UORB = [
     ("M103", ""),
-    ("M106", f"{STAMP}uint8 x\r\n"),
-    ("M203", f"{STAMP}uint8 a\nuint8 A = 1\n"),
     ("M303", f"{STAMP}uint8[65536] x\n"),
     ("M304", f"{STAMP}uint8[65535] x\n"),
     ("M401", "float32 x\n"),
     ("M401", "builtin_interfaces/Time timestamp\n"),
     ("M402", f"{STAMP}# TOPICS one  two\n"),
     ("M403", f"{STAMP}# TOPICS one one\n"),
-    ("M404", f"{STAMP}uint8 ORB_QUEUE_LENGTH = 0\n"),
 ]
+
+WARNED_OF_IN_UORB = [
+    ("M106", f"{STAMP}uint8 x\r\n"),
+    ("M107", f"{STAMP}uint8 x  # [@color red]\n"),
+    ("M205", f"{STAMP}uint8 new\n"),
+    ("M405", f"{STAMP}uint8 ORB_QUEUE_LENGTH = 0\n"),
+    ("M406", f"{STAMP}#TOPICS one\n"),
+]
+
+
+@pytest.mark.parametrize(("code", "text"), WARNED_OF_IN_UORB)
+def test_what_matters_to_uorb_alone_is_no_warning(code: str, text: str) -> None:
+    ros_packages("builtin_interfaces")
+    write_definitions(Path("mine"), {"Foo.msg": text})
+    assert [found.code for found in catalog("builtin_interfaces", "mine").notices] == [code]
+    assert catalog("builtin_interfaces", "my_msgs=mine").notices == ()
 
 
 @pytest.mark.parametrize(("code", "text"), NOT_FOR_UORB)

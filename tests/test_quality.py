@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT, catalog_of, write_definitions
+from test_names import write_sources
 from test_nested_packages import sources
 
 from msggen.firmware.catalog import read_catalog
@@ -85,17 +86,33 @@ done: bool = SetBool.Response().success
 """
 
 
+NAMING = """
+from names import DecodeError, DecodeError_, EscReport, Foo, None_, Odd, topics
+from names.srv import None_ as Service
+
+length: float = Odd(from_=1.0, lambda_=2.0).decode__
+reports: tuple[EscReport, EscReport, EscReport] = DecodeError_.decode(b"").none.esc_report
+constants: tuple[int, int] = (Odd.None_, Foo.GPS_)
+request: int = Service.Request(from_=1).from_
+member: topics.ORB_ID = topics.ORB_ID.real_
+error: type[ValueError] = DecodeError
+"""
+
+
 @pytest.fixture(scope="module")
 def unusual(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A package of unusual messages; `nested`, with messages of several ROS packages, is beside it."""
+    """A package of unusual messages; beside it `nested`, with messages of several ROS packages, and `names`."""
     folder = tmp_path_factory.mktemp("types")
     write_definitions(folder / "nested", dict(render_package(sources(folder / "in" / "nested"), "nested")))
+    write_definitions(folder / "names", dict(render_package(write_sources(folder / "in" / "names"), "names")))
     return write_definitions(folder / "unusual", dict(render_package(catalog_of(folder / "in", UNUSUAL), "unusual")))
 
 
 def test_mypy_is_content_with_packages_of_unusual_messages(unusual: Path) -> None:
     (unusual.parent / "nesting.py").write_text(NESTING)
-    run("mypy", "--strict", "--python-version=3.10", unusual.name, "nested", "nesting.py", cwd=unusual.parent)
+    (unusual.parent / "naming.py").write_text(NAMING)
+    packages = (unusual.name, "nested", "names", "nesting.py", "naming.py")
+    run("mypy", "--strict", "--python-version=3.10", *packages, cwd=unusual.parent)
 
 
 def test_the_committed_record_is_current() -> None:
@@ -106,7 +123,7 @@ def test_the_committed_record_is_current() -> None:
 
 def test_pyright_is_content_with_the_generated_packages(tmp_path: Path, unusual: Path) -> None:
     settings = {
-        "include": [str(PACKAGE), str(unusual), str(unusual.parent / "nested")],
+        "include": [str(PACKAGE), str(unusual), str(unusual.parent / "nested"), str(unusual.parent / "names")],
         "typeCheckingMode": "strict",
         "pythonVersion": "3.10",
     }

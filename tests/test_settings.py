@@ -44,6 +44,7 @@ px4 = "firmware"
 msg-dir = ["mine", "../yours"]
 topics = "bridge.yaml"
 release = "v1.16"
+board = "px4_sitl"
 output = "src"
 package = "vehicle_types"
 archived = true
@@ -58,6 +59,7 @@ per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
         ("mine", "../yours"),
         "bridge.yaml",
         "v1.16",
+        "px4_sitl",
         "src",
         "vehicle_types",
         True,  # noqa: FBT003 - all of them in order

@@ -524,7 +524,7 @@ def test_the_current_folder_is_called_by_its_package(
 
 
 TWO_TAGS = "unit of 'a' from 'A' to 'V', frame of 'a' from 'X' to 'Y'"
-SIX_TAGS = ", ".join(f"unit of '{name}' from 'A' to 'V'" for name in "abc") + " and 3 more"
+SIX_TAGS = ", ".join(f"unit of '{name}' from 'A' to 'V'" for name in "abcd") + " and 2 more"
 
 
 @pytest.mark.parametrize(
@@ -623,6 +623,8 @@ def test_the_page_shows_what_is_really_said(capsys: pytest.CaptureFixture[str]) 
         path.write_text(
             path.read_text().replace("MESSAGE_VERSION = 1", f"MESSAGE_VERSION = {1 + ('uint' in line)}") + line
         )
+    report = source / "msg" / "EscReport.msg"
+    report.write_text(report.read_text().replace("[V]", "[mV]", 1))
     bridge = (source / "dds_topics.yaml").read_text()
     entry = "publications:\n  - topic: /fmu/out/wheel_speed\n    type: px4_msgs::msg::WheelSpeed\n"
     (source / "dds_topics.yaml").write_text(bridge.replace("publications:\n", entry, 1))

@@ -12,9 +12,11 @@ import json
 import math
 import os
 import re
+import shutil
 import struct
 import subprocess
 import sys
+import textwrap
 from array import array
 from collections.abc import Callable
 from functools import cache
@@ -28,6 +30,8 @@ from random_definitions import values_of
 from reference import HEADERS, serialize, to_object, to_values
 from samples import HEADER, plain, values_by_chance
 from test_quality import HEAVY
+from test_translations import HEADERS as TRANSLATIONS
+from test_translations import class_of
 
 from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.firmware.catalog import read_catalog
@@ -712,7 +716,7 @@ def test_messages_without_other_versions_stay_as_they_are(tmp_path: Path) -> Non
     having = render_package(catalog_with_archived(tree), "lamps")
     changed = {name for name in without if having[name] != without[name]}
     assert changed == {"__init__.py", "msg/__init__.py", "msg/_lamp.py"}
-    assert having.keys() - without.keys() == {"versions.py", "msg/_lamp_v0.py"}
+    assert having.keys() - without.keys() == {"versions.py", "translations.py", "msg/_lamp_v0.py"}
     assert list_package(catalog_with_archived(tree)) == tuple(having)
     assert "grade" not in without["msg/_lamp.py"]
 
@@ -916,16 +920,32 @@ def test_archived_versions_come_on_request(capsys: Capture) -> None:
 
 @OWN_FOLDER
 def test_the_page_shows_what_really_happens(capsys: Capture) -> None:
-    Path("PX4-Autopilot").symlink_to(shared("firmware/main-2026-03"))
+    shutil.copytree(shared("firmware/main-2026-03"), "PX4-Autopilot")
+    write_definitions(Path("PX4-Autopilot"), headers_of_vehicle_status(Path("PX4-Autopilot")))
     command, summary, written = between(PAGE, "console").splitlines()
     assert main(command.removeprefix("$ msggen ").split()) == DONE
     printed = capsys.readouterr().out.splitlines()
     assert [printed[0], re.sub("in .* s$", "", printed[1])] == [summary, re.sub("in .* s$", "", written)]
     program = f"{between(PAGE, 'python')}\n{PROGRAM}"
     examples = f"import doctest\nprint(doctest.run_docstring_examples({between(PAGE, 'pycon')!r}, {{}}))\n"
-    for source, expected in ((program, "7 21\n7 21\n"), (examples, "None\n")):
+    described = "import inspect, px4_types\nprint(inspect.getdoc(px4_types.VehicleStatusV1.upgrade))"
+    docstring = textwrap.dedent(between(PAGE, "text").partition("\n")[2])
+    for source, expected in ((program, "7 21\n7 21\n"), (examples, "None\n"), (described, docstring)):
         done = subprocess.run([sys.executable, "-c", source], cwd="src", capture_output=True, text=True, check=True)
         assert done.stdout == expected
+
+
+def headers_of_vehicle_status(tree: Path) -> dict[str, str]:
+    """Return what the page needs of the translations that PX4 has."""
+    catalog = catalog_with_archived(tree)
+    older, newer = catalog.versions(catalog.messages["px4_msgs/VehicleStatus"])[-2:]
+    both = {field.name for field in older.fields} & {field.name for field in newer.fields}
+    copied = " ".join(f"n.{name} = o.{name};" for name in sorted(both))
+    statements = f"{copied} n.nav_state_display = o.nav_state; n.traffic_avoidance_system_present = false;"
+    return {
+        f"{TRANSLATIONS}/all_translations.h": '#include "status.h"\n',
+        f"{TRANSLATIONS}/status.h": class_of("VehicleStatus", statements, older="px4_msgs_old::msg::VehicleStatusV1"),
+    }
 
 
 PROGRAM = """
@@ -1031,8 +1051,8 @@ def test_other_commands_leave_archived_versions_out_whatever_the_setting() -> No
         ),
         ("LampV0", f"{STAMP}LumpV2 x\n", ":2:1: M301 unknown type 'LumpV2', did you mean 'LumPV1'?"),
         ("LampV0", f"{STAMP}LampV0 x\n", ":2:1: M302 messages nest each other: LampV0 > LampV0"),
-        ("LampV0", f"{STAMP}uint8 class\n", ":2:7: M202 field name 'class' is a Python keyword"),
-        ("LumpV1", version(1), ":1:1: M204 'LumpV1' differs only in case from 'LumPV1', already defined in"),
+        ("LampV0", f"{STAMP}uint8 1a\n", ":2:7: M201 field name '1a': expected lower_case"),
+        ("Lump_V1", version(1), ":1:1: M201 file name 'Lump_V1': archived versions are called as 'VehicleStatusV1'"),
     ],
 )
 def test_a_fault_in_an_archived_definition_has_its_place(name: str, text: str, said: str, capsys: Capture) -> None:

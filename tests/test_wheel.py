@@ -25,7 +25,7 @@ def test_the_wheel_brings_templates_and_the_embedded_set(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     assert {"msggen/templates/python/message.py.j2", "msggen/embedded/dds_topics.yaml"} <= names
     assert {"msggen/package/names.txt", "msggen/templates/ros2/package.xml.j2"} <= names
-    assert len([name for name in names if name.startswith("msggen/embedded/msg/")]) == 235
+    assert len([name for name in names if name.startswith("msggen/embedded/msg/") and name.endswith(".msg")]) == 235
     assert {name.split("/")[0].split("-")[0] for name in names} == {"msggen"}
 
 

@@ -122,7 +122,7 @@ class Frozen:
 class Field(Frozen):
     """One field of a message: its type, where it lies, and its tags, "" where it has none."""
 
-    __slots__ = ("name", "type", "offset", "size", "unit", "range", "enum", "invalid", "frame")
+    __slots__ = ("name", "type", "offset", "size", "unit", "range", "enum", "invalid", "frame", "attribute")
 
     name: str
     type: str
@@ -138,6 +138,8 @@ class Field(Frozen):
     invalid: str
     """The value that means "not known"."""
     frame: str
+    attribute: str
+    """The attribute that holds it: the name, or `from_` for `from` and other names that Python or the class needs."""
 
     def __init__(
         self,
@@ -150,6 +152,7 @@ class Field(Frozen):
         enum: str = "",
         invalid: str = "",
         frame: str = "",
+        attribute: str = "",
     ) -> None:
         put = object.__setattr__
         put(self, "name", name)
@@ -161,6 +164,7 @@ class Field(Frozen):
         put(self, "enum", enum)
         put(self, "invalid", invalid)
         put(self, "frame", frame)
+        put(self, "attribute", attribute or name)
 
     @property
     def base(self) -> str:
@@ -504,10 +508,16 @@ def nested(outer: type[Message], base: str) -> type[Message]:
     """Return the class of a type that a field of `outer` has: what the module of `outer` imports, `std_msgs/Header`
     as `std_msgs_Header` where it has another `Header` too.
     """
-    home = next(cls for cls in outer.__mro__ if "__msg__" in vars(cls))
-    names = vars(sys.modules[home.__module__])
-    found: type[Message] = names.get(base.replace("/", "_")) or names[base.rpartition("/")[2]]
-    return found
+    home: Any = next(cls for cls in outer.__mro__ if "__msg__" in vars(cls))
+    names: dict[str, Any] = vars(sys.modules[home.__module__])
+    package, _, name = base.rpartition("/")
+    found: Any = names.get(base.replace("/", "_")) or names.get(name)
+    if not hasattr(found, "__msg__"):  # its class has another name than the message
+        start = f"{package or home.__msg__.ros_type.partition('/')[0]}/"
+        classes = [cls for cls in names.values() if hasattr(cls, "__msg__") and cls.__msg__.name == name]
+        found = next(cls for cls in classes if cls.__msg__.ros_type.startswith(start))
+    message: type[Message] = found
+    return message
 
 
 def layout_of(cls: type[Message]) -> Layout:
@@ -617,7 +627,7 @@ def _problem(message: Message, path: str) -> str:
 
 def _field_problem(field: Field, message: Message, path: str) -> str:
     try:
-        value = getattr(message, field.name)
+        value = getattr(message, field.attribute)
     except AttributeError:
         return f"{path}: expected {field.type}, it is not set"
     if field.length is None and not field.is_sequence:

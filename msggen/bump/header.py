@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from msggen.diagnostics import listed
+from msggen.diagnostics import few
 from msggen.firmware.history import archived_name
 from msggen.model import FLOATS, INTEGER_RANGES, VERSION, ArrayKind, BridgeEntry, Field, FieldType, Message
 
@@ -206,7 +206,7 @@ class _Copy:
             prefix = field.comment.enum or (twin.comment.enum if twin else "")
             constants = changed_constants(*versions, f"{prefix}_") if prefix else []
             if twin and twin.type == field.type and field.type.is_primitive and constants:
-                yield f"{place} = {at}.{field.name};  {TODO} other constants: {listed(constants)}"
+                yield f"{place} = {at}.{field.name};  {TODO} other constants: {few(constants)}"
             elif twin and twin.type == field.type:
                 yield from self._set(field.type, f"{at}.{field.name}", place, depth)
             elif twin:

@@ -11,15 +11,17 @@ from msggen.cli.common import (
     DONE,
     FINDINGS,
     Commands,
+    add_board,
     add_command,
     add_output_format,
     add_source_options,
+    board_of,
     given,
     print_report,
     sources_of,
 )
 from msggen.diagnostics import fault, suggestion
-from msggen.firmware.source import File, Sources, find_sources, join_package, open_tree, split_package
+from msggen.firmware.source import File, Sources, find_sources, join_package, open_tree, split_package, with_board
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
@@ -47,7 +49,7 @@ def add_to(commands: Commands) -> None:
         required=True,
         help="a revision of the firmware's repository, a folder, PATH@REVISION or an archive",
     )
-    add_source_options(parser)
+    add_board(add_source_options(parser))
     choice = parser.add_argument_group("rules")
     choice.add_argument("--select", metavar="RULE,...", type=_list, help="ask these rules or categories, not all")
     choice.add_argument("--ignore", metavar="RULE,...", type=_list, help="do not ask these rules or categories")
@@ -89,7 +91,7 @@ def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
         if isinstance(topics, str):
             topics = _bridge_in(kept_or_revised(os.path.dirname(topics) or os.curdir, repository, revision), topics)
     found = find_sources(previous, folders, topics, options.release or settings.release)
-    return found._replace(label=options.against)
+    return with_board(found, board_of(options, settings, optional=True))._replace(label=options.against)
 
 
 def _revised_folder(text: str, repository: str, revision: str) -> str:

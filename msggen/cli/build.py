@@ -13,6 +13,7 @@ from msggen.cli.common import (
     DONE,
     FINDINGS,
     Commands,
+    add_board,
     add_command,
     add_source_options,
     given,
@@ -44,6 +45,7 @@ def add_to(commands: Commands) -> None:
         "Options may stand in [tool.msggen] of pyproject.toml.",
     )
     sources = add_source_options(build)
+    add_board(sources)
     sources.add_argument(
         "--archived",
         action=argparse.BooleanOptionalAction,

@@ -8,16 +8,18 @@ from msggen.cli.common import (
     DONE,
     FINDINGS,
     Commands,
+    add_board,
     add_command,
     add_output_format,
     add_source_options,
+    board_of,
     firmware_of,
     given,
     is_strict,
     print_report,
 )
-from msggen.firmware.source import Sources, find_sources
-from msggen.settings import read_settings
+from msggen.firmware.source import Sources, find_sources, with_board
+from msggen.settings import Settings, read_settings
 
 
 def add_to(commands: Commands) -> None:
@@ -35,7 +37,7 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument("side", metavar="PKG", type=given, help="what is judged")
     parser.add_argument("other", metavar="B", type=given, nargs="?", help="with two sides, B is judged by the first")
-    add_source_options(parser)
+    add_board(add_source_options(parser))
     parser.add_argument(
         "--topics-only", action="store_true", help="only what crosses the bridge, what that nests, and services"
     )
@@ -45,11 +47,13 @@ def add_to(commands: Commands) -> None:
 def _check(options: argparse.Namespace) -> int:
     from msggen.check import check
 
+    settings = read_settings(".") if options.other is None else Settings()
     if options.other is None:
-        previous, judged = firmware_of(options, read_settings(".")), options.side
+        previous, judged = firmware_of(options, settings), options.side
     else:
         previous, judged = _first_of_two(options), options.other
-    current = find_sources(judged).with_packages_of(previous)._replace(strict=previous.strict)
+    current = with_board(find_sources(judged), board_of(options, settings, optional=True))
+    current = current.with_packages_of(previous)._replace(strict=previous.strict)
     report = check(previous, current, topics_only=options.topics_only)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
@@ -58,6 +62,7 @@ def _check(options: argparse.Namespace) -> int:
 def _first_of_two(options: argparse.Namespace) -> Sources:
     """Return the side that the other is judged by; --msg-dir may name further packages, which both nest."""
     sources = find_sources(options.side, tuple(options.msg_dir or ()), options.topics, options.release)
+    sources = with_board(sources, board_of(options, Settings()))
     sources = sources._replace(strict=is_strict(options, read_settings(".")))
     files = (*sources.messages, *sources.services)
     if options.px4 or any(file.tree is not sources.root and not file.package for file in files):

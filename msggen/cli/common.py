@@ -10,7 +10,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from msggen.diagnostics import Diagnostic, InputError, Level, counted, fault
-from msggen.firmware.source import Sources, find_sources, split_package
+from msggen.firmware.source import BoardOption, Sources, find_sources, split_package, with_board
 from msggen.location import Location
 from msggen.settings import Settings
 
@@ -59,6 +59,25 @@ def add_source_options(parser: argparse.ArgumentParser) -> argparse._ArgumentGro
     return source
 
 
+def add_board(source: argparse._ArgumentGroup) -> None:
+    """Add the choice of a board to the options of the sources."""
+    source.add_argument(
+        "--board",
+        metavar="NAME|FILE",
+        type=given,
+        help="only the messages that this board of the firmware builds: px4_sitl_default, or a .px4board file",
+    )
+
+
+def board_of(options: argparse.Namespace, settings: Settings, *, optional: bool = False) -> BoardOption | None:
+    """Return the board that the options name, or else the settings, of a command that takes one."""
+    if "board" not in options:
+        return None
+    if options.board:
+        return BoardOption(options.board, optional=optional)
+    return BoardOption(settings.board, settings.place("board"), optional) if settings.board else None
+
+
 def add_strict(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """Add the choice of what warnings mean."""
     parser.add_argument(
@@ -83,6 +102,7 @@ def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
         options.release or settings.release,
         settings.place("release") if options.release is None else Location("--release", 0),
     )
+    found = with_board(found, board_of(options, settings))
     return found._replace(strict=is_strict(options, settings))
 
 

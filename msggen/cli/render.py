@@ -10,6 +10,7 @@ from msggen.cli.common import (
     DONE,
     FINDINGS,
     Commands,
+    add_board,
     add_command,
     add_source_options,
     given,
@@ -45,7 +46,7 @@ def add_to(commands: Commands) -> None:
     template.add_argument(
         "--each", choices=THINGS, default="message", metavar="THING", help=f"{', '.join(THINGS)} (message)"
     )
-    add_source_options(parser)
+    add_board(add_source_options(parser))
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="DIR", type=given, required=True, help="folder to put the files into")
     output.add_argument(

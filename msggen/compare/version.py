@@ -16,7 +16,7 @@ from msggen.compare.comparison import Comparison, MessagePair, constants_of
 from msggen.compare.finding import Change, Excerpt
 from msggen.compare.semantic import has_same_tags
 from msggen.compare.source import excerpt, wire_value
-from msggen.diagnostics import listed
+from msggen.diagnostics import few
 from msggen.firmware.history import ARCHIVE, TRANSLATIONS, VERSIONED, History, archived_name, without_comments
 from msggen.location import Location
 from msggen.model import VERSION, Catalog, Message
@@ -88,7 +88,7 @@ def find_unfinished_translations(comparison: Comparison) -> Iterator[Change]:
             for header, text in headers.items():
                 known = set(_WORD.findall(without_comments(text)))
                 missing = [name for name in names if name not in known]
-                left = [f"does not mention {listed(missing)}"] if missing else []
+                left = [f"does not mention {few(missing)}"] if missing else []
                 left += ["has lines with TODO"] if "TODO" in text else []
                 if left:
                     yield _change(pair, f"'{header}' {' and '.join(left)}")

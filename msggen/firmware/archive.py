@@ -12,7 +12,7 @@ import zipfile
 import zlib
 
 from msggen.diagnostics import fault
-from msggen.firmware.tree import Snapshot, is_wanted
+from msggen.firmware.tree import Snapshot, Wanted, is_wanted
 
 SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz", ".zip")
 """What an archive's name ends in."""
@@ -26,15 +26,20 @@ _MAX_SIZE = 2**24
 
 def read_archive(path: str) -> Snapshot:
     """Return the files of an archive; a single folder around them all is left out. Raises InputError."""
+    read = _read_zip if path.lower().endswith(".zip") else _read_tar
     try:
-        files, links = (_read_zip if path.lower().endswith(".zip") else _read_tar)(path)
+        files, links = read(path, is_wanted)
     except (*_DAMAGED, EOFError, LookupError, OSError, RuntimeError, ValueError) as error:
         reason = str(error).partition("\n")[0].rstrip(":") or type(error).__name__
         raise fault(path, "S109", f"cannot be read as an archive: {reason}", 0) from None
     tops = {name.split("/")[0] for name in (*files, *links)}
     top = tops.pop() if len(tops) == 1 else ""
     is_wrapped = top and top not in ("msg", "srv", "src") and not any("/" not in name for name in (*files, *links))
-    return Snapshot(path, files, links, f"{top}/" if is_wrapped else "")
+
+    def more(wanted: Wanted) -> dict[str, bytes]:
+        return {name: data for name, data in read(path, wanted)[0].items() if wanted(name)}
+
+    return Snapshot(path, files, links, f"{top}/" if is_wrapped else "", more)
 
 
 def _inside(name: str) -> str:
@@ -43,7 +48,7 @@ def _inside(name: str) -> str:
     return "" if name.startswith(("/", "..")) or name.split("/")[0] in (".", "__MACOSX") else name
 
 
-def _read_tar(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
+def _read_tar(path: str, wanted: Wanted) -> tuple[dict[str, bytes], dict[str, str]]:
     files: dict[str, bytes] = {}
     links: dict[str, str] = {}
     with tarfile.open(path) as archive:
@@ -56,7 +61,7 @@ def _read_tar(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
             elif member.islnk():
                 links[name] = posixpath.relpath(posixpath.normpath(member.linkname), posixpath.dirname(name) or ".")
             elif member.isfile():
-                stream = archive.extractfile(member) if is_wanted(name) else None
+                stream = archive.extractfile(member) if wanted(name) else None
                 files[name] = stream.read(_MAX_SIZE) if stream else b""
         _check_end(archive)
     return files, links
@@ -77,7 +82,7 @@ def _check_end(archive: tarfile.TarFile) -> None:
         pass
 
 
-def _read_zip(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
+def _read_zip(path: str, wanted: Wanted) -> tuple[dict[str, bytes], dict[str, str]]:
     files: dict[str, bytes] = {}
     links: dict[str, str] = {}
     with zipfile.ZipFile(path) as archive:
@@ -87,7 +92,7 @@ def _read_zip(path: str) -> tuple[dict[str, bytes], dict[str, str]]:
             if member.is_dir() or not name:
                 continue
             data = b""
-            if is_link or is_wanted(name):
+            if is_link or wanted(name):
                 with archive.open(member) as stream:
                     data = stream.read(_MAX_SIZE)
             if is_link:

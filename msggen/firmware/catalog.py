@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-from msggen.diagnostics import Diagnostic, fault, sorted_out, suggestion
+from msggen.diagnostics import Diagnostic, Level, fault, sorted_out, suggestion
 from msggen.firmware.consistency import (
     check_bridge,
     check_fixed_sizes,
+    check_lists,
     check_names,
     check_nesting,
     check_timestamps,
@@ -30,10 +32,18 @@ from msggen.model import (
 from msggen.parse import decode_text, parse_message, parse_service
 from msggen.parse.bridge import Bridge, parse_bridge
 
-COMPARABLE = frozenset(
-    {"M102", "M103", "M104", "M106", "M202", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"}
-)
+if TYPE_CHECKING:
+    from msggen.firmware.cmake import MessageLists
+    from msggen.translation import Translation
+
+COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"})
 """Faults that leave no doubt about what a definition or an entry of the bridge means."""
+
+
+def is_comparable(found: Diagnostic) -> bool:
+    """Whether a definition with this in it can be compared with another one."""
+    return found.code in COMPARABLE or found.level is not Level.ERROR
+
 
 ARCHIVED_NAME = re.compile(r"(?P<message>[A-Z][A-Za-z0-9]*)V(?P<version>0|[1-9][0-9]*)")
 """What an earlier version of a message is called in the archive."""
@@ -68,16 +78,18 @@ def read_catalog(
     unread = reader.paths_with("M101", "M103", "M301", "M303", "M305")
     misread_topics = reader.paths_with("M402")
     of_uorb = [message for message in messages if message.package == package]
-    nesting = [*check_nesting([*messages, *archived], services, package)]
+    reasons = sources.reasons()
+    nesting = [*check_nesting([*messages, *archived], services, package, reasons)]
     faults = [
         *reader.faults,
-        *check_names([*messages, *(message._replace(package=package) for message in archived)]),
-        *check_names(services),
+        *check_names([*messages, *(message._replace(package=package) for message in archived)], package),
+        *check_names(services, package),
         *nesting,
         *check_timestamps(message for message in of_uorb if message.location.path not in unread),
         *check_topics(message for message in of_uorb if message.location.path not in misread_topics),
         *(check_fixed_sizes(of_uorb, () if nesting else everything) if sources.is_tree else ()),
-        *check_bridge(parsed.entries, everything, package),
+        *check_bridge(parsed.entries, everything, package, reasons),
+        *(check_lists(sources, reader.lists) if reader.lists else ()),
     ]
     conventions = _conventions(sources, reader, everything, parsed)
     newer = _newer_than_known(sources, everything, parsed, conventions)
@@ -89,7 +101,15 @@ def read_catalog(
     services.sort(key=lambda service: (service.package, service.name))
     versions = MappingProxyType({message.key: message for message in archived})
     return Catalog(
-        MappingProxyType(by_key), tuple(services), bridge, conventions, package, versions, parsed.extra, notices
+        MappingProxyType(by_key),
+        tuple(services),
+        bridge,
+        conventions,
+        package,
+        versions,
+        reader.translations(),
+        parsed.extra,
+        notices,
     )
 
 
@@ -105,15 +125,13 @@ def bridged_names(*sides: Sources) -> set[str]:
         raise fault(sides[0].label, "S110", text, 0)
     entries, _, found = parse_bridge(read_file(bridge), bridge.path)
     known = {file.stem for side in sides for file in side.messages if not file.package}
-    unknown = [
-        Diagnostic(
-            entry.type_location,
-            "Y201",
-            f"no message defines the type '{entry.type_name}'{suggestion(entry.message_name, known)}",
-        )
-        for entry in entries
-        if entry.message_name not in known
-    ]
+    reasons = sides[0].reasons()
+    unknown = []
+    for entry in entries:
+        if entry.message_name not in known:
+            hint = reasons.get(entry.message_name) or suggestion(entry.message_name, known)
+            text = f"no message defines the type '{entry.type_name}'{hint}"
+            unknown.append(Diagnostic(entry.type_location, "Y201", text))
     sorted_out([*found, *unknown])  # whoever reads the catalog tells the warnings
     services = {f"{file.stem}.srv" for side in sides for file in side.services if not file.package}
     return {f"{entry.message_name}.msg" for entry in entries} | services
@@ -161,6 +179,15 @@ def _newer_than_known(
         yield Diagnostic(Location(sources.label, 0), "S119", f"{text}; names and ids follow {conventions.release}")
 
 
+def _lists(file: File | None, contents: Mapping[str, bytes]) -> MessageLists | None:
+    """Return what a tree lists, None without lists."""
+    if file is None:
+        return None
+    from msggen.firmware.cmake import parse_lists
+
+    return parse_lists(contents[file.path].decode(errors="replace"), file.path)
+
+
 def _place_of_version(message: Message) -> Location:
     places = [constant.location for constant in message.constants if constant.name == VERSION]
     return places[0] if places else message.location
@@ -175,15 +202,22 @@ class _Reader:
         self.faults: list[Diagnostic] = []
         self.package = sources.package or DEFAULT_PACKAGE
         """That of uORB's messages."""
+        self.lists = _lists(sources.lists, contents)
 
     def messages(self) -> list[Message]:
         messages = []
         for file in self.sources.messages:
             package = file.package or self.package
             message, faults = parse_message(self.text(file), file.path, file.stem, package, of_uorb=not file.package)
-            messages.append(message)
+            messages.append(self._with_condition(message, file))
             self.faults += faults
         return messages
+
+    def _with_condition(self, message: Message, file: File) -> Message:
+        """Return the message of a file with the condition that the tree lists it under, if any."""
+        known = self.lists.listed if self.lists and file.tree is self.sources.root else {}
+        entry = known.get(file.name.removeprefix("msg/"))
+        return message._replace(condition=entry.condition) if entry and entry.condition else message
 
     def services(self) -> list[Service]:
         services = []
@@ -199,19 +233,29 @@ class _Reader:
         messages = []
         for file in self.sources.archived:
             message, faults = parse_message(self.text(file), file.path, file.stem, ARCHIVE_PACKAGE)
-            faults = [found for found in faults if found.code != "M402"]
+            faults = [found for found in faults if found.code not in ("M402", "M406")]
             name = ARCHIVED_NAME.fullmatch(file.stem)
             if name is None:
                 text = f"file name '{file.stem}': archived versions are called as 'VehicleStatusV1'"
                 faults.append(Diagnostic(message.location, "M201", text))
             else:
                 message = message._replace(version_of=f"{self.package}/{name['message']}")
-                if not faults and message.message_version != int(name["version"]):
+                is_clear = not any(found.level is Level.ERROR for found in faults)
+                if is_clear and message.message_version != int(name["version"]):
                     text = f"{VERSION} must be {name['version']}, as in the name, found {message.message_version}"
                     faults.append(Diagnostic(_place_of_version(message), "M404", text))
             messages.append(message)
             self.faults += faults
         return messages
+
+    def translations(self) -> tuple[Translation, ...]:
+        """Return what the headers say that the firmware includes. Headers that cannot be read say nothing."""
+        if not self.sources.translations:
+            return ()
+        from msggen.parse.translation import read_headers
+
+        headers = {file.name.rpartition("/")[2]: self.contents[file.path] for file in self.sources.translations}
+        return read_headers({name: data.decode(errors="replace") for name, data in headers.items()})
 
     def bridge(self) -> Bridge:
         if self.sources.bridge is None:

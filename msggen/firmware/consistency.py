@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.diagnostics import Diagnostic, suggestion
+from msggen.diagnostics import Diagnostic, counted, few, suggestion
+from msggen.firmware.source import LISTS, Sources
 from msggen.location import Location
 from msggen.model import (
     INTEGER_RANGES,
@@ -20,6 +22,10 @@ from msggen.model import (
     Service,
     snake_case,
 )
+from msggen.parse.definition import OTHER_SPELLINGS
+
+if TYPE_CHECKING:
+    from msggen.firmware.cmake import MessageLists
 
 MAX_SIZE = 2**16 - 1
 """uORB keeps the size of a message in 16 bits."""
@@ -34,23 +40,41 @@ MAX_DEPTH = 64
 """Deepest nesting; PX4's deepest is 2."""
 
 
-def check_names(definitions: Iterable[Message | Service]) -> Iterator[Diagnostic]:
-    """No name twice in a package, nor twice but for case: that would be one file on many machines."""
-    seen: dict[tuple[str, str], Message | Service] = {}
+def check_names(definitions: Iterable[Message | Service], uorb: str) -> Iterator[Diagnostic]:
+    """No name twice in a package, nor two names that the firmware's generator makes the same file of.
+
+    ROS 2 and many file systems do not tell names apart that differ only in case, the firmware does: it makes
+    `f_o_o.h` of `FOO`. `uorb` is the package of uORB, whose messages the firmware is built with.
+    """
+    files: dict[tuple[str, str], Message | Service] = {}
+    cases: dict[tuple[str, str], Message | Service] = {}
     for definition in definitions:
-        other = seen.setdefault((definition.package, definition.name.lower()), definition)
-        if other is definition:
+        package, name = definition.package, definition.name
+        other = files.setdefault((package, snake_case(name)), definition)
+        if other is not definition:
+            what = "is" if other.name == name else f"differs too little from '{other.name}',"
+            yield Diagnostic(definition.location, "M204", f"'{name}' {what} already defined in {other.location.path}")
             continue
-        what = "is" if other.name == definition.name else f"differs only in case from '{other.name}',"
-        text = f"'{definition.name}' {what} already defined in {other.location.path}"
-        yield Diagnostic(definition.location, "M204", text)
+        other = cases.setdefault((package, name.lower()), definition)
+        if other is not definition:
+            code = "M205" if package == uorb and isinstance(definition, Message) else "M204"
+            text = f"'{name}' differs only in case from '{other.name}', already defined in {other.location.path}"
+            yield Diagnostic(definition.location, code, f"{text}: ROS 2 makes the same files of both")
 
 
-def check_nesting(messages: Iterable[Message], services: Iterable[Service], uorb: str) -> Iterator[Diagnostic]:
-    """Every nested type exists, nothing nests itself, and nothing grows too large; `uorb` is the package of uORB."""
+def check_nesting(
+    messages: Iterable[Message],
+    services: Iterable[Service],
+    uorb: str,
+    unbuilt: Mapping[str, str] = MappingProxyType({}),
+) -> Iterator[Diagnostic]:
+    """Every nested type exists, nothing nests itself, and nothing grows too large; `uorb` is the package of uORB.
+
+    `unbuilt` says, by name, why messages are not there.
+    """
     known = {message.key: message for message in messages}
     halves = [half for service in services for half in (service.request, service.response)]
-    unknown = [fault for outer in [*known.values(), *halves] for fault in _unknown_types(outer, known)]
+    unknown = [fault for outer in [*known.values(), *halves] for fault in _unknown_types(outer, known, unbuilt)]
     yield from unknown
     cycles = list(_cycles(known))
     yield from cycles
@@ -112,8 +136,16 @@ def _differs_in_size(outer: Message, field: Field, known: Mapping[str, Message])
     )
 
 
-def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message], uorb: str) -> Iterator[Diagnostic]:
-    """Every entry names a message of the package `uorb` that exists, and a topic that this message declares."""
+def check_bridge(
+    entries: Iterable[BridgeEntry],
+    messages: Iterable[Message],
+    uorb: str,
+    unbuilt: Mapping[str, str] = MappingProxyType({}),
+) -> Iterator[Diagnostic]:
+    """Every entry names a message of the package `uorb` that exists, and a topic that this message declares.
+
+    `unbuilt` says, by name, why messages are not there.
+    """
     others = {f"{message.package}::msg::{message.name}" for message in messages if message.package != uorb}
     names = {message.name: message for message in messages if message.package == uorb}
     owners = {topic: message for message in names.values() for topic in message.topic_names}
@@ -126,7 +158,8 @@ def check_bridge(entries: Iterable[BridgeEntry], messages: Iterable[Message], uo
         name, topic = entry.message_name, entry.uorb_topic
         if name not in names or entry.package != names[name].package:
             types = [f"{uorb}::msg::{known}" for known in names]
-            text = f"no message defines the type '{entry.type_name}'{suggestion(entry.type_name, types)}"
+            hint = unbuilt.get(name) or suggestion(entry.type_name, types)
+            text = f"no message defines the type '{entry.type_name}'{hint}"
             if entry.type_name in others:
                 text = f"'{entry.type_name}' is no message of uORB: expected one of the package '{uorb}'"
             yield Diagnostic(entry.type_location, "Y201", text)
@@ -153,11 +186,42 @@ def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
         yield Diagnostic(entry.location, "Y205", text)
 
 
-def _unknown_types(outer: Message, known: Mapping[str, Message]) -> Iterator[Diagnostic]:
+def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
+    """Every message of a tree is listed; none under a condition, unless a board decides it.
+
+    The embedded set lists only what has a condition: its user has no board to name.
+    """
+    conditional: dict[str, list[str]] = {}
+    for file in (*sources.messages, *sources.unbuilt):
+        entry = lists.listed.get(file.name.removeprefix("msg/")) if file.tree is sources.root else None
+        if entry and entry.condition:
+            conditional.setdefault(entry.condition, []).append(file.stem)
+        elif sources.is_tree and lists.complete and not entry and file.tree is sources.root:
+            text = f"{LISTS} does not list '{file.stem}': the firmware does not build it"
+            yield Diagnostic(Location(file.path), "M408", text)
+    places = {entry.condition: entry.location for entry in reversed([*lists.listed.values()])}
+    if lists.complete and sources.board is None and conditional:
+        number = counted(sum(map(len, conditional.values())), "message")
+        named = "; ".join(f"{few(names)} with {condition}" for condition, names in conditional.items())
+        text = f"{number} only in the firmware of some boards: {named}"
+        text += "; ORB ids and object ids of publications depend on them, name the board with --board"
+        yield Diagnostic(places[next(iter(conditional))], "M407", text)
+    for condition, names in conditional.items():
+        if sources.board and sources.board.builds(condition) is None:
+            text = (
+                f"cannot tell whether '{condition}' holds for {sources.board.name}, its messages are kept: {few(names)}"
+            )
+            yield Diagnostic(places[condition], "M409", text)
+
+
+def _unknown_types(outer: Message, known: Mapping[str, Message], unbuilt: Mapping[str, str]) -> Iterator[Diagnostic]:
     for field in outer.fields:
         type_ = field.type
         if not type_.is_primitive and outer.key_of(type_) not in known:
-            yield Diagnostic(field.location, "M301", f"unknown type '{type_.base}'{_hint(outer, type_, known)}")
+            reason = unbuilt.get(type_.name) if type_.package in (None, outer.package) else None
+            yield Diagnostic(
+                field.location, "M301", f"unknown type '{type_.base}'{reason or _hint(outer, type_, known)}"
+            )
 
 
 def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str:
@@ -171,7 +235,12 @@ def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str
         elsewhere = sorted(package for package in names if type_.name in names[package])
         if elsewhere:
             return f", did you mean '{elsewhere[0]}/{type_.name}'?"
-        return suggestion(type_.name, [*names.get(outer.package, ()), *PRIMITIVES])
+        other = OTHER_SPELLINGS.get(type_.name)
+        return (
+            f", did you mean '{other}'?"
+            if other
+            else suggestion(type_.name, [*names.get(outer.package, ()), *PRIMITIVES])
+        )
     if type_.package in names:
         return suggestion(type_.base, [f"{type_.package}/{name}" for name in names[type_.package]])
     text = f": the package '{type_.package}' is not among the sources"

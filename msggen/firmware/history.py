@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 from msggen.diagnostics import Diagnostic, InputError
 from msggen.firmware import source
-from msggen.firmware.catalog import ARCHIVED_NAME, COMPARABLE
+from msggen.firmware.catalog import ARCHIVED_NAME, is_comparable
 from msggen.firmware.tree import Tree
 from msggen.model import ARCHIVE_PACKAGE, Message
 from msggen.parse import decode_text, parse_message
 
 VERSIONED = "msg/versioned"
 ARCHIVE = f"msg/{source.ARCHIVE}"
-TRANSLATIONS = "msg/translation_node/translations"
+TRANSLATIONS = f"msg/{source.TRANSLATIONS}"
 ALL_TRANSLATIONS = f"{TRANSLATIONS}/all_translations.h"
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
@@ -78,7 +78,7 @@ def read_history(tree: Tree) -> History:
         path = f"{ARCHIVE}/{file}"
         text, unclean = decode_text(tree.read(path), tree.place(path))
         archived[name], wrong = parse_message(text, tree.place(path), name, ARCHIVE_PACKAGE)
-        faults += [found for found in (*unclean, *wrong) if found.code not in COMPARABLE]
+        faults += [found for found in (*unclean, *wrong) if not is_comparable(found)]
     if faults:
         raise InputError(faults)
     return History(tree.is_folder(VERSIONED), archived, _translations(tree))

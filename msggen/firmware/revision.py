@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import NoReturn
 
 from msggen.diagnostics import fault, suggestion
-from msggen.firmware.tree import Snapshot, is_wanted
+from msggen.firmware.tree import Snapshot, Wanted, is_wanted
 from msggen.git import GitError, commit_of, git, is_revision, revisions
 
 
@@ -60,13 +61,14 @@ def read_revision(folder: str, revision: str) -> Snapshot:
         rows = os.fsdecode(git(folder, "ls-tree", "--full-tree", "-r", "-z", commit)).split("\0")
         entries = {name: about.split(" ") for about, _, name in (row.partition("\t") for row in rows if row)}
         links = [name for name, about in entries.items() if about[0] == "120000"]
-        wanted = [name for name, about in entries.items() if about[1] == "blob" and (is_wanted(name) or name in links)]
-        answer = git(folder, "cat-file", "--batch", stdin="".join(f"{entries[name][2]}\n" for name in wanted).encode())
-        contents = dict(zip(wanted, _split_batch(answer), strict=True))
+        blobs = {name: about[2] for name, about in entries.items() if about[1] == "blob"}
+        known = set(links)
     except GitError as error:
         _fail(label, "S108", str(error))
+    contents = _read_blobs(folder, label, blobs, lambda name: is_wanted(name) or name in known)
     files = {name: contents.get(name, b"") for name in entries if name not in links}
-    return Snapshot(label, files, {name: os.fsdecode(contents[name]) for name in links}, base)
+    targets = {name: os.fsdecode(contents[name]) for name in links}
+    return Snapshot(label, files, targets, base, lambda wanted: _read_blobs(folder, label, blobs, wanted))
 
 
 def _obstacle(folder: str) -> str:
@@ -84,6 +86,16 @@ def _hint(folder: str, revision: str) -> str:
         if git(folder, "rev-parse", "--is-shallow-repository").strip() == b"true":
             return ": the repository is shallow, `git fetch --unshallow` brings the rest of it"
     return suggestion(revision, revisions(folder))
+
+
+def _read_blobs(folder: str, label: str, blobs: Mapping[str, str], wanted: Wanted) -> dict[str, bytes]:
+    """Return the contents of the blobs whose names are wanted, all of them from one process. Raises InputError."""
+    names = [name for name in blobs if wanted(name)]
+    try:
+        answer = git(folder, "cat-file", "--batch", stdin="".join(f"{blobs[name]}\n" for name in names).encode())
+        return dict(zip(names, _split_batch(answer), strict=True))
+    except GitError as error:
+        _fail(label, "S108", str(error))
 
 
 def _split_batch(answer: bytes) -> list[bytes]:

@@ -2,20 +2,34 @@
 
 import os
 import re
+from collections.abc import Iterator, Mapping
 from itertools import chain
-from typing import NamedTuple, NoReturn
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from msggen.diagnostics import Diagnostic, fault, suggestion
+from msggen.diagnostics import Diagnostic, counted, fault, suggestion
 from msggen.firmware.manifest import package_name
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
 from msggen.resources import embedded_root
+
+if TYPE_CHECKING:
+    from msggen.firmware.board import Board
 
 RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main")
 """The releases whose conventions are known (`release` has them)."""
 
 ARCHIVE = "px4_msgs_old/msg"
 """Where a tree keeps earlier versions of its messages, below `msg/`."""
+
+TRANSLATIONS = "translation_node/translations"
+"""Where it keeps the headers that translate between versions, below `msg/`."""
+
+LISTS = "msg/CMakeLists.txt"
+"""Where a tree lists the messages that it builds."""
+
+_FOLDERS = ("msg/versioned", "msg/px4_msgs_old", "msg/translation_node")
+"""The folders of a firmware's `msg/`."""
 
 _RELEASE_OPTION = Location("--release", 0)
 _ARCHIVED_OPTION = Location("--archived", 0)
@@ -46,6 +60,22 @@ class File(NamedTuple):
         return os.path.splitext(os.path.basename(self.path))[0]
 
 
+class BoardOption(NamedTuple):
+    """A board that was asked for at `place`: its name, or the path of its file.
+
+    It is `optional` for a side of a comparison that need not have boards.
+    """
+
+    text: str
+    place: Location = Location("--board", 0)
+    optional: bool = False
+
+    @property
+    def is_path(self) -> bool:
+        """Whether it is a file, and not the name of a board."""
+        return "/" in self.text or os.sep in self.text or self.text.endswith(".px4board")
+
+
 class Sources(NamedTuple):
     """The files of one catalog.
 
@@ -54,7 +84,9 @@ class Sources(NamedTuple):
     them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in a few
     words what the sources are. `root` is where the first source lies. `archived` are earlier versions of messages,
     where they were asked for. `client` are CLIENT_SOURCES, as far as a tree has them. With `strict`, warnings are
-    errors. `notices` are what there is to say of the sources themselves.
+    errors. `notices` are what there is to say of the sources themselves. `lists` is the file in which a tree lists what
+    it builds. `unbuilt` has the messages that the `board` does not build, which are not among `messages`, with the
+    condition that each is listed under, "" for those that no list names.
     """
 
     messages: tuple[File, ...]
@@ -68,14 +100,24 @@ class Sources(NamedTuple):
     label: str = ""
     root: Tree | None = None
     archived: tuple[File, ...] = ()
+    translations: tuple[File, ...] = ()
     client: tuple[File, ...] = ()
     strict: bool = False
     notices: tuple[Diagnostic, ...] = ()
+    lists: File | None = None
+    board: "Board | None" = None
+    unbuilt: Mapping[File, str] = MappingProxyType({})
 
     @property
     def has_own(self) -> bool:
         """Whether any of the files belongs to uORB's package."""
         return any(not file.package for file in (*self.messages, *self.services))
+
+    def reasons(self) -> dict[str, str]:
+        """Return, by name, why the board does not build messages of the tree."""
+        board = self.board.name if self.board else ""
+        reasons = {condition: f"needs {condition}" for condition in self.unbuilt.values()} | {"": f"not in {LISTS}"}
+        return {file.stem: f": not built for {board}, {reasons[needs]}" for file, needs in self.unbuilt.items()}
 
     def with_packages_of(self, other: "Sources") -> "Sources":
         """Return these sources with what `other` has of further packages: two sides that nest the same types."""
@@ -92,8 +134,10 @@ class Sources(NamedTuple):
 
     def files(self) -> tuple[File, ...]:
         """Return all of them, in an order that does not depend on the machine."""
-        single = [self.bridge] if self.bridge else []
-        return (*self.messages, *self.services, *single, *self.manifests, *self.archived, *self.client)
+        single = [file for file in (self.bridge, self.lists) if file]
+        versions = (*self.archived, *self.translations)
+        board = self.board.files if self.board else ()
+        return (*self.messages, *self.services, *single, *self.manifests, *versions, *self.client, *board)
 
 
 def open_tree(text: str) -> Tree:
@@ -165,20 +209,60 @@ def find_sources(
         label=_label(roots) if is_named else "the embedded PX4 v1.17",
         root=first.tree,
         client=tuple(File(first.tree.place(name), name, first.tree) for name in client),
+        lists=None if first.package else _file(first.tree, LISTS),
+        notices=tuple(chain(*map(_unread_folders, roots))),
+    )
+
+
+def with_board(sources: Sources, option: BoardOption | None) -> Sources:
+    """Return `sources` without the messages that a board does not build; all of them where none is named.
+
+    Raises InputError where there is no such board, or no list of what is built. An optional board is passed over where
+    it makes no difference.
+    """
+    if option is None:
+        return sources
+    from msggen.firmware.board import find_board
+    from msggen.firmware.cmake import parse_lists
+
+    root = sources.root
+    if root is None or sources.lists is None:
+        if option.optional:
+            return sources
+        text = f"{sources.label} has no {LISTS} to say what a board builds: a board needs a PX4-Autopilot tree"
+        raise fault(option.place.path, "S118", text, *option.place[1:])
+    lists = parse_lists(read_file(sources.lists).decode(errors="replace"), sources.lists.path)
+    conditions = {f"msg/{name}": entry.condition for name, entry in lists.listed.items()}
+    if option.optional and not any(conditions.values()):
+        return sources
+    board = find_board(root, option, conditions.values())
+    unbuilt = {
+        file: conditions.get(file.name, "")
+        for file in sources.messages
+        if file.tree is root
+        and (board.builds(conditions[file.name]) is False if file.name in conditions else lists.complete)
+    }
+    return sources._replace(
+        messages=tuple(file for file in sources.messages if file not in unbuilt),
+        own=sources.own - len(unbuilt),
+        board=board,
+        unbuilt=MappingProxyType(unbuilt),
     )
 
 
 def with_archived(sources: Sources, place: Location = _ARCHIVED_OPTION) -> Sources:
-    """Return `sources` with the archived definitions of the first of them.
+    """Return `sources` with the archived definitions of the first of them, and the headers that translate them.
 
     Raises InputError where it has none; they were asked for at `place`.
     """
     root = sources.root
-    found = _files(root, f"msg/{ARCHIVE}/" if root.is_folder("msg") else f"{ARCHIVE}/", ".msg") if root else []
-    if not found:
+    folder = "msg/" if root and root.is_folder("msg") else ""
+    found = _files(root, f"{folder}{ARCHIVE}/", ".msg") if root else []
+    if not root or not found:
         text = f"{sources.label} has no earlier versions of messages: PX4 v1.16 and later has them in msg/{ARCHIVE}"
         raise fault(place.path, "S117", text, *place[1:])
-    return sources._replace(archived=tuple(found))
+    headers = _files(root, f"{folder}{TRANSLATIONS}/", ".h")
+    return sources._replace(archived=tuple(found), translations=tuple(headers))
 
 
 def read_files(sources: Sources) -> dict[str, bytes]:
@@ -281,15 +365,34 @@ def _files(tree: Tree, folder: str, suffix: str) -> list[File]:
     ]
 
 
+def _unread_folders(root: _Root) -> Iterator[Diagnostic]:
+    """Warn of definitions below `msg/` in folders that no firmware is known to have."""
+    tree = root.tree
+    if root.manifest or root.package or not tree.is_folder("msg"):
+        return
+    for folder in ("msg/", "msg/versioned/"):
+        for name in tree.names(folder):
+            if "." in name or folder + name in _FOLDERS:
+                continue
+            inside = [*tree.names(f"{folder}{name}/"), *tree.names(f"{folder}{name}/msg/")]
+            found = [file for file in inside if file.endswith(".msg")]
+            if found:
+                text = f"{counted(len(found), 'definition')} here not read, such as '{found[0]}'"
+                text += ": PX4 has definitions in msg/ and msg/versioned/, others are named with --msg-dir"
+                yield Diagnostic(Location(tree.place(folder + name), 0), "S121", text)
+
+
 def _bridge(root: Tree) -> File | None:
-    found = next((place for place in _BRIDGE_PLACES if root.is_file(place)), None)
-    return File(root.place(found), found, root) if found else None
+    return next(filter(None, (_file(root, place) for place in _BRIDGE_PLACES)), None)
 
 
 def _manifest(root: Tree) -> File | None:
     """Return the package.xml of a ROS package; the firmware's own tree has one too, and is none."""
-    name = "package.xml"
-    return File(root.place(name), name, root) if root.is_file(name) and not _is_tree(root) else None
+    return None if _is_tree(root) else _file(root, "package.xml")
+
+
+def _file(root: Tree, name: str) -> File | None:
+    return File(root.place(name), name, root) if root.is_file(name) else None
 
 
 def _is_tree(root: Tree) -> bool:

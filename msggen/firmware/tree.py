@@ -8,11 +8,18 @@ from __future__ import annotations
 
 import os
 import posixpath
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
 
 from msggen.diagnostics import fault
 
 _MAX_LINKS = 40
+
+Wanted: TypeAlias = Callable[[str], bool]
+"""Whether the bytes of a file are wanted, by its name."""
+
+More: TypeAlias = Callable[[Wanted], Mapping[str, bytes]]
+"""Reads more of what a snapshot was taken of."""
 
 
 class Folder:
@@ -55,12 +62,16 @@ class Folder:
 class Snapshot:
     """The files of a revision or an archive: `files` by name, symbolic `links` by name to where they lead.
 
-    Names count from the folder `base`, "" or one that ends in `/`; links may lead out of it.
+    Names count from the folder `base`, "" or one that ends in `/`; links may lead out of it. `more` reads the contents
+    of files that were not wanted at first.
     """
 
-    def __init__(self, label: str, files: Mapping[str, bytes], links: Mapping[str, str], base: str = "") -> None:
+    def __init__(
+        self, label: str, files: Mapping[str, bytes], links: Mapping[str, str], base: str = "", more: More | None = None
+    ) -> None:
         self.path = label
         self._files = files
+        self._more = more
         self._links = links
         self._base = base
         self._folders: dict[str, set[str]] = {"": set()}
@@ -93,6 +104,11 @@ class Snapshot:
             raise fault(self.place(name), "S101", "no such file", 0)
         return self._files[found]
 
+    def include(self, is_wanted: Wanted) -> None:
+        """Read the files that `is_wanted` chooses, which were not wanted at first. Raises InputError."""
+        if self._more:
+            self._files = {**self._files, **self._more(is_wanted)}
+
     def _resolve(self, name: str) -> str:
         """Return the whole name of what `name` leads to; symbolic links are followed as a file system would."""
         name = (self._base + name).rstrip("/")
@@ -114,4 +130,4 @@ Tree = Folder | Snapshot
 def is_wanted(name: str) -> bool:
     """Whether msggen may ask for the bytes of `name`; a whole firmware holds tens of thousands of other files."""
     known = (".msg", ".srv", "dds_topics.yaml", "dds_topics.h.em", "utilities.hpp", "package.xml", ".msggen.json")
-    return name.endswith(known) or "translation_node/" in name
+    return name.endswith((*known, "msg/CMakeLists.txt")) or "translation_node/" in name

@@ -91,7 +91,8 @@ class Build:
         """Digest all that the output depends on: the tool, its templates, the options and every input."""
         state = sha256()
         kind = f"{self.sources.own} {self.sources.is_tree} {self.sources.strict}"
-        for part in (__version__, self.name, self.sources.release or "", kind):
+        told = (each.message for each in self.sources.notices)
+        for part in (__version__, self.name, self.sources.release or "", kind, *told):
             state.update(part.encode() + b"\0")
         state.update(_tool_digest())
         for file in self.sources.files():

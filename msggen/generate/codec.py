@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from msggen.generate.names import attribute_names
 from msggen.generate.source import literal
 from msggen.model import ArrayKind, Catalog, FieldType, Message
 
@@ -145,12 +146,14 @@ class Codec(Values):
         return codec
 
     def _message(self, catalog: Catalog, message: Message, decoded: str, encoded: str, stem: str) -> None:
+        attributes = attribute_names(message)
         for inner in message.fields:
-            here, there = f"{decoded}.{inner.name}", f"{encoded}.{inner.name}"
+            name = attributes[inner.name]
+            here, there = f"{decoded}.{name}", f"{encoded}.{name}"
             if inner.type.is_primitive:
-                self.primitive(inner.type, here, there, stem + inner.name)
+                self.primitive(inner.type, here, there, stem + name)
             else:
-                self._nested(catalog, catalog.nested(message, inner.type), inner.type, (here, there), stem + inner.name)
+                self._nested(catalog, catalog.nested(message, inner.type), inner.type, (here, there), stem + name)
 
     def _nested(
         self, catalog: Catalog, message: Message, type_: FieldType, attributes: tuple[str, str], stem: str

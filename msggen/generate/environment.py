@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import jinja2
 
+from msggen.generate.names import class_name
 from msggen.generate.source import arguments, documentation, joined_by, literal, wrapped, wrapped_tuple
 from msggen.resources import resource
 
@@ -25,6 +26,6 @@ def environment() -> jinja2.Environment:
         auto_reload=False,
         autoescape=False,  # noqa: S701 - the output is source, not HTML
     )
-    filters = (arguments, literal, documentation, wrapped, wrapped_tuple, joined_by)
+    filters = (arguments, class_name, literal, documentation, wrapped, wrapped_tuple, joined_by)
     made.filters.update({function.__name__: function for function in filters})
     return made

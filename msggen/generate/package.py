@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import keyword
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError
 from msggen.generate.environment import environment
-from msggen.generate.python import message_view, module_name
+from msggen.generate.names import class_name, member_names, module_name
+from msggen.generate.python import message_view
 from msggen.generate.source import literal
-from msggen.identity import UorbTopic, endpoint_versions, endpoints, uorb_topics
+from msggen.generate.versions import translation_table
+from msggen.identity import endpoint_versions, endpoints, uorb_topics
 from msggen.layout import is_static
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
@@ -27,7 +29,10 @@ _STREAM = "stream.py"
 _VERSIONS = "versions.py"
 """And the one that only packages have with earlier versions of messages."""
 
-_TAKEN = ("annotations", "msg", "orb_id", "srv", "topics")
+_TRANSLATIONS = "translations.py"
+"""And what the firmware's translations between them say."""
+
+_TAKEN = ("annotations", "msg", "orb_id", "srv", "topics", "translations")
 """Names in a package, besides its copied files, that no other ROS package can have there."""
 
 
@@ -35,6 +40,7 @@ def list_package(catalog: Catalog) -> tuple[str, ...]:
     """Return the names of the files that `render_package` makes, sorted. Raises InputError as that does."""
     _check_names(catalog)
     names = ["__init__.py", *_copied_files(catalog), "orb_id.py", "py.typed", "topics.py"]
+    names += [_TRANSLATIONS] if catalog.archived else []
     for part in _parts(catalog):
         modules = [f"{message.folder}/{module_name(message.name)}" for message in (*part.messages, *part.halves)]
         modules += [f"srv/{module_name(service.name)}" for service in part.services]
@@ -50,24 +56,27 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
     """
     _check_names(catalog)
     own, *others = _parts(catalog)
-    names = [message.name for message in own.messages]
-    topics = [_topic(topic) for topic in uorb_topics(catalog)]
+    names = [class_name(message) for message in own.messages]
+    topics = list(_topics(catalog))
     copied = _copied_files(catalog)
     files = {
         "__init__.py": _render(
             "package",
             name=name,
             own=own,
+            classes=names,
             others=others,
             archived=catalog.archived,
             example=_EXAMPLE if _EXAMPLE in names else "".join(names[:1]),
-            modules=[literal(module) for module in _modules(copied, own, others)],
+            modules=[literal(module) for module in _modules(catalog, own, others)],
         ),
         **{file: _copied(file) for file in copied},
         "py.typed": "",
         "orb_id.py": _render("orb_id", topics=topics),
         "topics.py": _render("topics", topics=topics, endpoints=endpoints(catalog), versions=_versions(catalog)),
     }
+    if catalog.archived:
+        files[_TRANSLATIONS] = _render("translations", table=translation_table(catalog))
     for part in (own, *others):
         files |= {part.prefix + path: text for path, text in _render_part(catalog, part).items()}
     return {path: files[path] for path in sorted(files)}
@@ -83,8 +92,8 @@ class _Part(NamedTuple):
 
     @property
     def example(self) -> str:
-        """The name of one of its messages, or services."""
-        return (self.messages[0] if self.messages else self.services[0]).name
+        """The class of one of its messages, or services."""
+        return class_name(self.messages[0] if self.messages else self.services[0])
 
     @property
     def path(self) -> str:
@@ -127,15 +136,18 @@ def _render_part(catalog: Catalog, part: _Part) -> dict[str, str]:
         files[f"srv/{module_name(service.name)}.py"] = _render(
             "service",
             service=service,
+            name=class_name(service),
             comment=service.comment or f"{part.package}/srv/{service.name}.",
             request_module=module_name(service.request.name),
             response_module=module_name(service.response.name),
         )
-    services = [service.name for service in part.services] + [half.name for half in part.halves]
-    contents = {"msg": ("Messages", [message.name for message in part.messages]), "srv": ("Services", services)}
+    contents: dict[str, tuple[str, Sequence[Message | Service]]] = {
+        "msg": ("Messages", part.messages),
+        "srv": ("Services", (*part.services, *part.halves)),
+    }
     for folder in part.folders:
-        title, names = contents[folder]
-        classes = sorted((name, module_name(name)) for name in names)
+        title, definitions = contents[folder]
+        classes = sorted((class_name(each), module_name(each.name)) for each in definitions)
         files[f"{folder}/__init__.py"] = _render("folder", title=title, package=part.package, classes=classes)
     if part.prefix:
         files["__init__.py"] = _render("other_package", part=part)
@@ -146,22 +158,34 @@ def _render(template: str, **context: object) -> str:
     return environment().get_template(f"python/{template}.py.j2").render(context)
 
 
-def _modules(copied: Iterable[str], own: _Part, others: Iterable[_Part]) -> list[str]:
+def _modules(catalog: Catalog, own: _Part, others: Iterable[_Part]) -> list[str]:
     """Return the modules and folders of a package, which are its attributes."""
-    files = [*copied, "orb_id.py", "topics.py"]
+    files = [*_copied_files(catalog), "orb_id.py", "topics.py", *((_TRANSLATIONS,) if catalog.archived else ())]
     return sorted([*(file.removesuffix(".py") for file in files), *own.folders, *(part.package for part in others)])
 
 
 def _check_names(catalog: Catalog) -> None:
-    """Raise InputError where another package has a name that Python or the generated package needs for itself."""
+    """Raise InputError where a package, or two messages, cannot have their names in Python."""
     taken = {*keyword.kwlist, *_TAKEN, *(file.removesuffix(".py") for file in (*_COPIED, _STREAM, _VERSIONS))}
     faults = []
     for part in _parts(catalog):
         if part.prefix and part.package in taken:
             text = f"no module can be made of the ROS package '{part.package}': the name is taken"
             faults.append(Diagnostic(Location(part.path, 0), "S103", text))
+        faults += _same_classes((*part.services, *part.halves))
+        faults += _same_classes(part.messages)
     if faults:
         raise InputError(faults)
+
+
+def _same_classes(definitions: Iterable[Message | Service]) -> Iterator[Diagnostic]:
+    classes: dict[str, Message | Service] = {}
+    for definition in definitions:
+        name = class_name(definition)
+        other = classes.setdefault(name, definition)
+        if other is not definition:
+            text = f"the class of '{definition.name}' would be '{name}', as that of {other.location.path}"
+            yield Diagnostic(definition.location, "M202", text)
 
 
 def _copied_files(catalog: Catalog) -> tuple[str, ...]:
@@ -175,13 +199,18 @@ def _copied(name: str) -> str:
         return stream.read()
 
 
-def _topic(topic: UorbTopic) -> dict[str, object]:
-    queue_length = topic.message.queue_length
-    arguments = (literal(topic.name), str(topic.orb_id), literal(topic.message.name), str(queue_length))
-    return {"name": topic.name, "orb_id": topic.orb_id, "arguments": arguments}
+def _topics(catalog: Catalog) -> Iterator[dict[str, object]]:
+    topics = uorb_topics(catalog)
+    members = member_names([topic.name for topic in topics])
+    for topic in topics:
+        message = topic.message
+        arguments = [literal(topic.name), str(topic.orb_id), literal(class_name(message)), str(message.queue_length)]
+        if topic.condition:
+            arguments.append(f"condition={literal(topic.condition)}")
+        yield {"member": members[topic.name], "orb_id": topic.orb_id, "arguments": arguments}
 
 
 def _versions(catalog: Catalog) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return ROS name and class of each version of the endpoints that have several, by their own ROS name."""
     every = [(endpoint.ros_name, endpoint_versions(catalog, endpoint)) for endpoint in endpoints(catalog)]
-    return [(name, [(old, message.name) for old, message in rows]) for name, rows in every if len(rows) > 1]
+    return [(name, [(old, class_name(message)) for old, message in rows]) for name, rows in every if len(rows) > 1]

@@ -7,8 +7,10 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from msggen.generate.codec import CODES, Codec, as_tuple, is_bytes, is_held_as_array, is_large
+from msggen.generate.names import attribute_names, class_name, module_name
 from msggen.generate.source import documentation, literal, wrapped
 from msggen.generate.stream import Function, functions_of
+from msggen.generate.versions import Neighbour, neighbours_of
 from msggen.identity import message_hash, type_hash
 from msggen.layout import (
     Encoding,
@@ -29,7 +31,6 @@ from msggen.model import (
     Field,
     FieldType,
     Message,
-    snake_case,
 )
 
 SPELLED_OUT_TO = 4
@@ -46,24 +47,20 @@ _PYTHON_TYPES = {
 _ZEROS = {"bool": "False", "int": "0", "float": "0.0", "str": '""'}
 
 
-def module_name(name: str) -> str:
-    """Return the module of the class `name`; the underscore keeps it apart from keywords and from the class."""
-    return f"_{snake_case(name)}"
-
-
 class ConstantView(NamedTuple):
     """One constant; `spaced` puts a blank line before it."""
 
-    name: str
+    attribute: str
     value: str
     documentation: str
     spaced: bool
 
 
 class FieldView(NamedTuple):
-    """One attribute of a class."""
+    """One attribute of a class; `name` is the definition's."""
 
     name: str
+    attribute: str
     type: FieldType
     offset: int
     size: int
@@ -77,7 +74,8 @@ class FieldView(NamedTuple):
     @property
     def documentation(self) -> str:
         """What the definition says, type, tags and sentences, as the inside of a docstring."""
-        return documentation(f"{self.type} {self.comment}".strip(), 4, closed=True)
+        renamed = "" if self.attribute == self.name else f"`{self.name}` in the definition, "
+        return documentation(f"{renamed}{self.type} {self.comment}".strip(), 4, closed=True)
 
     @property
     def description(self) -> str:
@@ -89,6 +87,7 @@ class FieldView(NamedTuple):
             ("enum", comment.enum),
             ("invalid", comment.invalid),
             ("frame", comment.frame),
+            ("attribute", "" if self.attribute == self.name else self.attribute),
         )
         given = [f"{name}={literal(value)}" for name, value in tags if value]
         items = (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
@@ -108,19 +107,12 @@ class Import(NamedTuple):
         return self.name if self.name == self.here else f"{self.name} as {self.here}"
 
 
-class Neighbour(NamedTuple):
-    """The next version of a message, before or after it, and the method that leads there."""
-
-    method: str
-    name: str
-    module: str
-    version: int
-
-
 class MessageView(NamedTuple):
     """One class."""
 
     message: Message
+    name: str
+    """What it is called in Python."""
     root: str
     """The generated package, as a relative import names it."""
     topic_names: tuple[str, ...]
@@ -151,8 +143,8 @@ class MessageView(NamedTuple):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the fields, as literals."""
-        return tuple(literal(field.name) for field in self.fields)
+        """The attributes of the fields, as literals."""
+        return tuple(literal(field.attribute) for field in self.fields)
 
     @property
     def unpack(self) -> str:
@@ -167,8 +159,8 @@ class MessageView(NamedTuple):
 
     @property
     def attributes(self) -> list[tuple[str, str, str]]:
-        """Name, annotation and documentation of each field."""
-        return [(field.name, field.annotation, field.documentation) for field in self.fields]
+        """Attribute, annotation and documentation of each field."""
+        return [(field.attribute, field.annotation, field.documentation) for field in self.fields]
 
     @property
     def parameters(self) -> list[str]:
@@ -178,7 +170,7 @@ class MessageView(NamedTuple):
     @property
     def assignments(self) -> list[str]:
         """The statements of `__init__`."""
-        return [f"self.{field.name} = {field.initial}" for field in self.fields]
+        return [f"self.{field.attribute} = {field.initial}" for field in self.fields]
 
     @property
     def descriptions(self) -> list[str]:
@@ -188,7 +180,7 @@ class MessageView(NamedTuple):
     @property
     def underscore(self) -> str:
         """What stands before names of typing: nothing, unless a message here has such a name."""
-        names = {self.message.name, *(nested.here for nested in self.nested)}
+        names = {self.name, *(nested.here for nested in self.nested)}
         return "_" if names & {"ClassVar", "Final"} else ""
 
     @property
@@ -199,7 +191,9 @@ class MessageView(NamedTuple):
     @property
     def units(self) -> str:
         """The fields with their units, for its docstring."""
-        fields = [f"{field.name} [{field.comment.unit}]" if field.comment.unit else field.name for field in self.fields]
+        fields = [
+            f"{each.attribute} [{each.comment.unit}]" if each.comment.unit else each.attribute for each in self.fields
+        ]
         return f"Fields: {', '.join(fields)}." if fields else "No fields."
 
     @property
@@ -216,20 +210,21 @@ class MessageView(NamedTuple):
 
 def message_view(catalog: Catalog, message: Message) -> MessageView:
     """Return what the class of `message` is made of."""
-    shadowed = {field.name for field in message.fields} & _SHADOWING
-    prefix = "builtins." if shadowed else ""
     extents = _extents(catalog, message)
     names = _class_names(catalog, message)
+    attributes = attribute_names(message, names.values())
+    prefix = "" if _SHADOWING.isdisjoint(attributes.values()) else "builtins."
     is_own = message.released_as[0] == catalog.package
     fields = tuple(
-        _field_view(field, _named(message, field, names), *extents.get(field.name, _NO_EXTENT), prefix)
+        _field_view(field, _named(message, field, names, attributes), extents.get(field.name, _NO_EXTENT), prefix)
         for field in message.fields
     )
     view = MessageView(
         message,
+        names[message.key],
         ".." if is_own else "...",
         message.topic_names if is_own and message.folder == "msg" else (),
-        tuple(_constants(message)),
+        tuple(_constants(message, attributes)),
         fields,
         None,
         (),
@@ -241,7 +236,7 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
         tuple(_nested_imports(catalog, message, names)),
         prefix,
         any(_uses_arrays(field.type) for field in message.fields),
-        tuple(_neighbours(catalog.versions(message), message)) if catalog.archived else (),
+        neighbours_of(catalog, message) if catalog.archived else (),
     )
     if not is_static(catalog, message):
         return view._replace(functions=functions_of(catalog, message, lambda nested: names[nested.key]))
@@ -255,15 +250,6 @@ def message_view(catalog: Catalog, message: Message) -> MessageView:
     )
 
 
-def _neighbours(versions: tuple[Message, ...], message: Message) -> Iterator[Neighbour]:
-    older = [other for other in versions if other.message_version < message.message_version]
-    newer = [other for other in versions if other.message_version > message.message_version]
-    if message in versions:
-        for method, others in (("upgrade", newer[:1]), ("downgrade", older[-1:])):
-            for other in others:
-                yield Neighbour(method, other.name, module_name(other.name), other.message_version)
-
-
 _NO_EXTENT = (-1, 0)
 
 
@@ -273,12 +259,12 @@ def _extents(catalog: Catalog, message: Message) -> dict[str, tuple[int, int]]:
     return lay_out(catalog, message._replace(fields=tuple(static))).extents()
 
 
-def _constants(message: Message) -> Iterator[ConstantView]:
+def _constants(message: Message, attributes: Mapping[str, str]) -> Iterator[ConstantView]:
     """Constants with documentation stand apart, others together."""
     apart = True
     for constant in message.constants:
         text = documentation(str(constant.comment), 4, closed=True)
-        yield ConstantView(constant.name, literal(constant.value), text, apart or bool(text))
+        yield ConstantView(attributes[constant.name], literal(constant.value), text, apart or bool(text))
         apart = bool(text)
 
 
@@ -288,11 +274,12 @@ def _class_names(catalog: Catalog, message: Message) -> dict[str, str]:
     That is the name of each; with its package in front, `std_msgs_Header`, where several packages have that name.
     """
     every = (message, *catalog.nested_all(message))
-    names = [each.name for each in every]
+    classes = {each.key: class_name(each) for each in every}
+    names = list(classes.values())
     return {
-        each.key: each.name
-        if each.package == message.package or names.count(each.name) == 1
-        else f"{each.package}_{each.name}"
+        each.key: classes[each.key]
+        if each.package == message.package or names.count(classes[each.key]) == 1
+        else f"{each.package}_{classes[each.key]}"
         for each in every
     }
 
@@ -306,21 +293,22 @@ def _nested_imports(catalog: Catalog, message: Message, names: Mapping[str, str]
         else:
             root = ".." if here == own else "..."
             folder = f"{root}msg." if there == own else f"{root}{there}.msg."
-        yield Import(f"{folder}{module_name(inner.name)}", inner.name, names[inner.key])
+        yield Import(f"{folder}{module_name(inner.name)}", class_name(inner), names[inner.key])
 
 
-def _named(message: Message, field: Field, names: Mapping[str, str]) -> Field:
-    """Return a field of `message` with the type that its module has for it."""
+def _named(message: Message, field: Field, names: Mapping[str, str], attributes: Mapping[str, str]) -> Field:
+    """Return a field of `message` as its module has it: with the name of its attribute, and the class of its type."""
+    named = field._replace(name=attributes[field.name])
     if field.type.is_primitive:
-        return field
-    return field._replace(type=field.type._replace(name=names[message.key_of(field.type)], package=None))
+        return named
+    return named._replace(type=field.type._replace(name=names[message.key_of(field.type)], package=None))
 
 
-def _field_view(field: Field, named: Field, offset: int, size: int, prefix: str) -> FieldView:
+def _field_view(field: Field, named: Field, extent: tuple[int, int], prefix: str) -> FieldView:
     annotation = _annotation(named.type, prefix)
     default, initial = _initial(named, prefix)
-    parameter = f"{field.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
-    return FieldView(field.name, field.type, offset, size, field.comment, annotation, parameter, initial)
+    parameter = f"{named.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
+    return FieldView(field.name, named.name, field.type, *extent, field.comment, annotation, parameter, initial)
 
 
 def _annotation(type_: FieldType, prefix: str) -> str:

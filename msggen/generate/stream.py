@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from msggen.generate.codec import CODES, ClassOf, Names, Values, is_bytes, is_large
+from msggen.generate.names import attribute_names
 from msggen.generate.source import literal
 from msggen.model import SIZES, STRINGS, ArrayKind, Catalog, FieldType, Message, snake_case
 
@@ -87,9 +88,9 @@ class _Place(NamedTuple):
         """Return what the fields of a nested message that `local` holds begin with."""
         return _Place(local, f"{local}_", f"{self.path}.")
 
-    def field(self, name: str) -> _Place:
+    def field(self, name: str, attribute: str) -> _Place:
         """Return a field of the message that this is."""
-        return _Place(f"{self.attribute}.{name}", self.stem + name, self.path + name)
+        return _Place(f"{self.attribute}.{attribute}", self.stem + attribute, self.path + name)
 
 
 class _Walk:
@@ -122,8 +123,9 @@ class _Walk:
         """Add the fields of `message`."""
         if not message.fields:
             self._run(_NOTHING, outer.path.rstrip("."))
+        attributes = attribute_names(message)
         for field in message.fields:
-            place, type_ = outer.field(field.name), field.type
+            place, type_ = outer.field(field.name, attributes[field.name]), field.type
             if not type_.is_primitive:
                 self._nested(self.catalog.nested(message, type_), type_, place)
             elif type_.is_fixed_size and not is_large(type_):

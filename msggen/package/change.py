@@ -6,8 +6,8 @@ import os
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from msggen.diagnostics import listed
-from msggen.firmware.catalog import COMPARABLE
+from msggen.diagnostics import few
+from msggen.firmware.catalog import is_comparable
 from msggen.model import DEFAULT_PACKAGE, Message
 from msggen.parse import decode_text, parse_message, parse_service
 from msggen.tags import changed_tags
@@ -33,7 +33,7 @@ def describe_change(name: str, before: bytes | None, after: bytes) -> str:
     }
     found = [aspect for aspect, of in aspects.items() if [of(half) for half in old] != [of(half) for half in new]]
     tags = [text for halves in zip(old, new, strict=True) for text in _tag_changes(*halves)]
-    found += [listed(tags)] if tags else []
+    found += [few(tags)] if tags else []
     is_same_text = b"".join(before.split()) == b"".join(after.split())
     return ", ".join(found) or (WHITE_SPACE if is_same_text else COMMENTS)
 
@@ -56,4 +56,4 @@ def read_halves(path: str, data: bytes, package: str) -> list[Message]:
     else:
         service, faults = parse_service(text, path, stem, package)
         halves = [service.request, service.response]
-    return halves if {found.code for found in (*unclean, *faults)} <= COMPARABLE else []
+    return halves if all(map(is_comparable, (*unclean, *faults))) else []

@@ -14,6 +14,9 @@ from msggen.identity import endpoints
 from msggen.location import Location
 from msggen.model import Catalog, Field, Message
 
+_OF_BOARDS = ("M407",)
+"""Notes that do not matter here: a package has the messages of all boards."""
+
 
 class Definitions(NamedTuple):
     """`files` by their name in the package, such as `msg/VehicleStatus.msg`.
@@ -49,7 +52,8 @@ def read_definitions(sources: Sources, package: str, *, topics_only: bool) -> De
     files |= {_flat("srv", file): contents[file.path] for file in sources.services if not file.package}
     dependencies = {name: field.location for name, field in reversed(spelled) if name != package}
     sorted_dependencies = dict(sorted(dependencies.items()))
-    return Definitions(dict(sorted(files.items())), _topics(catalog), topics_only, sorted_dependencies, catalog.notices)
+    notices = tuple(notice for notice in catalog.notices if notice.code not in _OF_BOARDS)
+    return Definitions(dict(sorted(files.items())), _topics(catalog), topics_only, sorted_dependencies, notices)
 
 
 def _flat(folder: str, file: File) -> str:

@@ -10,12 +10,18 @@ from collections.abc import Sequence
 
 from msggen.model import Comment
 
-_TAG = re.compile(r" ?\[@(range|enum|invalid|frame)\b\s*([^\]]*)\]")
+KNOWN_TAGS = ("range", "enum", "invalid", "frame", "uncontrolled")
+"""The tags that PX4 uses. All but the last are attributes of a `Comment`."""
+
+_TAG = re.compile(r" ?\[@(\w+)\b\s*([^\]]*)\]")
 _UNIT = re.compile(r"\s*\[(?![-+\d., ]*\d[-+\d., ]*\])([^@\]\[]{1,24})\]")
 _BOUND = r"[-+]?(?:\d+(?:\.\d*)?|(?:\d+(?:\.\d*)?\s*\*?\s*)?(?:[Pp][Ii]|π)(?:/\d+)?|(?i:inf|infinity))"
 _RANGE = re.compile(rf"\s*\[\s*({_BOUND}\s*(?:,|\.\.+|\bto\b|-)\s*{_BOUND})\s*\]")
 """Two bounds in brackets where a unit would stand: `[-pi, pi]`."""
 
+
+_NOT_TAGS = ("text", "extra")
+"""Attributes of a `Comment` that are no tags."""
 
 _NOTHING = Comment()
 
@@ -24,7 +30,7 @@ def parse_comment(lines: Sequence[str]) -> Comment:
     """Return what the comment `lines` of one node say, the `#` already taken off.
 
     A unit counts where it leads a line, as PX4 writes it, and so does a range without a tag, `[-pi, pi]`; `@` tags
-    count anywhere. What is not a tag stays text.
+    count anywhere, those that are not known too. What is not a tag stays text.
     """
     if not lines:
         return _NOTHING
@@ -33,7 +39,8 @@ def parse_comment(lines: Sequence[str]) -> Comment:
         return Comment(whole.strip())
     tags = {"unit": ""}
     text = [_take_tags(line, tags) for line in lines]
-    return Comment("\n".join(text).strip(), **tags)
+    extra = tuple([(name, tags.pop(name)) for name in [*tags] if name not in Comment._fields])
+    return Comment("\n".join(text).strip(), **tags, extra=extra)
 
 
 def _take_tags(line: str, tags: dict[str, str]) -> str:
@@ -51,7 +58,7 @@ def _take_tags(line: str, tags: dict[str, str]) -> str:
 
 def _take_tag(tag: re.Match[str], tags: dict[str, str]) -> str:
     """Note a tag and take it out of the text; a second one of its kind stays where it is."""
-    if tag[1] in tags:
+    if tag[1] in tags or tag[1] in _NOT_TAGS:
         return tag[0]
     tags[tag[1]] = tag[2].strip()
     return ""

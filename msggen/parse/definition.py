@@ -6,12 +6,11 @@ a fault is noted and the next line read, so that all faults of a file are told a
 
 from __future__ import annotations
 
-import keyword
 import re
 from functools import lru_cache
 from typing import NamedTuple
 
-from msggen.diagnostics import Diagnostic, suggestion
+from msggen.diagnostics import Diagnostic, Level, suggestion
 from msggen.location import Location
 from msggen.model import (
     INTEGER_RANGES,
@@ -25,7 +24,7 @@ from msggen.model import (
     Topic,
     snake_case,
 )
-from msggen.parse.comment import parse_comment
+from msggen.parse.comment import KNOWN_TAGS, parse_comment
 from msggen.parse.value import parse_value
 
 MAX_LENGTH = 2**16 - 1
@@ -36,23 +35,6 @@ MAX_OTHER_LENGTH = 2**24
 
 MAX_BOUND = 2**31 - 1
 """Highest bound of a sequence or string: CDR counts elements in 32 bits."""
-
-RESERVED_NAMES = frozenset(
-    {
-        "self",
-        "cls",
-        "encode",
-        "decode",
-        "encode_batch",
-        "decode_batch",
-        "dtype",
-        "from_row",
-        "lazy",
-        "upgrade",
-        "downgrade",
-    }
-)
-"""Names that the generated classes have for themselves, or will have: a field must not change its name later."""
 
 _ELEMENT = re.compile(r"\s*(?P<type>\S+)(?:\s+(?P<name>[^\s=]+)\s*(?P<equals>=?)\s*(?P<value>.*))?")
 _TYPE = re.compile(
@@ -65,9 +47,33 @@ _FIELD_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _CONSTANT_NAME = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*")
 _PACKAGE_NAME = _FIELD_NAME
 _TOPIC_NAME = re.compile(r"(?!.*__)[a-z][a-z0-9_]*")
-_RESERVED_TOPICS = frozenset({*keyword.kwlist, "mro", "name", "value"})
+
+_NAME_IN_PX4 = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
+_FIELD_NAME_IN_PX4 = re.compile(r"[a-z][a-z0-9_]*")
+_TOPIC_NAME_IN_PX4 = re.compile(r"_?[a-z][a-z0-9_]*")
+"""What the firmware's generator and its C++ compiler take, where the rules of ROS 2 above are stricter."""
+
+_KEYWORDS = (
+    "alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t char32_t class compl const "
+    "const_cast constexpr continue decltype default delete do double dynamic_cast else enum explicit export extern "
+    "false float for friend goto if inline int long mutable namespace new noexcept not not_eq nullptr operator or "
+    "or_eq private protected public register reinterpret_cast return short signed sizeof static static_assert "
+    "static_cast struct switch template this thread_local throw true try typedef typeid typename union unsigned using "
+    "virtual void volatile wchar_t while xor xor_eq"
+)
+_CPP_KEYWORDS = frozenset(_KEYWORDS.split())
+"""Names that no field, constant or topic of the firmware can have."""
+
+_IS_KEYWORD = "is a keyword of C++, with which the firmware cannot be built"
+
+_SPECIAL = {"MESSAGE_VERSION": 0, "ORB_QUEUE_LENGTH": 1}
+"""The constants that have a meaning to the firmware, and the smallest value that makes sense."""
+
+_LIKE_SPECIAL = re.compile(r"ORB_|(?=\w{13,18}$)\w*(?:QUEUE|VERSION|MESSAGE_V)")
+_NEAR = 0.9
+"""Names that are not as near as that mean something else: MESSAGE_TYPE_PARAM_SET, LATEST_PROTOCOL_VERSION."""
 _QUOTED_VALUE = re.compile(r"\s*\S+\s+[^\s=]+(?:\s*=)?\s*[\"'\[]")
-_OTHER_SPELLINGS = {
+OTHER_SPELLINGS = {
     "boolean": "bool",
     "double": "float64",
     "duration": "builtin_interfaces/Duration",
@@ -89,15 +95,13 @@ def parse_message(
     A message with faults has only what could be read of it. What is not `of_uorb` follows the rules of ROS 2 alone.
     """
     body = _Body(path, name, of_uorb=of_uorb)
-    _check_name(body, name)
+    _check_name(body, name, is_of_px4=of_uorb)
     body.read(text.split("\n"), 1)
     if not of_uorb:
         return body.message(package, "msg"), body.faults
-    if not body.topics and snake_case(name) in _RESERVED_TOPICS:
-        body.fault(
-            "M202", 1, 1, f"the topic of '{name}' would be '{snake_case(name)}', which is reserved: see # TOPICS"
-        )
-    if not (body.fields or body.constants or body.faults):
+    if not body.topics and snake_case(name) in _CPP_KEYWORDS:
+        body.fault("M205", 1, 1, f"the topic '{snake_case(name)}' {_IS_KEYWORD}: see # TOPICS")
+    if not (body.fields or body.constants or any(found.level is Level.ERROR for found in body.faults)):
         body.fault("M103", 1, 1, f"message '{name}' is empty: expected at least one field")
     return body.message(package, "msg"), body.faults
 
@@ -109,7 +113,7 @@ def parse_service(
     lines = text.split("\n")
     marks = [number for number, line in enumerate(lines, 1) if line.split("#")[0].strip() == "---"]
     request, response = (_Body(path, f"{name}_{half}", of_uorb=of_uorb) for half in ("Request", "Response"))
-    _check_name(request, name)
+    _check_name(request, name, is_of_px4=False)
     if len(marks) != 1:
         line = marks[1] if marks else len(lines)
         request.fault("M105", line, 1, f"expected one line '---' between request and response, found {len(marks)}")
@@ -121,13 +125,16 @@ def parse_service(
     return service, request.faults + response.faults
 
 
-def _check_name(body: _Body, name: str) -> None:
-    if not _MESSAGE_NAME.fullmatch(name):
-        near = "".join(part[:1].upper() + part[1:] for part in re.split(r"[^A-Za-z0-9]+", name))
-        hint = f", for example '{near}'" if _MESSAGE_NAME.fullmatch(near) else ""
+def _check_name(body: _Body, name: str, *, is_of_px4: bool) -> None:
+    """Check the name of a file; `is_of_px4` where the firmware's generator reads it, which has fewer rules."""
+    if _MESSAGE_NAME.fullmatch(name):
+        return
+    near = "".join(part[:1].upper() + part[1:] for part in re.split(r"[^A-Za-z0-9]+", name))
+    hint = f", for example '{near}'" if _MESSAGE_NAME.fullmatch(near) else ""
+    if is_of_px4 and _NAME_IN_PX4.fullmatch(name):
+        body.fault("M205", 1, 1, f"file name '{name}': ROS 2 expects a capital, then letters and digits{hint}")
+    else:
         body.fault("M201", 1, 1, f"file name {name!r}: expected a capital, then letters and digits (CamelCase){hint}")
-    elif keyword.iskeyword(name) or (body.of_uorb and name in {"DecodeError", "EncodeError"}):
-        body.fault("M202", 1, 1, f"message name '{name}' is reserved in the generated package")
 
 
 class _Element(NamedTuple):
@@ -150,7 +157,9 @@ class _Body:
         self.topics: list[Topic] = []
         self.faults: list[Diagnostic] = []
         self.comment = ""
-        self._seen: dict[str, tuple[str, int]] = {}
+        self._seen: dict[str, int] = {}
+        self._lines: list[str] = []
+        self._first_line = 1
 
     def message(self, package: str, folder: str) -> Message:
         where = Location(self.path)
@@ -161,6 +170,8 @@ class _Body:
         self.faults.append(Diagnostic(Location(self.path, line, column), code, message))
 
     def read(self, lines: list[str], first_line: int) -> None:
+        self._lines = lines
+        self._first_line = first_line
         for element in self._elements(lines, first_line):
             self._read_element(element)
 
@@ -174,7 +185,7 @@ class _Body:
         for number, line in enumerate(lines, first_line):
             code, remark = _split_comment(line)
             if remark is not None and self.of_uorb and "TOPIC" in line and _LOOKS_LIKE_TOPICS.match(line):
-                self._read_topics(line.rstrip(), number)
+                self._read_topics(line, number)
             elif code.strip():
                 trailing = [] if remark is None else [remark]
                 if not elements and not self.comment:
@@ -195,22 +206,26 @@ class _Body:
 
     def _read_topics(self, line: str, number: int) -> None:
         if not line.startswith("# TOPICS "):
-            self.fault(
-                "M402", number, 1, "the firmware ignores this line: expected '# TOPICS ' and names, from column 1"
-            )
+            text = "the firmware ignores this line: expected '# TOPICS ' and names, from column 1"
+            self.fault("M406", number, 1, text)
             return
         column = len("# TOPICS ") + 1
-        for name in line[column - 1 :].split(" "):
+        names = line.rstrip()[column - 1 :].split(" ")
+        what = "doubled space" if len(names) > 1 else "no name"
+        for name in names:
+            topic = snake_case(name)
             if not name:
-                self.fault("M402", number, column, "doubled space: the firmware would read a topic without a name here")
-            elif snake_case(name) in _RESERVED_TOPICS:
-                self.fault("M402", number, column, f"topic name '{name}' is reserved in the generated ORB_ID")
-            elif not _TOPIC_NAME.fullmatch(snake_case(name)):
-                self.fault(
-                    "M402", number, column, f"{name!r} is no topic name: expected letters, digits and underscores"
-                )
+                self.fault("M402", number, column, f"{what}: the firmware would read a topic without a name here")
+            elif not _TOPIC_NAME_IN_PX4.fullmatch(topic):
+                text = f"{name!r} is no topic name: expected letters, digits and underscores"
+                self.fault("M402", number, column, text)
             else:
-                self.topics.append(Topic(snake_case(name), Location(self.path, number, column)))
+                self.topics.append(Topic(topic, Location(self.path, number, column)))
+                if topic in _CPP_KEYWORDS:
+                    self.fault("M205", number, column, f"topic name '{topic}' {_IS_KEYWORD}")
+                elif not _TOPIC_NAME.fullmatch(topic):
+                    text = f"topic name '{topic}': ROS 2 expects a letter first, and single underscores"
+                    self.fault("M205", number, column, text)
             column += len(name) + 1
 
     def _read_element(self, element: _Element) -> None:
@@ -227,7 +242,7 @@ class _Body:
         is_constant = bool(equals)
         self._check_field_name(name, element.line, name_column, is_constant=is_constant)
         try:
-            type_ = parse_type(spelling, MAX_LENGTH if self.of_uorb else MAX_OTHER_LENGTH)
+            type_ = parse_type(spelling, of_uorb=self.of_uorb)
         except TypeSpellingError as wrong:
             self.fault(wrong.code, element.line, type_column, wrong.message)
             return
@@ -239,6 +254,8 @@ class _Body:
                 self.fault("M305", element.line, match.start("value") + 1, f"'{name}': {wrong}")
                 return
         comment = parse_comment(element.comment)
+        if comment.extra and self.of_uorb:
+            self._check_tags(element, comment.extra)
         if is_constant and value is not None:
             self._check_special(name, type_, value, location)
             self.constants.append(Constant(name, type_, value, location, name_column, comment))
@@ -262,22 +279,48 @@ class _Body:
             hint = f", for example '{near}'" if pattern.fullmatch(near) else ""
             array = re.fullmatch(r"(\w+)(\[.*\])", name)
             hint = f": the length of an array stands behind its type, 'TYPE{array[2]} {array[1]}'" if array else hint
-            self.fault("M201", line, column, f"{kind} name {name!r}: expected {wanted} with single underscores{hint}")
-        elif keyword.iskeyword(name) or name in RESERVED_NAMES:
-            owner = "a Python keyword" if keyword.iskeyword(name) else "reserved in generated classes"
-            self.fault("M202", line, column, f"{kind} name '{name}' is {owner}, for example '{name}_value' is free")
-        before = self._seen.setdefault(name.lower() if self.of_uorb else name, (name, line))
-        if before[1] != line:
-            differ = "" if before[0] == name else f" but for case ('{before[0]}')"
-            self.fault("M203", line, column, f"'{name}' is already defined on line {before[1]}{differ}")
+            is_built = self.of_uorb and (_NAME_IN_PX4 if is_constant else _FIELD_NAME_IN_PX4).fullmatch(name)
+            code, who = ("M205", "ROS 2 expects") if is_built else ("M201", "expected")
+            self.fault(code, line, column, f"{kind} name {name!r}: {who} {wanted} with single underscores{hint}")
+        elif self.of_uorb and name in _CPP_KEYWORDS:
+            self.fault("M205", line, column, f"{kind} name '{name}' {_IS_KEYWORD}")
+        first = self._seen.setdefault(name, line)
+        if first != line:
+            self.fault("M203", line, column, f"'{name}' is already defined on line {first}")
+
+    def _check_tags(self, element: _Element, tags: tuple[tuple[str, str], ...]) -> None:
+        """Warn of tags that are not known, each where it stands: above the element, on its line or below."""
+        for name, _ in tags:
+            if name not in KNOWN_TAGS:
+                hint = (
+                    suggestion(f"@{name}", [f"@{tag}" for tag in KNOWN_TAGS])
+                    or ": PX4 has @range, @enum, @invalid and @frame, and units as '[m]'"
+                )
+                self.fault("M107", *self._place_of(f"[@{name}", element), f"unknown tag '@{name}'{hint}")
+
+    def _place_of(self, tag: str, element: _Element) -> tuple[int, int]:
+        """Return line and column of a tag in the comment of an element."""
+        here, reach = element.line - self._first_line, len(element.comment)
+        near = self._lines[max(0, here - reach) : here + reach + 1]
+        index = next(index for index, line in enumerate(near) if tag in line)
+        return max(0, here - reach) + index + self._first_line, near[index].index(tag) + 1
 
     def _check_special(self, name: str, type_: FieldType, value: object, location: Location) -> None:
         """The firmware gives two constants a meaning of their own."""
-        low = {"MESSAGE_VERSION": 0, "ORB_QUEUE_LENGTH": 1}.get(name) if self.of_uorb else None
-        if low is not None and (type_.name not in INTEGER_RANGES or not isinstance(value, int) or value < low):
-            found = f"found '{type_} {name} = {value}'"
-            text = f"{name} must be an integer of at least {low}, {found}"
-            self.faults.append(Diagnostic(location, "M404", text))
+        if not self.of_uorb or not _LIKE_SPECIAL.match(name):
+            return
+        low = _SPECIAL.get(name)
+        if low is None:
+            from difflib import get_close_matches
+
+            near = get_close_matches(name, _SPECIAL, n=1, cutoff=_NEAR)
+            hint = f"did you mean '{near[0]}'?" if near else f"it knows {' and '.join(_SPECIAL)}"
+            if near or name.startswith("ORB_"):
+                text = f"the firmware gives '{name}' no meaning, {hint}"
+                self.faults.append(Diagnostic(location, "M405", text))
+        elif type_.name not in INTEGER_RANGES or not isinstance(value, int) or value < low:
+            text = f"{name} should be an integer of at least {low}, found '{type_} {name} = {value}'"
+            self.faults.append(Diagnostic(location, "M405", text))
 
 
 def _split_comment(line: str) -> tuple[str, str | None]:
@@ -312,22 +355,23 @@ class TypeSpellingError(Exception):
 
 
 @lru_cache(maxsize=4096)
-def parse_type(text: str, most: int = MAX_LENGTH) -> FieldType:
+def parse_type(text: str, *, of_uorb: bool = True) -> FieldType:
     """Return the type that `text` spells, as `float32[3]`, `string<=10`, `EscReport[8]` or `std_msgs/Header`.
 
-    Raises TypeSpellingError, also for a fixed array of more than `most` elements.
+    What is `of_uorb` may nest messages in lower case, and has shorter arrays. Raises TypeSpellingError.
     """
+    pattern, most = (_NAME_IN_PX4, MAX_LENGTH) if of_uorb else (_MESSAGE_NAME, MAX_OTHER_LENGTH)
     match = _TYPE.fullmatch(text)
     if match is None:
         hint = suggestion(text, PRIMITIVES) or ": expected as 'float32', 'float32[3]' or 'package/Name'"
         hint = ": arrays have one dimension" if text.count("[") > 1 else hint
         raise TypeSpellingError("M301", f"cannot read type '{text}'{hint}")
     package, name = match["package"], match["name"]
-    if package is None and name not in PRIMITIVES and not _MESSAGE_NAME.fullmatch(name):
-        other = _OTHER_SPELLINGS.get(name)
+    if package is None and name not in PRIMITIVES and not pattern.fullmatch(name):
+        other = OTHER_SPELLINGS.get(name)
         hint = f", did you mean '{other}'?" if other else suggestion(name, PRIMITIVES)
         raise TypeSpellingError("M301", f"unknown type '{name}'{hint}")
-    if package is not None and not (_PACKAGE_NAME.fullmatch(package) and _MESSAGE_NAME.fullmatch(name)):
+    if package is not None and not (_PACKAGE_NAME.fullmatch(package) and pattern.fullmatch(name)):
         raise TypeSpellingError("M301", f"unknown type '{text}': expected 'package/Name'")
     bound = None
     if match["bound"] is not None:

@@ -7,7 +7,7 @@ import re
 from msggen.model import FLOATS, INTEGER_RANGES, STRINGS, ArrayKind, FieldType, Value
 
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
-_LARGEST = {"float32": 3.4028234663852886e38, "float64": 1.7976931348623157e308}
+_LARGEST = {"float32": 3.4028235677973362e38, "float64": 1.7976931348623157e308}
 _STRING_ITEM = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,\[\]"'][^,\[\]]*?)\s*(?:,|$)""")
 
 
@@ -19,7 +19,7 @@ def parse_value(type_: FieldType, text: str, *, is_constant: bool) -> Value:
     if not type_.is_primitive:
         raise ValueError(f"a message ('{type_}') takes no value")
     if type_.array is ArrayKind.SCALAR:
-        return _scalar(type_, text)
+        return _bool(text) if is_constant and type_.name == "bool" else _scalar(type_, text)
     if is_constant:
         raise ValueError(f"a constant must be a single value, found type '{type_}'")
     return _array(type_, text)
@@ -64,6 +64,14 @@ def _scalar(type_: FieldType, text: str) -> Value:
     if text.lower() not in _BOOLEANS:
         raise ValueError(f"expected true, false, 1 or 0, found {text!r}")
     return _BOOLEANS[text.lower()]
+
+
+def _bool(text: str) -> bool:
+    """Return a constant: the firmware's generator takes numbers too."""
+    try:
+        return bool(int(text, 0))
+    except ValueError:
+        return bool(_scalar(FieldType("bool"), text))
 
 
 def _integer(name: str, text: str) -> int:

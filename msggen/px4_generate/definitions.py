@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import NamedTuple
 
-from msggen.diagnostics import Diagnostic, InputError, fault, suggestion
+from msggen.diagnostics import Diagnostic, InputError, Level, fault, suggestion
 from msggen.firmware.neighbour import neighbour
 from msggen.location import Location
 from msggen.model import PRIMITIVES, STRINGS, ArrayKind, Field, Message, snake_case
 from msggen.parse import decode_text, parse_message
-
-_TOPICS = "# TOPICS "
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_FIELD_NAME = re.compile(r"[a-z][a-z0-9_]*")
-_ELSEWHERE = frozenset({"M104", "M106", "M201", "M202", "M203", "M402", "M404"})
-"""Rules of ROS 2, of Python, or of taste: a firmware that breaks them is built all the same, so it is here too."""
+from msggen.parse.definition import OTHER_SPELLINGS
 
 
 class Definition(NamedTuple):
@@ -133,19 +127,11 @@ def _read(path: str, package: str, name: str) -> tuple[Definition, list[Diagnost
         raise fault(path, "S101", f"cannot read the definition: {error.strerror or error}", 0) from error
     text, faults = decode_text(data, path)
     message, more = parse_message(text, path, name, package)
-    topics = tuple(_topics(text)) or (snake_case(name),)
-    faults = [found for found in (*faults, *more) if not _is_built_all_the_same(found, message, topics)]
+    faults = [found for found in (*faults, *more) if found.level is Level.ERROR]
     faults += _unknown_to_the_firmware(message)
     constants = tuple((str(constant.type), constant.name, constant.value) for constant in message.constants)
     fields = tuple((field.name, _spelled(field, message)) for field in message.fields)
-    return Definition(message, text, topics, fields, constants), faults
-
-
-def _topics(text: str) -> Iterator[str]:
-    """Yield the topics that the firmware's generator reads, which has fewer rules than msggen."""
-    for line in text.split("\n") if _TOPICS in text else ():
-        if line.startswith(_TOPICS):
-            yield from (snake_case(name) for name in line.strip()[len(_TOPICS) :].split(" "))
+    return Definition(message, text, message.topic_names, fields, constants), faults
 
 
 def _misgiven(paths: Iterable[str]) -> Iterator[Diagnostic]:
@@ -169,28 +155,12 @@ def _unknown_type(field: Field, folders: Sequence[str], *, is_own: bool) -> Diag
     if not is_own:
         text = f"unknown type '{field.type.base}': messages of other packages are not looked for in the folders of -i"
         return Diagnostic(field.location, "M301", text)
+    other = OTHER_SPELLINGS.get(field.type.name)
+    if other:
+        return Diagnostic(field.location, "M301", f"unknown type '{field.type.base}', did you mean '{other}'?")
     known = [name.removesuffix(".msg") for folder in folders if os.path.isdir(folder) for name in os.listdir(folder)]
     hint = suggestion(field.type.name, [*known, *PRIMITIVES]) if known else ": no folder to look for it, see -i"
     return Diagnostic(field.location, "M301", f"unknown type '{field.type.base}'{hint}")
-
-
-def _is_built_all_the_same(found: Diagnostic, message: Message, topics: Iterable[str]) -> bool:
-    if found.code == "M201":
-        return found.location.line not in _lines_of_bad_names(message)
-    if found.code == "M402":
-        return all(map(_FIELD_NAME.fullmatch, topics))
-    if found.code == "M203":
-        names = [*(field.name for field in message.fields), *(constant.name for constant in message.constants)]
-        return len(set(names)) == len(names)
-    return found.code in _ELSEWHERE
-
-
-def _lines_of_bad_names(message: Message) -> Iterator[int]:
-    """Yield the lines of names that C++, or the firmware's helper, does not take."""
-    if not _NAME.fullmatch(message.name):
-        yield message.location.line
-    yield from (field.location.line for field in message.fields if not _FIELD_NAME.fullmatch(field.name))
-    yield from (constant.location.line for constant in message.constants if not _NAME.fullmatch(constant.name))
 
 
 def _unknown_to_the_firmware(message: Message) -> Iterator[Diagnostic]:

@@ -182,6 +182,11 @@ class MessageView(_Definition):
         return self._model.message_version
 
     @property
+    def condition(self) -> str:
+        """The condition under which the firmware's build lists it, as CMake spells it; "" for none."""
+        return self._model.condition
+
+    @property
     def is_versioned(self) -> bool:
         """Whether the definition has MESSAGE_VERSION."""
         return self._model.is_versioned
@@ -264,6 +269,11 @@ class _Described(_View):
     def comment(self) -> str:
         """The sentences, without the tags."""
         return self._comment.text
+
+    @property
+    def tags(self) -> dict[str, str]:
+        """What stands in every `[@name ...]`, by name: those that PX4 is not known to use too."""
+        return dict(self._comment.tags)
 
     @property
     def unit(self) -> str:
@@ -394,6 +404,11 @@ class TopicView(_View):
     def orb_id(self) -> int:
         """Its position among all topics, sorted by name."""
         return self._model.orb_id
+
+    @property
+    def condition(self) -> str:
+        """The condition under which the firmware's build lists its message; "" for none."""
+        return self._model.condition
 
     @property
     def message(self) -> MessageView:

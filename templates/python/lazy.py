@@ -62,7 +62,7 @@ def _view_class(cls: type[Message], parts: tuple[Part, ...], start: int) -> Any:
         "__class__": property(passes_for),
         "__reduce__": reduced,
     }
-    body.update((part.field.name, property(_reader(part, start))) for part in parts)
+    body.update((part.field.attribute, property(_reader(part, start))) for part in parts)
     views: Any = type(cls.__name__, (cls,), body)
     views.decode = cls.decode
     return views

@@ -36,19 +36,22 @@ def _message_class(name: str) -> type[Message]:
 class UorbTopic(Frozen):
     """A uORB topic: its id, the name of its message, and how many samples uORB keeps."""
 
-    __slots__ = ("name", "orb_id", "message_name", "queue_length")
+    __slots__ = ("name", "orb_id", "message_name", "queue_length", "condition")
 
     name: str
     orb_id: int
     message_name: str
     queue_length: int
+    condition: str
+    """What a board must set for its firmware to have the topic, "" where all have it. Ids count it as there."""
 
-    def __init__(self, name: str, orb_id: int, message_name: str, queue_length: int) -> None:
+    def __init__(self, name: str, orb_id: int, message_name: str, queue_length: int, condition: str = "") -> None:
         put = object.__setattr__
         put(self, "name", name)
         put(self, "orb_id", orb_id)
         put(self, "message_name", message_name)
         put(self, "queue_length", queue_length)
+        put(self, "condition", condition)
 
     @property
     def message(self) -> type[Message]:

@@ -143,7 +143,7 @@ def _overestimated(message: Message) -> int:
     """
     count = 0
     for field in message.__msg__.fields:
-        value: Any = getattr(message, field.name)
+        value: Any = getattr(message, field.attribute)
         values: Iterable[Any] = value if value.__class__ is tuple else (value,)
         if isinstance(value, array):
             count += int(value.itemsize == 8 and not value)

@@ -1,0 +1,119 @@
+"""Boards of the firmware: the configuration that a name stands for, and what it turns on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from msggen.diagnostics import InputError, fault, suggestion
+from msggen.firmware.cmake import is_met, symbols_in
+from msggen.firmware.expression import Truth
+from msggen.firmware.kconfig import Configuration, parse_assignments, read_definitions
+from msggen.firmware.source import BoardOption, File, read_file
+from msggen.firmware.tree import Folder, Snapshot, Tree
+
+_SUFFIX = ".px4board"
+_DEFAULT = "default"
+_WHOLE = (_DEFAULT, "performance-test", "bootloader")
+"""A label that contains one of these is a whole configuration; others change the board's default."""
+
+_ALL_YES = "allyes"
+"""A label that contains this is configured by a script of the firmware."""
+
+
+class Board(NamedTuple):
+    """A board's configuration: `values` of the symbols that the firmware's lists ask for, None where unknown.
+
+    `files` are all that the values were read from.
+    """
+
+    name: str
+    files: tuple[File, ...]
+    values: Mapping[str, Truth] = MappingProxyType({})
+
+    def builds(self, condition: str) -> Truth:
+        """Return whether what is listed under `condition` is built."""
+        return is_met(condition, self.values.get)
+
+
+def is_configuration(name: str) -> bool:
+    """Whether a file of the firmware configures boards."""
+    return name.endswith((_SUFFIX, "Kconfig"))
+
+
+def find_board(tree: Tree, option: BoardOption, conditions: Iterable[str]) -> Board:
+    """Return the board that `option` names in `tree`, with the values of the symbols in `conditions`.
+
+    Raises InputError where there is no such board.
+    """
+    if isinstance(tree, Snapshot):
+        tree.include(is_configuration)
+    named = _by_path(option) if option.is_path else _by_name(tree, option)
+    assigned: dict[str, str] = {}
+    for file in named.files:
+        assigned |= parse_assignments(read_file(file).decode(errors="replace"))
+    configuration = Configuration(read_definitions(tree), assigned)
+    symbols = [symbol for condition in conditions for symbol in symbols_in(condition)]
+    values = {symbol: configuration.value_of(symbol) if configuration.knows(symbol) else None for symbol in symbols}
+    kconfig = [File(tree.place(name), name, tree) for name in sorted(configuration.files)]
+    return Board(named.name, (*named.files, *kconfig), MappingProxyType(values))
+
+
+def _by_name(tree: Tree, option: BoardOption) -> Board:
+    """Return the board of a name such as `px4_sitl_default`, or `px4_sitl`; vendor and model may hold underscores."""
+    known = {
+        f"{vendor}_{model}_{name.removesuffix(_SUFFIX)}": (f"boards/{vendor}/{model}", name.removesuffix(_SUFFIX))
+        for vendor in tree.names("boards")
+        for model in tree.names(f"boards/{vendor}")
+        for name in tree.names(f"boards/{vendor}/{model}")
+        if name.endswith(_SUFFIX)
+    }
+    if not known:
+        text = f"no boards/ to look for '{option.text}' in: a board needs a PX4-Autopilot tree"
+        raise _fault(option, f"{text}, or is the path of a {_SUFFIX} file")
+    name = option.text if option.text in known else f"{option.text}_{_DEFAULT}"
+    if name not in known:
+        raise _fault(option, f"unknown board '{option.text}'{_nearest(option.text, known)}")
+    folder, label = known[name]
+    _refuse_all_yes(option, label)
+    labels = [label] if _is_whole(label) else [_DEFAULT, label]
+    names = [f"{folder}/{each}{_SUFFIX}" for each in labels]
+    return Board(name, tuple(File(tree.place(name), name, tree) for name in names if tree.is_file(name)))
+
+
+def _by_path(option: BoardOption) -> Board:
+    """Return the board of a file; its board's default, which it changes, lies beside it."""
+    if not os.path.isfile(option.text):
+        from msggen.firmware.neighbour import neighbour
+
+        hint = neighbour(option.text, is_meant=os.path.exists)
+        raise _fault(option, f"'{option.text}': no such file{hint}")
+    folder, name = os.path.split(option.text)
+    label, suffix = os.path.splitext(name)
+    _refuse_all_yes(option, label)
+    default = File(Folder(folder).place(_DEFAULT + _SUFFIX), _DEFAULT + _SUFFIX)
+    changes_default = suffix == _SUFFIX and not _is_whole(label) and os.path.isfile(default.path)
+    return Board(option.text, (*((default,) if changes_default else ()), File(option.text, name)))
+
+
+def _is_whole(label: str) -> bool:
+    return any(part in label for part in _WHOLE)
+
+
+def _refuse_all_yes(option: BoardOption, label: str) -> None:
+    if _ALL_YES in label:
+        text = f"'{option.text}' is configured by a script of the firmware, which turns on all that it can"
+        raise _fault(option, f"{text}: without --board all messages count")
+
+
+def _nearest(text: str, known: Iterable[str]) -> str:
+    """Return the nearest name, spelled without the label where `text` has none."""
+    names = [name for full in known for name in (full, full.removesuffix(f"_{_DEFAULT}"))]
+    return suggestion(text, names) or f": expected a name such as '{min(known)}'"
+
+
+def _fault(option: BoardOption, text: str) -> InputError:
+    path, line, column = option.place
+    return fault(path, "S118", text, line, column)

@@ -1,0 +1,160 @@
+"""C++ source to tokens: comments removed, the macros that the text itself defines expanded."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from typing import NamedTuple
+
+UNKNOWN = "#"
+"""The token for what only a compiler can decide, such as a condition of the preprocessor."""
+
+CLOSING = {"(": ")", "[": "]", "{": "}"}
+
+_MAX_WORK = 500_000
+"""Tokens looked at in one text: the largest header of the firmware takes 3000, macros can take any number."""
+
+_MAX_DEPTH = 20
+_SPLICE = re.compile(r"\\\r?\n")
+_TOKEN = re.compile(
+    r"""\s+|//[^\n]*|/\*.*?(?:\*/|\Z)
+    |(?P<directive>\#[^\n]*)
+    |(?P<token>"(?:[^"\\\n]|\\.)*"?|'(?:[^'\\\n]|\\.)*'?
+    |\.?[0-9](?:[eEpP][+-]|['0-9a-zA-Z_.])*
+    |[A-Za-z_]\w*
+    |::|->|\+\+|--|&&|\|\||<<|>>|[-+*/%&|^<>=!]=|.)""",
+    re.DOTALL | re.VERBOSE,
+)
+_INCLUDE = re.compile(r'\#\s*include\s*"([^"\n]+)"')
+_DEFINE = re.compile(r"\#\s*define\s+(\w+)(\([^)]*\))?(.*)", re.DOTALL)
+_UNDEFINE = re.compile(r"\#\s*undef\s+(\w+)")
+_CONDITION = re.compile(r"\#\s*(?:if|el|endif)")
+
+
+class TooLargeError(ValueError):
+    """The text is too large, or its macros expand to too much."""
+
+
+def tokens(text: str) -> list[str]:
+    """Return the tokens of C++ `text`. Raises TooLargeError."""
+    return _Preprocessor().tokens(text)
+
+
+def included(text: str) -> list[str]:
+    """Return the headers that `text` includes by a name in quotes."""
+    if not _INCLUDE.search(text):
+        return []
+    directives = (match["directive"] for match in _TOKEN.finditer(text) if match["directive"])
+    return [found[1] for found in map(_INCLUDE.match, directives) if found]
+
+
+def closings(code: Sequence[str]) -> dict[int, int]:
+    """Return where each bracket is closed, by its position; those that are not closed are left out."""
+    found: dict[int, int] = {}
+    waiting: list[int] = []
+    for position, token in enumerate(code):
+        if token in CLOSING:
+            waiting.append(position)
+        elif waiting and token == CLOSING[code[waiting[-1]]]:
+            found[waiting.pop()] = position
+    return found
+
+
+class _Macro(NamedTuple):
+    """A macro; `parameters` is None where it is used without parentheses."""
+
+    parameters: tuple[str, ...] | None
+    body: tuple[str, ...]
+
+
+class _Preprocessor:
+    def __init__(self) -> None:
+        self.macros: dict[str, _Macro] = {}
+        self.work = 0
+
+    def tokens(self, text: str) -> list[str]:
+        found: list[str] = []
+        code: list[str] = []
+        for token in self._split(_SPLICE.sub(" ", text)):
+            if not token.startswith("#"):
+                code.append(token)
+                continue
+            found += self._expanded(code)
+            code = []
+            if _CONDITION.match(token):
+                found.append(UNKNOWN)
+            self._define(token)
+        return found + self._expanded(code)
+
+    def _split(self, text: str) -> Iterator[str]:
+        """Yield the tokens of `text`; a directive is one."""
+        for match in _TOKEN.finditer(text):
+            self._count(1)
+            if match.lastgroup:
+                yield match[match.lastgroup]
+
+    def _count(self, number: int) -> None:
+        self.work += number
+        if self.work > _MAX_WORK:
+            raise TooLargeError
+
+    def _define(self, directive: str) -> None:
+        undefined = _UNDEFINE.match(directive)
+        if undefined:
+            self.macros.pop(undefined[1], None)
+        defined = _DEFINE.match(directive)
+        if defined:
+            name, parameters, text = defined.groups()
+            names = None if parameters is None else tuple(part.strip() for part in parameters[1:-1].split(","))
+            body = (UNKNOWN if token.startswith("#") else token for token in self._split(text))
+            self.macros[name] = _Macro(names, tuple(body))
+
+    def _expanded(self, code: Sequence[str], hidden: frozenset[str] = frozenset()) -> list[str]:
+        """Return `code` with the uses of macros replaced; those that are `hidden` are being replaced."""
+        if len(hidden) > _MAX_DEPTH:
+            raise TooLargeError
+        found: list[str] = []
+        position = 0
+        while position < len(code):
+            self._count(1)
+            name = code[position]
+            position += 1
+            macro = self.macros.get(name) if name not in hidden else None
+            body: Sequence[str] | None = None
+            if macro is not None:
+                body, position = self._body(macro, code, position)
+            if body is None:
+                found.append(name)
+            else:
+                found += self._expanded(body, hidden | {name})
+        return found
+
+    def _body(self, macro: _Macro, code: Sequence[str], start: int) -> tuple[Sequence[str] | None, int]:
+        """Return what a macro used before `start` stands for, and where its arguments end; None without arguments."""
+        if macro.parameters is None:
+            return macro.body, start
+        arguments, end = self._arguments(code, start)
+        if len(arguments) != len(macro.parameters):
+            return None, start
+        values = dict(zip(macro.parameters, arguments, strict=True))
+        parts = [values.get(token, (token,)) for token in macro.body]
+        self._count(sum(map(len, parts)))
+        return list(chain.from_iterable(parts)), end
+
+    def _arguments(self, code: Sequence[str], start: int) -> tuple[list[list[str]], int]:
+        """Return the arguments in the parentheses that open at `start`, and their end; none where they do not."""
+        arguments: list[list[str]] = [[]]
+        depth = 0
+        for position in range(start, len(code)):
+            self._count(1)
+            word = code[position]
+            depth += (word == "(") - (word == ")")
+            if depth == 0:
+                break
+            if word == "," and depth == 1:
+                arguments.append([])
+            elif position > start:
+                arguments[-1].append(word)
+        closed = start < len(code) and code[start] == "(" and depth == 0
+        return (arguments, position + 1) if closed else ([], start)

@@ -1,0 +1,150 @@
+"""Translation headers to what they say: the classes, the messages that they translate, and their functions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import chain
+from typing import NamedTuple
+
+from msggen.parse.cpp import TooLargeError, closings, included, tokens
+from msggen.parse.statements import Body, OpaqueError
+from msggen.translation import Statement, Translation
+
+FIRST = "all_translations.h"
+"""The header that the firmware's translation node includes, and that includes the others."""
+
+_MAX_HEAD = 50
+"""Tokens between `class` and the body, base classes among them."""
+
+
+def read_headers(headers: Mapping[str, str]) -> tuple[Translation, ...]:
+    """Return what those of `headers` say, texts by file name, that FIRST includes, itself or through others."""
+    found: dict[str, None] = {}
+    waiting = [FIRST]
+    while waiting:
+        name = waiting.pop()
+        if name in headers and name not in found:
+            found[name] = None
+            waiting += included(headers[name])
+    return tuple(chain.from_iterable(read_translations(headers[name]) for name in sorted(found)))
+
+
+def read_translations(text: str) -> tuple[Translation, ...]:
+    """Return what the classes of a header say; none where the text is no such header."""
+    try:
+        return tuple(_Header(tokens(text)).translations())
+    except TooLargeError:
+        return ()
+
+
+class _Function(NamedTuple):
+    """A function: the types and names of its two parameters, and its body."""
+
+    source_type: str
+    source: str
+    target_type: str
+    target: str
+    body: Sequence[str]
+
+
+class _Header:
+    """Finds the classes of a header, and their functions."""
+
+    def __init__(self, code: Sequence[str]) -> None:
+        self.code = code
+        self.end_of = closings(code)
+
+    def translations(self) -> list[Translation]:
+        found = []
+        for position, word in enumerate(self.code):
+            if word in ("class", "struct"):
+                start = self._body_of_class(position + 1)
+                if start is not None:
+                    found += self._translation(start + 1, self.end_of.get(start, len(self.code)))
+        return found
+
+    def _body_of_class(self, position: int) -> int | None:
+        """Return where the body of the class begins whose name stands at `position`."""
+        for further, word in enumerate(self.code[position : position + _MAX_HEAD]):
+            if word == "{":
+                return position + further
+            if not word.isidentifier() and word not in ("::", ":", ","):
+                break
+        return None
+
+    def _translation(self, position: int, end: int) -> list[Translation]:
+        aliases: dict[str, str] = {}
+        functions: dict[str, list[_Function]] = {"fromOlder": [], "toOlder": []}
+        while position < end:
+            word = self.code[position]
+            if word == "using" and self.code[position + 2 : position + 3] == ["="]:
+                stop = self._next(";", position, end)
+                aliases[self.code[position + 1]] = _type_name(self.code[position + 3 : stop])
+                position = stop
+            elif word in functions and self.code[position + 1 : position + 2] == ["("]:
+                function, position = self._function(position + 1, end)
+                functions[word] += function
+            elif word == "{":
+                position = self.end_of.get(position, end)
+            position += 1
+        older, newer = aliases.get("MessageOlder", ""), aliases.get("MessageNewer", "")
+        if not older or not newer:
+            return []
+        forth = _statements_of(functions["fromOlder"], older, newer, aliases)
+        back = _statements_of(functions["toOlder"], newer, older, aliases)
+        return [Translation(older, newer, forth, back)]
+
+    def _function(self, start: int, end: int) -> tuple[list[_Function], int]:
+        """Return the function whose parameters begin at `start`, if it has two of them and a body, and its end."""
+        stop = self.end_of.get(start, end)
+        parameters = _split(self.code[start + 1 : stop], ",")
+        if self.code[stop + 1 : stop + 2] != ["{"] or len(parameters) != 2 or not all(parameters):  # noqa: PLR2004
+            return [], stop
+        last = self.end_of.get(stop + 1)
+        if last is None:
+            return [], end
+        (source, source_type), (target, target_type) = [(part[-1], _type_name(part[:-1])) for part in parameters]
+        return [_Function(source_type, source, target_type, target, self.code[stop + 2 : last])], last
+
+    def _next(self, word: str, position: int, end: int) -> int:
+        while position < end and self.code[position] != word:
+            position += 1
+        return position
+
+
+def _statements_of(
+    functions: list[_Function], source: str, target: str, aliases: dict[str, str]
+) -> tuple[Statement, ...] | None:
+    """Return the statements of the one function that makes `target` from `source`, None where nothing can be said."""
+    fitting = [
+        function
+        for function in functions
+        if aliases.get(function.source_type, function.source_type) == source
+        and aliases.get(function.target_type, function.target_type) == target
+    ]
+    if len(fitting) != 1:
+        return None
+    types = {name: message == target for name, message in aliases.items() if message in (source, target)}
+    function = fitting[0]
+    try:
+        return Body(function.body, function.source, function.target, types).statements()
+    except OpaqueError:
+        return None
+
+
+def _type_name(code: Sequence[str]) -> str:
+    """Return `px4_msgs_old/EventV0` for `const px4_msgs_old::msg::EventV0 &`, and other names as they are."""
+    names = [word for word in code if word not in ("const", "&", "::")]
+    if len(names) == 3 and names[1] == "msg":  # noqa: PLR2004 - package, folder, name
+        return f"{names[0]}/{names[2]}"
+    return "::".join(names)
+
+
+def _split(code: Sequence[str], separator: str) -> list[Sequence[str]]:
+    parts: list[list[str]] = [[]]
+    for word in code:
+        if word == separator:
+            parts.append([])
+        else:
+            parts[-1].append(word)
+    return list(parts)
