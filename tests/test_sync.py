@@ -536,7 +536,6 @@ SIX_TAGS = ", ".join(f"unit of '{name}' from 'A' to 'V'" for name in "abcd") + "
         ("uint64 timestamp # When\r\n", "uint64 timestamp # When\n", "only white space"),
         ("uint64 timestamp\r\n", "uint64 timestamp # When\n", "only comments"),
         ("uint64 timestamp\r\n", "uint64 timestamp\nuint8 a\n", "fields"),
-        ("float3 a\n", "float32 a\n", ""),
         ("float32 a # [A]\n", "float32 a # [mA]\n", "unit of 'a' from 'A' to 'mA'"),
         ("float32 a # [@range 0, 1]\n", "float32 a # [@range -1, 1]\n", "range of 'a' from '0, 1' to '-1, 1'"),
         ("float32 a # [@frame NED]\n", "float32 a # [@frame ENU]\n", "frame of 'a' from 'NED' to 'ENU'"),
@@ -551,6 +550,7 @@ SIX_TAGS = ", ".join(f"unit of '{name}' from 'A' to 'V'" for name in "abcd") + "
         ),
         ("float32 a # [m/s^2] One\n", "float32 a # [m s^-2] Other\n", "only comments"),
         ("float32 a # One\n", "float32 a # [m] One\n", "only comments"),
+        ("uint8[0] a\n", "float32 a\n", ""),
     ],
 )
 def test_the_kind_of_a_change_is_told(before: str, after: str, said: str) -> None:

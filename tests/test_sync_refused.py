@@ -103,8 +103,8 @@ def read_only_folder() -> None:
     Path("folder").mkdir(mode=0o555)
 
 
-def other_case() -> None:
-    write_definitions(Path("firmware"), {"msg/versioned/RPM.msg": definition("Rpm")})
+def defined_twice() -> None:
+    write_definitions(Path("firmware"), {"msg/versioned/Rpm.msg": f"{definition('Rpm')}\n# TOPICS rpm_two\n"})
 
 
 def make_bare_source() -> None:
@@ -290,7 +290,7 @@ REFUSALS = [
     # files with the same name but for case
     Refusal("S116", "px4_msgs/msg/rpm.msg", "'msg/Rpm.msg'", rename("msg/Rpm.msg", "msg/rpm.msg")),
     Refusal("S116", "px4_msgs/msg/RPM.MSG", "'msg/Rpm.msg'", rename("msg/Rpm.msg", "msg/RPM.MSG")),
-    Refusal("M204", "firmware/msg/versioned/RPM.msg:1:1", "differs only in case from 'Rpm'", other_case),
+    Refusal("M204", "firmware/msg/versioned/Rpm.msg:1:1", "already defined in", defined_twice),
     # definitions of one's own that nest what would be removed
     Refusal("M301", "px4_msgs/msg/Mine.msg:2:1", "'EscReport' would be removed", own_that_nests()),
     Refusal("M301", "px4_msgs/msg/Mine.msg:2:1", "'EscReport'", own_that_nests(text="px4_msgs/EscReport one\n")),
@@ -517,7 +517,7 @@ def test_a_link_to_nowhere_in_the_package_is_replaced() -> None:
     assert not RPM.is_symlink()
 
 
-def test_a_name_of_px4_in_another_case_is_somebodys_own() -> None:
+def test_a_name_of_px4_in_andefined_twice_is_somebodys_own() -> None:
     firmware()
     plain_package()
     write_definitions(PACKAGE, {"msg/SAFETY.msg": "uint8 mine\n", "msg/Safety.msg": "uint8 old\n"})

@@ -258,6 +258,18 @@ def test_a_field_that_several_are_made_of_is_not_lost(tmp_path: Path) -> None:
     assert (converted.dropped, converted.defaulted) == (("gone",), ("new",))
 
 
+def test_fields_that_get_the_same_value_share_nothing(tmp_path: Path) -> None:
+    versions = {
+        "Event": ("uint32 id\n", "uint32 id\n"),
+        "Gust": ("float32[20] x\nEventV0 e\n", "float32[20] x\nfloat32[20] y\nEvent f\nEvent g\n"),
+    }
+    up = "n.x = o.x; n.y = o.x; EventV1Translation::fromOlder(o.e, n.f); EventV1Translation::fromOlder(o.e, n.g);"
+    package = package_of(tree(versions, class_of("Event", "n.id = o.id;") + class_of("Gust", up)), tmp_path)
+    new = package.GustV0(e=package.EventV0(id=3)).upgrade().message
+    new.x[0], new.f.id = 5.0, 4
+    assert (new.y[0], new.g.id) == (0.0, 3)
+
+
 def test_a_value_that_its_field_cannot_hold_is_dropped_where_no_other_field_has_it(tmp_path: Path) -> None:
     versions = {"Mask": ("uint16 wide\nuint16 other\n", "uint8 a\nuint16 b\nuint8 c\n")}
     up = "n.a = o.wide; n.b = o.wide; n.c = o.other > 5 ? o.other : 0;"

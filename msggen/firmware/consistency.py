@@ -52,8 +52,11 @@ def check_names(definitions: Iterable[Message | Service], uorb: str) -> Iterator
         package, name = definition.package, definition.name
         other = files.setdefault((package, snake_case(name)), definition)
         if other is not definition:
-            what = "is" if other.name == name else f"differs too little from '{other.name}',"
-            yield Diagnostic(definition.location, "M204", f"'{name}' {what} already defined in {other.location.path}")
+            where = f"already defined in {other.location.path}"
+            text = f"'{name}' is {where}"
+            if other.name != name:
+                text = f"'{name}' becomes the same files as '{other.name}' in the firmware, {where}"
+            yield Diagnostic(definition.location, "M204", text)
             continue
         other = cases.setdefault((package, name.lower()), definition)
         if other is not definition:

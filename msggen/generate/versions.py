@@ -8,9 +8,12 @@ from typing import NamedTuple
 
 from msggen.generate.names import class_name, module_name
 from msggen.generate.source import literal, wrapped
-from msggen.generate.translation import Rule, fields_of, lost_elements, rules_of
 from msggen.model import DEFAULT_PACKAGE, Catalog, Message
-from msggen.translation import Statement
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from msggen.generate.translation import Rule
+    from msggen.translation import Statement
 
 
 class Conversion(NamedTuple):
@@ -141,6 +144,8 @@ def _read(
 ) -> Conversion:
     if statements is None:
         return Conversion(source.name, target.name, is_readable=False)
+    from msggen.generate.translation import fields_of, lost_elements, rules_of
+
     rules = rules_of(catalog, statements, source, target, called)
     set_fields = set(fields_of(statements))
     both = {field.name for field in source.fields} & {field.name for field in target.fields}

@@ -159,15 +159,18 @@ def _convert(source: Message, target: type[Message]) -> tuple[Message, list[str]
     dropped: list[str] = []
     defaulted: list[str] = []
     fixed: set[str] = set()
-    for cls in _steps(source.__class__, target):
+    steps = _steps(source.__class__, target)
+    for cls in steps:
         made = cls()
         lost, unset, reads = _carry(source, made)
         dropped += [path for path in lost if path not in defaulted and _field_of(path) not in fixed]
-        defaulted = unset + _still_defaulted(defaulted, reads)
-        fixed = {name for name, made_of in reads.items() if fixed.issuperset(made_of)}
+        defaulted = unset + (_still_defaulted(defaulted, reads) if defaulted else [])
+        if len(steps) > 1:
+            fixed = {name for name, made_of in reads.items() if fixed.issuperset(made_of)}
         source = made
-    names = [field.name for field in source.__msg__.fields]
-    defaulted.sort(key=lambda path: names.index(_field_of(path)))
+    if len(steps) > 1:
+        names = [field.name for field in source.__msg__.fields]
+        defaulted.sort(key=lambda path: names.index(_field_of(path)))
     return source, list(dict.fromkeys(dropped)), list(dict.fromkeys(defaulted))
 
 
@@ -208,20 +211,24 @@ def _carry(source: Message, target: Message) -> tuple[list[str], list[str], dict
 
     translation = TRANSLATIONS.get((source.__msg__.name, target.__msg__.name), _BY_NAME)
     mine = {field.name: field for field in source.__msg__.fields}
-    parts: dict[str, _Part] = {}
+    lost = list(translation.lost)
     defaulted: list[str] = []
+    reads: dict[str, tuple[str, ...]] = {}
     for field in target.__msg__.fields:
-        rule = translation.rules.get(field.name) or Copied(field.name, field.name)
-        part = _apply(rule, source, mine, target, field)
+        name = field.name
+        rule, own = translation.rules.get(name), mine.get(name)
+        if rule is None and own is not None and own.type == field.type:  # the usual case
+            setattr(target, name, getattr(source, name))
+            reads[name] = (name,)
+            continue
+        part = _apply(rule, source, mine, target, field) if rule else own and _copy(source, own, target, field)
         if part:
-            parts[field.name] = part
-        defaulted += part.defaulted if part else [field.name]
-    read = {name for part in parts.values() for name in part.reads}
-    lost = [path for part in parts.values() for path in part.dropped] + list(translation.lost)
-    dropped = [
-        path for name in mine for path in ([one for one in lost if _field_of(one) == name] if name in read else [name])
-    ]
-    return dropped, defaulted, {name: part.reads for name, part in parts.items()}
+            reads[name] = part.reads
+            lost += part.dropped
+        defaulted += part.defaulted if part else [name]
+    read = {name for made_of in reads.values() for name in made_of}
+    dropped = [path for name in mine for path in (_inside(name, lost) if name in read else [name])]
+    return dropped, defaulted, reads
 
 
 def _apply(
@@ -246,6 +253,10 @@ def _apply(
 
 def _copy(source: Message, mine: Field, target: Message, theirs: Field) -> _Part | None:
     value = getattr(source, mine.attribute)
+    if mine.name != theirs.name:
+        from copy import deepcopy
+
+        value = deepcopy(value)  # another field may get the same value
     if mine.type == theirs.type:
         setattr(target, theirs.attribute, value)
         return _Part((mine.name,), [], [])
@@ -274,10 +285,14 @@ def _copy_nested(values: list[Any], mine: Field, target: Message, theirs: Field)
 def _still_defaulted(paths: list[str], reads: dict[str, tuple[str, ...]]) -> list[str]:
     """Return what has no value in a version, because it had none in the one before, where those are `paths`."""
     found = [name for name, made_of in reads.items() if made_of and all(one in paths for one in made_of)]
-    inside = [path for path in paths if path != _field_of(path)]
     for name, made_of in reads.items():
-        found += [name + path[len(one) :] for one in made_of for path in inside if _field_of(path) == one]
+        found += [name + path[len(one) :] for one in made_of for path in _inside(one, paths)]
     return found
+
+
+def _inside(name: str, paths: list[str]) -> list[str]:
+    """Return those of `paths` that lead into the field `name`."""
+    return [path for path in paths if path != name and _field_of(path) == name] if paths else []
 
 
 def _field_of(path: str) -> str:
