@@ -42,18 +42,18 @@ class History:
         """Whether a header translates the message `name` between `version` and the current one."""
         return bool(self.translating(name, version))
 
-    def translating(self, name: str, version: int) -> dict[str, str]:
-        """Return the headers that translate the message `name` between `version` and the current one.
+    def translating(self, name: str, version: int, newer: int | None = None) -> dict[str, str]:
+        """Return the headers that translate the message `name` between `version` and `newer`, or the current one.
 
         A header may translate several messages at once, so it is known by the types that it uses, not by its name.
         """
-        older = re.compile(rf"px4_msgs_old::msg::{name}V{version}\b")
-        newer = re.compile(rf"px4_msgs::msg::{name}\b")
+        target = rf"px4_msgs::msg::{name}\b" if newer is None else rf"px4_msgs_old::msg::{name}V{newer}\b"
+        types = [re.compile(rf"px4_msgs_old::msg::{name}V{version}\b"), re.compile(target)]
         code = {header: without_comments(text) for header, text in self.translations.items()}
         return {
             header: self.translations[header]
             for header, text in code.items()
-            if older.search(text) and newer.search(text)
+            if all(type_.search(text) for type_ in types)
         }
 
 
