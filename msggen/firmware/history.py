@@ -86,11 +86,11 @@ def read_history(tree: Tree) -> History:
 
 
 def _unknown_types(archived: Mapping[str, Message]) -> Iterator[Diagnostic]:
-    """Find types that the archive does not have: an archived message nests archived ones alone."""
+    """Find types that are no primitive and no message; whether a message is the right one, the rules judge."""
     for message in archived.values():
         for field in message.fields:
             name = field.type.name
-            if not field.type.is_primitive and not field.type.package and name not in archived:
+            if not field.type.is_primitive and name[:1].islower() and name not in archived:
                 text = f"unknown type '{name}'{suggestion(name, [*PRIMITIVES, *archived])}"
                 yield Diagnostic(field.location, "M301", text)
 
