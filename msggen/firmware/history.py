@@ -31,12 +31,13 @@ class History:
 
     `archived` has messages such as `VehicleStatusV0` by name, `translations` the texts of the headers that
     `all_translations.h` includes, by file name. `is_kept` says whether the tree has
-    versioned messages at all.
+    versioned messages at all, `is_translated` that each archived version is translated by a header that is not here.
     """
 
     is_kept: bool
     archived: Mapping[str, Message]
     translations: Mapping[str, str]
+    is_translated: bool = False
 
     def translates(self, name: str, version: int) -> bool:
         """Whether a header translates the message `name` between `version` and the current one."""
