@@ -218,7 +218,7 @@ def _carry(source: Message, target: Message) -> tuple[list[str], list[str], dict
         name = field.name
         rule, own = translation.rules.get(name), mine.get(name)
         if rule is None and own is not None and own.type == field.type:  # the usual case
-            setattr(target, name, getattr(source, name))
+            setattr(target, field.attribute, getattr(source, own.attribute))
             reads[name] = (name,)
             continue
         part = _apply(rule, source, mine, target, field) if rule else own and _copy(source, own, target, field)
