@@ -48,7 +48,7 @@ add_custom_command(OUTPUT a COMMAND b "(" -f ${msg_files})
     assert list(lists.listed) == ["First.msg", "Second.msg", "Third.msg", "versioned/Fourth.msg"]
     assert lists.complete
     assert not any(entry.condition for entry in lists.listed.values())
-    assert [str(entry.location) for entry in lists.listed.values()][:2] == ["CMakeLists.txt:6:2", "CMakeLists.txt:7:2"]
+    assert [str(entry.location) for entry in lists.listed.values()][:2] == ["CMakeLists.txt:6:2", "CMakeLists.txt:7:3"]
 
 
 def test_branches_give_conditions() -> None:

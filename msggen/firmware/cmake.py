@@ -24,17 +24,21 @@ _REFERENCE = re.compile(r"\$\{(\w+)\}")
 _SYMBOL = re.compile(r"(?:\$\{)?CONFIG_(\w+)\}?")
 _SCOPED = ("PARENT_SCOPE", "CACHE")
 _OPENS, _CLOSES = ("function", "macro"), ("endfunction", "endmacro")
+_FOLLOWED = (*_OPENS, *_CLOSES, "if", "elseif", "else", "endif", "set", "list", "file")
+_SIMPLE = re.compile(r'[^()"#\[\]\\]*\)')
+"""The rest of a command whose words need no second look."""
 _WORD = re.compile(r'"[^"]*"|[()]|[^\s()"]+')
 _TOKEN = re.compile(
     r"""
-      \s+
-    | \#\[(?P<mark>=*)\[ .*? (?:\](?P=mark)\]|\Z)                     # a comment in brackets
-    | \# [^\n]*
-    | \[(?P<fence>=*)\[ (?P<bracketed>.*?) (?:\](?P=fence)\]|\Z)
-    | " (?P<quoted>(?:[^"\\]|\\.)*) (?:"|\Z)
-    | (?P<parenthesis>[()])
-    | (?P<plain>(?:[^\s()\#"\\;]|\\.)+)
-    | .                                                                 # a lone `;` or backslash
+    \s* (?:
+        (?P<plain>(?:[^\s()\#"\\;\[]|\\.)(?:[^\s()\#"\\;]|\\.)*)
+      | (?P<parenthesis>[()])
+      | \#\[(?P<mark>=*)\[ .*? (?:\](?P=mark)\]|\Z)               # a comment in brackets
+      | \# [^\n]*
+      | \[(?P<fence>=*)\[ (?P<bracketed>.*?) (?:\](?P=fence)\]|\Z)
+      | " (?P<quoted>(?:[^"\\]|\\.)*) (?:"|\Z)
+      | .                                                         # a lone `;`, `[` or backslash
+    )
     """,
     re.VERBOSE | re.DOTALL,
 )
@@ -59,11 +63,12 @@ class MessageLists(NamedTuple):
 
 def parse_lists(text: str, path: str) -> MessageLists:
     """Return what the CMakeLists.txt in `text` lists. Never raises: what is not understood lists nothing."""
-    reader = _Reader(path)
-    for command in _commands(text):
-        reader.follow(command)
-    listed = {name: entry for name, entry in reader.variables.get(LIST, {}).items() if name.endswith(".msg")}
-    complete = not reader.has_patterns and any(not entry.condition for entry in listed.values())
+    reader = _Reader()
+    for name, words in _commands(text):
+        reader.follow(name, words)
+    found = {name: entry for name, entry in reader.variables.get(LIST, {}).items() if name.endswith(".msg")}
+    complete = not reader.has_patterns and any(not entry.condition for entry in found.values())
+    listed = {name: Listed(condition, _place(text, path, start)) for name, (condition, start) in found.items()}
     return MessageLists(listed, complete)
 
 
@@ -94,8 +99,8 @@ def is_false(value: str) -> bool:
 
 class _Word(NamedTuple):
     text: str
-    location: Location
-    is_quoted: bool = False
+    start: int
+    is_quoted: bool
 
     @property
     def source(self) -> str:
@@ -103,17 +108,18 @@ class _Word(NamedTuple):
         return f'"{self.text}"' if self.is_quoted else self.text
 
 
-class _Command(NamedTuple):
-    name: str
-    words: tuple[_Word, ...]
+class _Entry(NamedTuple):
+    """A file in a variable: the condition, and where in the text its name starts."""
+
+    condition: str
+    start: int
 
 
 class _Reader:
     """Follows commands: which files each variable has, and under which condition."""
 
-    def __init__(self, path: str) -> None:
-        self.path = path
-        self.variables: dict[str, dict[str, Listed]] = {}
+    def __init__(self) -> None:
+        self.variables: dict[str, dict[str, _Entry]] = {}
         self.has_patterns = False
         self._branches: list[tuple[str, str]] = []
         """For each open `if`: that no earlier branch was taken, and that this one is."""
@@ -124,8 +130,8 @@ class _Reader:
         """The condition of what stands here."""
         return _all(part for branch in self._branches for part in branch)
 
-    def follow(self, command: _Command) -> None:
-        name, words = command
+    def follow(self, name: str, words: Sequence[_Word]) -> None:
+        """Take note of what a command does."""
         if name in _OPENS or name in _CLOSES:
             self._functions = max(0, self._functions + (1 if name in _OPENS else -1))
         elif self._functions:
@@ -140,7 +146,7 @@ class _Reader:
         elif name in ("set", "list", "file") and words:
             self._change(name, words)
 
-    def _change(self, command: str, words: tuple[_Word, ...]) -> None:
+    def _change(self, command: str, words: Sequence[_Word]) -> None:
         texts = [word.text for word in words]
         if command == "set" and not any(scope in texts for scope in _SCOPED):
             if f"${{{texts[0]}}}" not in texts:
@@ -156,59 +162,69 @@ class _Reader:
     def _add(self, variable: str, words: Sequence[_Word]) -> None:
         known = self.variables.setdefault(variable, {})
         for name, entry in self._files(words).items():
-            other = known.get(name, entry)
-            known[name] = other._replace(condition=_any(other.condition, entry.condition))
+            other = known.get(name)
+            known[name] = _Entry(_any(other.condition, entry.condition), other.start) if other else entry
 
-    def _remove(self, variable: str, names: Mapping[str, Listed] | None) -> None:
+    def _remove(self, variable: str, names: Mapping[str, _Entry] | None) -> None:
         """Remove files from a variable, all of them without `names`, where the condition of this place holds."""
         known = self.variables.get(variable, {})
+        condition = self.condition
         for name in [name for name in known if names is None or name in names]:
             entry = known.pop(name)
-            if self.condition:
-                known[name] = entry._replace(condition=_all((entry.condition, _not(self.condition))))
+            if condition:
+                known[name] = entry._replace(condition=_all((entry.condition, _not(condition))))
 
-    def _files(self, words: Sequence[_Word]) -> dict[str, Listed]:
+    def _files(self, words: Sequence[_Word]) -> dict[str, _Entry]:
         """Return the files that `words` name, those of variables included."""
-        found: dict[str, Listed] = {}
-        for word in words:
-            variable = _REFERENCE.fullmatch(word.text)
+        found: dict[str, _Entry] = {}
+        condition = self.condition
+        for text, start, _ in words:
+            if "$" not in text and ";" not in text and "./" not in text:
+                found[text] = _Entry(condition, start)
+                continue
+            variable = _REFERENCE.fullmatch(text)
             for name, entry in self.variables.get(variable[1], {}).items() if variable else ():
-                found[name] = entry._replace(condition=_all((entry.condition, self.condition)))
-            for name in word.text.split(";"):
-                file = posixpath.normpath(name.removeprefix(_HERE))
-                if "$" not in file:
-                    found[file] = Listed(self.condition, word.location._replace(path=self.path))
+                found[name] = entry._replace(condition=_all((entry.condition, condition)))
+            files = (posixpath.normpath(name.removeprefix(_HERE)) for name in text.split(";"))
+            found |= {file: _Entry(condition, start) for file in files if "$" not in file}
         return found
 
 
-def _commands(text: str) -> Iterator[_Command]:
-    """Yield the commands of a file; the parentheses inside their arguments are words."""
+def _commands(text: str) -> Iterator[tuple[str, list[_Word]]]:
+    """Yield the commands that matter, in lower case; the parentheses inside their arguments are words."""
     name = ""
     words: list[_Word] = []
-    depth = 0
-    line, counted_to, line_start = 1, 0, 0
-    for token in _TOKEN.finditer(text):
+    depth = position = 0
+    while position < len(text):
+        token = _TOKEN.match(text, position)
+        if token is None:
+            return
+        position = token.end()
         kind = token.lastgroup
-        if kind in (None, "mark"):
+        if kind is None or kind == "mark":
             continue
-        skipped = text.count("\n", counted_to, token.start())
-        if skipped:
-            line, line_start = line + skipped, text.rfind("\n", 0, token.start()) + 1
-        counted_to = token.start()
-        word = _Word(token[kind or 0], Location("", line, token.start() - line_start + 1), kind == "quoted")
+        word = _Word(token[kind], token.start(kind), is_quoted=kind == "quoted")
+        if not depth and kind != "parenthesis":
+            name = word.text.lower()
+            continue
         if kind == "parenthesis":
             depth = max(0, depth + (1 if word.text == "(" else -1))
-            if (word.text, depth) == ("(", 1):
+            if word.text == "(" and depth == 1:
                 words = []
+                rest = None if name in _FOLLOWED else _SIMPLE.match(text, position)
+                if rest:
+                    depth, position = 0, rest.end()
                 continue
-            if (word.text, depth) == (")", 0):
-                yield _Command(name.lower(), tuple(words))
+            if not depth:
+                if name in _FOLLOWED:
+                    yield name, words
                 name = ""
                 continue
-        if depth:
-            words.append(word)
-        else:
-            name = word.text
+        words.append(word)
+
+
+def _place(text: str, path: str, start: int) -> Location:
+    return Location(path, text.count("\n", 0, start) + 1, start - text.rfind("\n", 0, start))
 
 
 def _condition(words: Sequence[_Word]) -> str:
