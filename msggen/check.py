@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
 from msggen.compare.comparison import Comparison, Extra, Side
 from msggen.compare.finding import Category, Finding, Report, Rule, Severity
+from msggen.compare.renaming import nearest_message
 from msggen.compare.rules import BREAKING, CHECKED, find
-from msggen.diagnostics import counted
+from msggen.diagnostics import InputError, counted
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
 from msggen.firmware.source import Sources, find_sources
 from msggen.firmware.tree import Folder, Snapshot
 from msggen.location import Location
-from msggen.model import Message, Service
+from msggen.model import Catalog, Message, Service
 from msggen.record import MANIFEST, parse_record
 
 
@@ -30,7 +32,7 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
     before = read_catalog(previous, wanted=crossing, tolerated=COMPARABLE)
     files = {f"{name}.msg" for name in _names(before.uorb_messages)}
     files |= {f"{name}.srv" for name in _names(before.own_services)}
-    after = read_catalog(current, wanted=files, tolerated=COMPARABLE)
+    after = _with_renamed(current, files, before)
     files |= {f"{file.stem}.msg" for file in previous.unbuilt}
     extra = () if topics_only else tuple(_extra(current, files))
     comparison = Comparison(
@@ -101,6 +103,21 @@ def _extra(sources: Sources, files: Collection[str]) -> Iterator[Extra]:
             name = file.name.rpartition("/")[2]
             if not file.package and name not in files and (own is None or name in own):
                 yield Extra(kind, file.stem, Location(file.path))
+
+
+def _with_renamed(sources: Sources, files: Collection[str], before: Catalog) -> Catalog:
+    """Return the catalog of `files`, and of what may be one of them by another name if one is missing.
+
+    Those are left out if they cannot be read: nobody has asked for them.
+    """
+    names = {file.stem for file in sources.messages if not file.package}
+    extra = [each.name for each in _extra(sources, files) if each.kind == "message"]
+    missing = _names(before.uorb_messages) - names
+    near = {f"{now}.msg" for name in missing if (now := nearest_message(name, extra))}
+    if near:
+        with suppress(InputError):
+            return read_catalog(sources, wanted={*files, *near}, tolerated=COMPARABLE)
+    return read_catalog(sources, wanted=files, tolerated=COMPARABLE)
 
 
 def _is_ignored(finding: Finding, ignored: Mapping[str, Collection[Rule]]) -> bool:

@@ -1,12 +1,14 @@
 """An obvious, slow comparison of two folders of definitions, to hold the fast one against.
 
 It shares nothing with msggen: it reads `.msg` files with a regular expression, unfolds a message into one row for each
-value as `(path, offset, type)`, and calls two messages the same when their rows and their types are.
+value as `(path, offset, type)`, and calls two messages the same when their rows and their types are. Which fields were
+only renamed, people have judged: RENAMED lists them for all pairs of releases.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Generator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +20,21 @@ SIZES = {
 }
 FIELD = re.compile(r"^\s*(\w+)(?:\[(\d+)\])?\s+([a-z]\w*)\s*(?:#.*)?$", re.MULTILINE)
 CONSTANT = re.compile(r"^\s*(\w+)\s+([A-Z][A-Z0-9_]*)\s*=\s*([^#\n]*?)\s*(?:#.*)?$", re.MULTILINE)
+
+
+Names = dict[tuple[str, str], str]
+"""One name for fields that have several: by message and other name."""
+
+RENAMED: Names = {
+    ("ActuatorArmed", "manual_lockdown"): "kill",
+    ("EstimatorStatusFlags", "cs_gps"): "cs_gnss_pos",
+    ("EstimatorStatusFlags", "cs_gps_yaw"): "cs_gnss_yaw",
+    ("EstimatorStatusFlags", "cs_gps_yaw_fault"): "cs_gnss_yaw_fault",
+    ("FailsafeFlags", "primary_geofence_breached"): "geofence_breached",
+    ("GimbalDeviceInformation", "gimbal_device_compid"): "gimbal_device_id",
+    ("Mission", "dataman_id"): "mission_dataman_id",
+}
+"""The renames from any release to any other, judged by eye. What else has the place of another field replaced it."""
 
 
 class Definition(NamedTuple):
@@ -47,10 +64,43 @@ def definition(text: str) -> Definition:
     return Definition(fields, {name: (type_, value) for type_, name, value in CONSTANT.findall(text)})
 
 
-def rows(messages: dict[str, Definition], name: str) -> list[Row]:
-    """Return every value of a message, the elements of arrays one by one, in XCDR1 (FACTS 3)."""
-    found: list[Row] = []
-    _unfold(messages, name, "", 0, found)
+def rows(messages: dict[str, Definition], name: str, names: Names | None = None) -> list[Row]:
+    """Return every value of a message, the elements of arrays one by one, in XCDR1 (FACTS 3).
+
+    Fields that `names` has are called as it says.
+    """
+    return list(_unfold(messages, names or {}, name, "", 0))
+
+
+def misread(before: dict[str, Definition], after: dict[str, Definition], name: str, names: Names) -> set[str]:
+    """Return who decodes wrong values without an error: "old" readers new samples, "new" readers old ones.
+
+    Nobody does where the rounded sizes differ. A reader takes what it finds where its own definition has a value; one
+    value and an array of one are the same.
+    """
+    if -(-size(before, name) // 4) != -(-size(after, name) // 4):
+        return set()
+    old, new = (
+        {row._replace(path=row.path.replace("[0]", "")) for row in rows(side, name, names)} for side in (before, after)
+    )
+    return {reader for reader, surplus in (("old", old - new), ("new", new - old)) if surplus}
+
+
+def renames(before: dict[str, Definition], after: dict[str, Definition], name: str) -> set[tuple[str, str]]:
+    """Return the fields that were only renamed: old name and new name, of the same type in the same bytes."""
+    old, new = (
+        {(row.path.partition(".")[0].partition("[")[0]) for row in rows(side, name)} for side in (before, after)
+    )
+    found = set()
+    for one in old - new:
+        for other in new - old:
+            called = {RENAMED.get((name, field), field) for field in (one, other)}
+            places = [
+                [row[1:] for row in rows(side, name) if re.match(rf"{field}\b", row.path)]
+                for side, field in ((before, one), (after, other))
+            ]
+            if len(called) == 1 and places[0] == places[1]:
+                found.add((one, other))
     return found
 
 
@@ -75,14 +125,18 @@ def spelling(messages: dict[str, Definition], name: str) -> list[str]:
     return lines
 
 
-def _unfold(messages: dict[str, Definition], name: str, prefix: str, offset: int, found: list[Row]) -> int:
+def _unfold(
+    messages: dict[str, Definition], names: Names, name: str, prefix: str, offset: int
+) -> Generator[Row, None, int]:
+    """Yield the rows of a message that begins after `offset` bytes; return where it ends."""
     for type_, length, field in messages[name].fields:
+        called = names.get((name, field), field)
         for index in range(length or 1):
-            path = f"{prefix}{field}[{index}]" if length else f"{prefix}{field}"
+            path = f"{prefix}{called}[{index}]" if length else f"{prefix}{called}"
             if type_ in SIZES:
                 offset = -(-offset // SIZES[type_]) * SIZES[type_]
-                found.append(Row(path, offset, "uint8" if type_ in ("byte", "char") else type_))
+                yield Row(path, offset, "uint8" if type_ in ("byte", "char") else type_)
                 offset += SIZES[type_]
             else:
-                offset = _unfold(messages, type_, f"{path}.", offset, found)
+                offset = yield from _unfold(messages, names, type_, f"{path}.", offset)
     return offset

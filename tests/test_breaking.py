@@ -726,7 +726,7 @@ def test_a_tree_without_versioned_messages_asks_for_no_archive(capsys: Capture) 
     assert broken(capsys, "--px4", "new", "--against", "old") == {("FIELD_ADDED", "HomePosition")}
 
 
-@pytest.mark.parametrize("text", [f"uint32 MESSAGE_VERSION = 0\n{STAMP}nonsense\n", "float3 x\n"])
+@pytest.mark.parametrize("text", [f"uint32 MESSAGE_VERSION = 0\n{STAMP}nonsense\n", "uint8[0] x\n"])
 def test_an_archived_version_that_cannot_be_read_is_told(text: str, capsys: Capture) -> None:
     write_definitions(FIRMWARE, {f"{ARCHIVE}/RpmV0.msg": text})
     assert told(capsys, *AGAINST_V1).startswith(f"firmware/{ARCHIVE}/RpmV0.msg:")

@@ -403,6 +403,37 @@ def test_fields_that_changed_are_marked(firmware: Path) -> None:
     ]
 
 
+CONSTANTS = "uint8 kind  # [@enum KIND]\nuint8 KIND_A = 1\nuint8 KIND_B = 2\nuint8 other\nuint8 KEPT = 7"
+
+
+def test_fields_whose_constants_changed_are_marked(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    append(VERSIONED / "Wind.msg", CONSTANTS)
+    commit(firmware)
+    edit(VERSIONED / "Wind.msg", "KIND_A = 1", "KIND_A = 2")
+    edit(VERSIONED / "Wind.msg", "uint8 KIND_B = 2\n", "")
+    edit(VERSIONED / "Wind.msg", "MESSAGE_VERSION = 0", "MESSAGE_VERSION = 1")
+    assert bump("Wind") == DONE
+    text = (TRANSLATIONS / "translation_wind_v1.h").read_text()
+    assert [line.strip() for line in text.splitlines() if "TODO" in line and "constants" in line] == [
+        "newer.kind = older.kind;  // TODO: other constants: KIND_A is 2, was 1, KIND_B is gone",
+        "older.kind = newer.kind;  // TODO: other constants: KIND_A is 2, was 1, KIND_B is gone",
+    ]
+    said = "constants changed: KIND_A is 2, was 1, KIND_B is gone: translate the fields that hold them"
+    assert said in left(capsys)
+    assert main(["breaking", "--against", "HEAD", "--output-format", "concise"]) == DONE
+    shown = capsys.readouterr().out
+    assert "CONSTANT_VALUE_CHANGED handled: 'KIND_A' is 2" in shown
+    assert "CONSTANT_REMOVED handled: constant 'KIND_B'" in shown
+
+
+def test_new_constants_ask_for_nothing(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    append(VERSIONED / "Wind.msg", CONSTANTS)
+    commit(firmware)
+    append(VERSIONED / "Wind.msg", "uint8 KIND_C = 3")
+    assert bump("Wind") == DONE
+    assert "constants" not in (TRANSLATIONS / "translation_wind_v1.h").read_text() + capsys.readouterr().out
+
+
 def test_each_topic_is_registered() -> None:
     bump("VehicleOdometry")
     text = (TRANSLATIONS / "translation_vehicle_odometry_v1.h").read_text()

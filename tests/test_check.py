@@ -369,6 +369,49 @@ def test_faults_of_the_firmware_are_told(capsys: Capture) -> None:
     assert told(capsys, *SIDES).startswith("firmware/msg/Rpm.msg:1:1: M301 ")
 
 
+# --- Comments
+
+WARNED = [
+    ("# [rpm] Filtered", "# [rad/s] Filtered", "UNIT_CHANGED", "the unit of 'rpm_estimate' is rad/s, in firmware rpm"),
+    ("# [@range 0, 9]", "# [@range -9, 9]", "RANGE_CHANGED", "the range of 'rpm_estimate' is -9, 9, in firmware 0, 9"),
+    ("# [@frame NED]", "# [@frame FRD]", "FRAME_CHANGED", "the frame of 'rpm_estimate' is FRD, in firmware NED"),
+    ("# [@enum A]", "# [@enum B]", "ENUM_CHANGED", "the enum of 'rpm_estimate' is B, in firmware A"),
+    (
+        "# [@invalid 0]",
+        "# [@invalid NaN]",
+        "INVALID_CHANGED",
+        "the invalid value of 'rpm_estimate' is NaN, in firmware 0",
+    ),
+]
+
+
+@pytest.mark.parametrize(("before", "after", "rule", "said"), WARNED)
+def test_another_meaning_is_warned_of_and_fails_nothing(
+    before: str, after: str, rule: str, said: str, capsys: Capture
+) -> None:
+    text = f"{STAMP}float32 rpm_estimate  "
+    write_definitions(Path("firmware"), {"msg/Rpm.msg": f"{text}{before}\n"})
+    write_definitions(Path("px4_msgs"), {"msg/Rpm.msg": f"{text}{after}\n"})
+    assert main(["check", *SIDES, "--output-format", "concise"]) == DONE
+    line, last = capsys.readouterr().out.splitlines()
+    assert line == f"px4_msgs/msg/Rpm.msg:2:1: {rule} warning: {said}"
+    assert last.endswith(", 1 only warned of")
+
+
+# --- Other names
+
+
+def test_a_message_under_another_name_is_told_as_one(capsys: Capture) -> None:
+    (MSG / "Rpm.msg").rename(MSG / "RpmSensor.msg")
+    assert drift(capsys) == {("MESSAGE_RENAMED", "RpmSensor")}
+
+
+def test_a_message_of_a_near_name_that_cannot_be_read_is_only_new(capsys: Capture) -> None:
+    (MSG / "Rpm.msg").unlink()
+    write_definitions(MSG, {"RpmSensor.msg": "float3 x\n"})
+    assert drift(capsys) == {("MESSAGE_REMOVED", "Rpm"), ("DEFINITION_ADDED", "RpmSensor")}
+
+
 # --- Sizes that vary
 
 
@@ -378,7 +421,7 @@ def test_faults_of_the_firmware_are_told(capsys: Capture) -> None:
         ("string name", "string name", None),
         ("string name", "wstring name", "FIELD_RETYPED"),
         ("string<=8 name", "string<=9 name", "FIELD_RETYPED"),
-        ("string name", "string title", "FIELD_RENAMED"),
+        ("string name", "string full_name", "FIELD_RENAMED"),
         ("uint8[] data", "uint8[<=9] data", "ARRAY_LENGTH_CHANGED"),
         ("uint8[<=8] data", "uint8[<=9] data", "ARRAY_LENGTH_CHANGED"),
         ("uint8[] data", "uint8[9] data", "ARRAY_LENGTH_CHANGED"),
@@ -400,7 +443,7 @@ def test_strings_and_sequences_are_compared(before: str, after: str, found: str 
     [
         ("string name", "string<=8 name", "NESTED_LAYOUT_CHANGED"),
         ("uint8[] data", "uint16[] data", "NESTED_LAYOUT_CHANGED"),
-        ("uint8[] data", "uint8[] bytes", "NESTED_NAME_CHANGED"),
+        ("uint8[] data", "uint8[] data_bytes", "NESTED_NAME_CHANGED"),
     ],
 )
 def test_they_are_found_where_they_are_nested(before: str, after: str, found: str, capsys: Capture) -> None:

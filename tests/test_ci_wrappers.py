@@ -214,7 +214,7 @@ def test_the_action_annotates_what_differs_and_fails(runner: Path, checkout: Pat
     *annotations, summary = output.splitlines()
     assert code == 1, output
     assert all(each.startswith("::error file=my package/msg/VehicleAttitude.msg,line=") for each in annotations)
-    assert any("::silent: " in each for each in annotations)
+    assert any("::silent both ways: " in each for each in annotations)
     assert summary.startswith("my package differs from old: ")
 
 

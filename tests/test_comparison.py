@@ -8,6 +8,7 @@ import itertools
 import json
 import re
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +22,9 @@ from msggen.check import breaking, check
 from msggen.compare.finding import Category, Report
 from msggen.firmware.source import find_sources
 
-RELEASES = ("v1.14", "v1.16", "v1.17", "v1.18", "main-2026-03")
+RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03")
+WITHOUT_ORACLE = ("v1.15",)
+Definitions = dict[str, slow.Definition]
 PAIRS = list(itertools.permutations(RELEASES, 2))
 
 
@@ -35,8 +38,19 @@ def subjects(found: Report, *categories: Category) -> set[str]:
     return {name for name in names if "_" not in name}
 
 
-def silent(found: Report) -> set[str]:
-    return {each.change.subject for each in found.findings if each.is_silent}
+def silent(found: Report) -> dict[str, set[str]]:
+    """Return who misreads whom: the readers by message."""
+    return {
+        each.change.subject: {reader.value for reader in each.silent_for}
+        for each in found.findings
+        if each.is_silent and "_" not in each.change.subject
+    }
+
+
+def misread(before: Definitions, after: Definitions, names: slow.Names) -> dict[str, set[str]]:
+    """Return the same by the slow comparison."""
+    both = before.keys() & after
+    return {name: readers for name in both if (readers := slow.misread(before, after, name, names))}
 
 
 # --- Every pair of releases
@@ -45,20 +59,33 @@ def silent(found: Report) -> set[str]:
 class Pair(NamedTuple):
     """Two releases, what the slow comparison read of them, and what msggen says."""
 
-    before: dict[str, slow.Definition]
-    after: dict[str, slow.Definition]
+    before: Definitions
+    after: Definitions
     check: Report
     breaking: Report
-    hashes: tuple[dict[str, int], dict[str, int]]
+    hashes: tuple[dict[str, int] | None, dict[str, int] | None]
+
+
+@cache
+def read(release: str) -> Definitions:
+    return slow.read(shared(f"firmware/{release}"))
+
+
+@cache
+def hashes(release: str) -> dict[str, int] | None:
+    """Return the hashes that the firmware's own tools computed, None where nobody has measured them."""
+    if release in WITHOUT_ORACLE:
+        return None
+    messages = json.loads(shared(f"oracles/uorb-{release}.json").read_text())["messages"]
+    return {name: oracle["message_hash"] for name, oracle in messages.items()}
 
 
 @pytest.fixture(scope="module", params=PAIRS, ids=" to ".join)
 def pair(request: pytest.FixtureRequest) -> Pair:
     sides = [shared(f"firmware/{release}") for release in request.param]
-    told = [json.loads(shared(f"oracles/uorb-{release}.json").read_text())["messages"] for release in request.param]
-    hashes = [{name: oracle["message_hash"] for name, oracle in messages.items()} for messages in told]
-    read = [slow.read(side) for side in sides]
-    return Pair(read[0], read[1], report(check, *sides), report(breaking, *sides), (hashes[0], hashes[1]))
+    before, after = request.param
+    told = hashes(before), hashes(after)
+    return Pair(read(before), read(after), report(check, *sides), report(breaking, *sides), told)
 
 
 def test_a_message_has_findings_if_and_only_if_its_layout_or_its_names_differ(pair: Pair) -> None:
@@ -69,27 +96,37 @@ def test_a_message_has_findings_if_and_only_if_its_layout_or_its_names_differ(pa
 
 def test_the_findings_agree_with_the_hashes_of_the_firmware(pair: Pair) -> None:
     before, after = pair.hashes
+    if before is None or after is None:
+        pytest.skip("nobody has measured the hashes of this release")
     differ = {name for name in before.keys() & after if before[name] != after[name]}
     assert subjects(pair.check, Category.WIRE, Category.HASH) == differ
 
 
 def test_names_alone_are_no_matter_of_bytes(pair: Pair) -> None:
-    """What has no WIRE finding has the same types in the same places; what has one has not, or fields traded places."""
+    """What has no WIRE finding has the same values in the same places, and what has one has not."""
     wire = subjects(pair.check, Category.WIRE)
-    for name in subjects(pair.check, Category.WIRE, Category.HASH):
-        before, after = ([row[1:] for row in slow.rows(side, name)] for side in (pair.before, pair.after))
-        lines = [sorted(slow.spelling(side, name)) for side in (pair.before, pair.after)]
-        assert (name in wire) == (before != after or lines[0] == lines[1]), name
+    for name in pair.before.keys() & pair.after:
+        before, after = (slow.rows(side, name, slow.RENAMED) for side in (pair.before, pair.after))
+        assert (name in wire) == (before != after), name
 
 
-def test_silent_are_those_that_old_readers_misread(pair: Pair) -> None:
-    """The rounded size stays, and a value of the old definition is not where it was, renamed fields aside."""
-    for name in subjects(pair.check, Category.WIRE, Category.HASH):
-        sizes = [-(-slow.size(side, name) // 4) for side in (pair.before, pair.after)]
-        old, new = ({row.path: row[1:] for row in slow.rows(side, name)} for side in (pair.before, pair.after))
-        kept_its_place = all(new[path] == old[path] for path in old.keys() & new)
-        nothing_lost = all(old[path] in new.values() for path in old.keys() - new)
-        assert (name in silent(pair.check)) == (sizes[0] == sizes[1] and not (kept_its_place and nothing_lost)), name
+def test_silent_are_those_that_readers_misread(pair: Pair) -> None:
+    expected = misread(pair.before, pair.after, slow.RENAMED)
+    assert silent(pair.check) == expected
+    assert silent(pair.breaking) == expected
+
+
+def test_renames_are_those_that_people_call_so(pair: Pair) -> None:
+    found = {
+        (
+            each.change.subject,
+            *(re.split(r"\W+", excerpt.text)[-1] for excerpt in (each.change.before, each.change.after)),
+        )
+        for each in pair.check.findings
+        if each.rule.id == "FIELD_RENAMED" and each.change.before and each.change.after
+    }
+    both = pair.before.keys() & pair.after
+    assert found == {(name, *names) for name in both for names in slow.renames(pair.before, pair.after, name)}
 
 
 def test_messages_are_missed_if_and_only_if_they_are_gone(pair: Pair) -> None:
@@ -115,7 +152,16 @@ def test_constants_are_missed_if_and_only_if_they_are_gone(pair: Pair) -> None:
 def test_what_went_silently_wrong_from_one_release_to_the_next() -> None:
     """The reason for all this: no error anywhere, and wrong values."""
     found = report(check, shared("firmware/v1.16"), shared("firmware/v1.17"))
-    assert silent(found) == {"AirspeedValidated", "ArmingCheckReply"}
+    both = {"old", "new"}
+    assert silent(found) == {
+        "ActuatorArmed": both,  # force_failsafe became termination: in other words, but for people to say
+        "Px4ioStatus": both,  # likewise
+        "AirspeedValidated": both,
+        "ArmingCheckReply": both,
+        "ControlAllocatorStatus": {"new"},
+        "EstimatorStatusFlags": {"new"},
+        "FailureDetectorStatus": {"new"},
+    }
 
 
 @pytest.mark.parametrize("release", RELEASES)
@@ -169,17 +215,26 @@ def test_comments_and_white_space_never_count(edited: dict[str, str], tmp_path_f
     assert [found.rule.id for found in report(breaking, real, other).findings] == []
 
 
+class Edited(NamedTuple):
+    """Definitions after some edits, and the old names of the fields whose new names are near, by message."""
+
+    files: dict[str, str]
+    names: slow.Names
+
+
 @st.composite
-def edits(draw: st.DrawFn) -> dict[str, str]:
-    """The same definitions after some edits of fields: added, removed, swapped, renamed, retyped, resized."""
+def edits(draw: st.DrawFn) -> Edited:
+    """The same definitions after some edits of fields: added, removed, swapped, renamed, replaced, retyped, resized."""
     lines_of = {name: [line.partition("#")[0].strip() for line in _lines(TEXTS[name])] for name in NAMES}
     texts = {name: [line for line in lines if line and "=" not in line] for name, lines in lines_of.items()}
+    names: slow.Names = {}
     for number in range(draw(st.integers(1, 4))):
-        lines = texts[draw(st.sampled_from(NAMES))]
+        message = draw(st.sampled_from(NAMES))
+        lines = texts[message]
         places = [index for index, line in enumerate(lines) if "timestamp" not in line]
         place = draw(st.sampled_from(places))
         type_, name = lines[place].split()
-        kind = draw(st.sampled_from(["add", "remove", "swap", "rename", "retype", "resize"]))
+        kind = draw(st.sampled_from(["add", "remove", "swap", "rename", "replace", "retype", "resize"]))
         if kind == "add":
             lines.insert(place, f"{draw(st.sampled_from(list(slow.SIZES)))} extra_{number}")
         elif kind == "remove" and len(places) > 1:
@@ -188,30 +243,31 @@ def edits(draw: st.DrawFn) -> dict[str, str]:
             other = draw(st.sampled_from(places))
             lines[place], lines[other] = lines[other], lines[place]
         elif kind == "rename":
+            names[message, f"{name}_raw"] = names.get((message, name), name)
+            lines[place] = f"{type_} {name}_raw"
+        elif kind == "replace":
             lines[place] = f"{type_} other_{number}"
         elif kind == "retype" and type_.partition("[")[0] in slow.SIZES:
             lines[place] = f"{draw(st.sampled_from(list(slow.SIZES)))} {name}"
         elif kind == "resize":
             lines[place] = f"{type_.partition('[')[0]}[{draw(st.integers(1, 9))}] {name}"
-    return {f"msg/{name}.msg": "\n".join(lines) + "\n" for name, lines in texts.items()}
+    return Edited({f"msg/{name}.msg": "\n".join(lines) + "\n" for name, lines in texts.items()}, names)
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
 @given(edited=edits())
 def test_random_edits_are_found_if_and_only_if_they_change_something(
-    edited: dict[str, str], tmp_path_factory: pytest.TempPathFactory
+    edited: Edited, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     real = write_definitions(tmp_path_factory.mktemp("real"), {f"msg/{name}.msg": TEXTS[name] for name in NAMES})
-    other = write_definitions(tmp_path_factory.mktemp("edited"), edited)
+    other = write_definitions(tmp_path_factory.mktemp("edited"), edited.files)
     before, after = slow.read(real), slow.read(other)
     differ = {name for name in NAMES if slow.differ(before, after, name)}
-    found = report(check, real, other)
-    assert subjects(found, Category.WIRE, Category.HASH) == differ
+    found, back = report(check, real, other), report(check, other, real)
+    assert subjects(found, Category.WIRE, Category.HASH) == subjects(back, Category.WIRE, Category.HASH) == differ
     wire = subjects(found, Category.WIRE)
-    for name in differ:
-        old, new = slow.rows(before, name), slow.rows(after, name)
-        assert name in wire or [row[1:] for row in old] == [row[1:] for row in new]
-        same_size = -(-slow.size(before, name) // 4) == -(-slow.size(after, name) // 4)
-        strayed = {row for row in old if row.path in {other.path for other in new}} - {*new}
-        assert same_size or name not in silent(found)
-        assert name in silent(found) or not (same_size and strayed)
+    for name in NAMES:
+        old, new = (slow.rows(side, name, edited.names) for side in (before, after))
+        assert (name in wire) == (old != new), name
+    assert silent(found) == misread(before, after, edited.names)
+    assert silent(back) == misread(after, before, edited.names)

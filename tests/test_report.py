@@ -20,7 +20,7 @@ from conftest import shared, write_definitions
 
 from msggen.cli import main
 from msggen.cli.common import terminal_width
-from msggen.compare.finding import Category, Change, Excerpt, Finding, Report
+from msggen.compare.finding import Category, Change, Excerpt, Finding, Reader, Report
 from msggen.compare.rules import RULES
 from msggen.location import Location
 from msggen.report import FORMATS, render
@@ -46,7 +46,7 @@ MOVED = replace(
         excerpt(OLD, "msg/versioned/VehicleAttitude.msg", 9, "uint64 timestamp_sample"),
         excerpt(NEW, "msg/VehicleAttitude.msg", 8, "uint64 timestamp_sample"),
     ),
-    is_silent=True,
+    silent_for=(Reader.OLD, Reader.NEW),
 )
 RENAMED = finding(
     "FIELD_RENAMED",
@@ -85,7 +85,7 @@ HANDLED = replace(
         None,
         excerpt(NEW, "msg/VehicleStatus.msg", 140, "uint8 more"),
     ),
-    is_silent=True,
+    silent_for=(Reader.NEW,),
     is_handled=True,
 )
 SLOWER = finding(
@@ -111,9 +111,9 @@ px4_msgs/dds_topics.yaml:30:1: RATE_LIMIT_CHANGED warning: '/fmu/out/vehicle_sta
 px4_msgs/msg/ActuatorArmed.msg:12:1: FIELD_RENAMED 'kill' is called 'manual_lockdown' in PX4-Autopilot
 px4_msgs/msg/ActuatorArmed.msg:13:1: FIELD_RENAMED 'termination' is called 'force_failsafe' in PX4-Autopilot
 px4_msgs: MESSAGE_REMOVED message 'Gripper' of PX4-Autopilot is missing
-px4_msgs/msg/VehicleAttitude.msg:8:1: FIELD_MOVED silent: 'timestamp_sample' stands at byte 0, in PX4-Autopilot at 8
+px4_msgs/msg/VehicleAttitude.msg:8:1: FIELD_MOVED silent both ways: 'timestamp_sample' stands at byte 0, in PX4-Autopilot at 8
 px4_msgs/msg/VehicleCommand.msg:160:1: CONSTANT_VALUE_CHANGED 'ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE' is 4, in PX4-Autopilot 3
-px4_msgs/msg/VehicleStatus.msg:140:1: FIELD_ADDED silent, handled: 'uint8 more' at byte 92 is not in PX4-Autopilot
+px4_msgs/msg/VehicleStatus.msg:140:1: FIELD_ADDED silent for new readers, handled: 'uint8 more' at byte 92 is not in PX4-Autopilot
 px4_msgs differs from PX4-Autopilot: 5 findings, 1 silent"""  # noqa: E501 - a line for each finding
 
 FULL = """\
@@ -126,8 +126,8 @@ px4_msgs/msg/ActuatorArmed.msg:13:1: FIELD_RENAMED 'termination' is called 'forc
   7  bool manual_lockdown               | 12  bool kill
   8  bool force_failsafe                | 13  bool termination
 
-VehicleAttitude (silent: old readers decode wrong values without an error)
-px4_msgs/msg/VehicleAttitude.msg:8:1: FIELD_MOVED silent: 'timestamp_sample' stands at byte 0, in PX4-Autopilot at 8
+VehicleAttitude (silent both ways: readers decode wrong values without an error)
+px4_msgs/msg/VehicleAttitude.msg:8:1: FIELD_MOVED silent both ways: 'timestamp_sample' stands at byte 0, in PX4-Autopilot at 8
 
  PX4-Autopilot                          | px4_msgs
 ----------------------------------------+---------------------------------------
@@ -141,7 +141,7 @@ px4_msgs/msg/VehicleCommand.msg:160:1: CONSTANT_VALUE_CHANGED 'ORBIT_YAW_BEHAVIO
  172  uint8 ORBIT_YAW_BEHAVIOUR_HOLD_F  | 160  uint8 ORBIT_YAW_BEHAVIOUR_HOLD_F
       RONT_TANGENT_TO_CIRCLE = 3        |      RONT_TANGENT_TO_CIRCLE = 4
 
-silent: old readers decode wrong values without an error: VehicleAttitude
+silent both ways: readers decode wrong values without an error: VehicleAttitude
 px4_msgs differs from PX4-Autopilot: 5 findings, 1 silent"""  # noqa: E501 - a line for each finding
 
 
@@ -207,6 +207,33 @@ def test_only_what_nothing_takes_care_of_is_listed_as_silent() -> None:
     assert last.endswith("without an error: VehicleAttitude")
 
 
+ONE_WAY = {
+    (Reader.OLD,): "silent for old readers: they decode wrong values without an error",
+    (Reader.NEW,): "silent for new readers: they decode wrong values without an error",
+    (Reader.OLD, Reader.NEW): "silent both ways: readers decode wrong values without an error",
+}
+
+
+@pytest.mark.parametrize("readers", ONE_WAY, ids=str)
+def test_every_format_says_who_misreads(readers: tuple[Reader, ...]) -> None:
+    report = replace(REPORT, findings=(replace(MOVED, silent_for=readers),))
+    sentence = ONE_WAY[readers]
+    words = sentence.partition(":")[0]
+    assert f"VehicleAttitude ({sentence})\n" in rendered("full", report)
+    assert f"\n{sentence}: VehicleAttitude\n" in rendered("full", report)
+    for output_format in FORMATS:
+        if output_format != "json":
+            assert f"{words}: 'timestamp_sample' stands" in rendered(output_format, report)
+    assert json.loads(rendered("json", report))["findings"][0]["silent_for"] == [each.value for each in readers]
+
+
+def test_subjects_are_listed_by_who_misreads_them() -> None:
+    added = replace(HANDLED, is_handled=False)
+    *_, first, second, _ = rendered("full", replace(REPORT, findings=(MOVED, added))).splitlines()
+    assert first == f"{ONE_WAY[Reader.OLD, Reader.NEW]}: VehicleAttitude"
+    assert second == f"{ONE_WAY[Reader.NEW,]}: VehicleStatus"
+
+
 def test_brackets_are_no_markup() -> None:
     change = replace(RENAMED.change, message="[red]float32[3][/red] q[4] :smile:", subject="[bold]Odd")
     text = rendered("full", replace(REPORT, findings=(replace(RENAMED, change=change),)))
@@ -226,6 +253,7 @@ def test_json_says_everything() -> None:
         "category": "WIRE",
         "severity": "error",
         "silent": True,
+        "silent_for": ["old", "new"],
         "handled": False,
         "fails": True,
         "subject": "VehicleAttitude",
@@ -267,13 +295,13 @@ def unescape(text: str) -> str:
 
 
 ANNOTATIONS = """\
-::error file=px4_msgs/msg/VehicleAttitude.msg,line=8,col=1,title=FIELD_MOVED VehicleAttitude::silent: 'timestamp_sample' stands at byte 0, in PX4-Autopilot at 8
+::error file=px4_msgs/msg/VehicleAttitude.msg,line=8,col=1,title=FIELD_MOVED VehicleAttitude::silent both ways: 'timestamp_sample' stands at byte 0, in PX4-Autopilot at 8
 ::warning file=px4_msgs/dds_topics.yaml,line=30,col=1,title=RATE_LIMIT_CHANGED /fmu/out/vehicle_status::warning: '/fmu/out/vehicle_status' is sent with 2 Hz, in PX4-Autopilot with 5 Hz
 ::error file=px4_msgs/msg/ActuatorArmed.msg,line=12,col=1,title=FIELD_RENAMED ActuatorArmed::'kill' is called 'manual_lockdown' in PX4-Autopilot
 ::error file=px4_msgs/msg/ActuatorArmed.msg,line=13,col=1,title=FIELD_RENAMED ActuatorArmed::'termination' is called 'force_failsafe' in PX4-Autopilot
 ::error title=MESSAGE_REMOVED Gripper::px4_msgs: message 'Gripper' of PX4-Autopilot is missing
 ::error file=px4_msgs/msg/VehicleCommand.msg,line=160,col=1,title=CONSTANT_VALUE_CHANGED VehicleCommand::'ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE' is 4, in PX4-Autopilot 3
-::notice file=px4_msgs/msg/VehicleStatus.msg,line=140,col=1,title=FIELD_ADDED VehicleStatus::silent, handled: 'uint8 more' at byte 92 is not in PX4-Autopilot
+::notice file=px4_msgs/msg/VehicleStatus.msg,line=140,col=1,title=FIELD_ADDED VehicleStatus::silent for new readers, handled: 'uint8 more' at byte 92 is not in PX4-Autopilot
 px4_msgs differs from PX4-Autopilot: 5 findings, 1 silent"""  # noqa: E501 - a line for each finding
 
 
@@ -481,8 +509,13 @@ def test_sarif_results_say_where_and_how_bad() -> None:
         result["ruleId"] for result in results
     ]
     moved = results[4]
-    assert moved["message"]["text"].startswith("silent: 'timestamp_sample' stands")
-    assert moved["properties"] == {"subject": "VehicleAttitude", "silent": True, "handled": False}
+    assert moved["message"]["text"].startswith("silent both ways: 'timestamp_sample' stands")
+    assert moved["properties"] == {
+        "subject": "VehicleAttitude",
+        "silent": True,
+        "silentFor": ["old", "new"],
+        "handled": False,
+    }
     assert moved["locations"] == [
         {
             "physicalLocation": {

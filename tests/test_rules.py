@@ -10,7 +10,7 @@ from conftest import ROOT
 
 from msggen.check import breaking, check, example_of
 from msggen.cli import main
-from msggen.compare.finding import Category, Rule
+from msggen.compare.finding import Category, Rule, Severity
 from msggen.compare.rules import BREAKING, CHECKED, RULES
 from msggen.firmware.source import find_sources
 
@@ -78,8 +78,26 @@ def test_every_rule_has_an_example_and_every_example_a_rule() -> None:
 
 
 def test_every_rule_is_asked_by_somebody() -> None:
-    assert {*CHECKED, *BREAKING} == {*RULES}
+    assert {rule.id for rule in (*CHECKED, *BREAKING)} == {rule.id for rule in RULES}
     assert len({rule.id for rule in RULES}) == len(RULES)
+
+
+def test_check_only_warns_of_comments() -> None:
+    severities = {rule.id: rule.severity for rule in CHECKED}
+    semantic = {rule.id for rule in RULES if rule.category is Category.SEMANTIC}
+    assert {each for each, severity in severities.items() if severity is Severity.WARNING} == semantic
+
+
+def test_explain_says_who_fails_and_who_warns(capsys: pytest.CaptureFixture[str]) -> None:
+    asked = {
+        "FIELD_ADDED": "Asked by check and breaking, which fails.",
+        "UNIT_CHANGED": "Asked by check, which warns of it, and by breaking, which fails.",
+        "RATE_LIMIT_CHANGED": "Asked by breaking, which warns of it.",
+        "CONSTANT_ADDED": "Asked by check, which fails.",
+    }
+    for rule, sentence in asked.items():
+        assert main(["explain", rule]) == 0
+        assert sentence in " ".join(capsys.readouterr().out.split())
 
 
 def test_ids_are_words_and_no_category_is_called_like_a_rule() -> None:

@@ -523,6 +523,10 @@ def test_the_current_folder_is_called_by_its_package(
     assert capsys.readouterr().out == "px4_msgs is in step with ../firmware: 7 definitions\n"
 
 
+TWO_TAGS = "unit of 'a' from 'A' to 'V', frame of 'a' from 'X' to 'Y'"
+SIX_TAGS = ", ".join(f"unit of '{name}' from 'A' to 'V'" for name in "abcd") + " and 2 more"
+
+
 @pytest.mark.parametrize(
     ("before", "after", "said"),
     [
@@ -532,11 +536,30 @@ def test_the_current_folder_is_called_by_its_package(
         ("uint64 timestamp # When\r\n", "uint64 timestamp # When\n", "only white space"),
         ("uint64 timestamp\r\n", "uint64 timestamp # When\n", "only comments"),
         ("uint64 timestamp\r\n", "uint64 timestamp\nuint8 a\n", "fields"),
+        ("float32 a # [A]\n", "float32 a # [mA]\n", "unit of 'a' from 'A' to 'mA'"),
+        ("float32 a # [@range 0, 1]\n", "float32 a # [@range -1, 1]\n", "range of 'a' from '0, 1' to '-1, 1'"),
+        ("float32 a # [@frame NED]\n", "float32 a # [@frame ENU]\n", "frame of 'a' from 'NED' to 'ENU'"),
+        ("uint8 a # [@enum ON]\n", "uint8 a # [@enum OFF]\n", "enum of 'a' from 'ON' to 'OFF'"),
+        ("float32 a # [@invalid 0]\n", "float32 a # [@invalid NaN]\n", "invalid value of 'a' from '0' to 'NaN'"),
+        ("float32 a # [A]\n", "uint8 b\nfloat32 a # [V]\n", "fields, unit of 'a' from 'A' to 'V'"),
+        ("float32 a # [A] [@frame X]\n", "float32 a # [V] [@frame Y]\n", TWO_TAGS),
+        (
+            "".join(f"float32 {a} # [A]\n" for a in "abcdef"),
+            "".join(f"float32 {a} # [V]\n" for a in "abcdef"),
+            SIX_TAGS,
+        ),
+        ("float32 a # [m/s^2] One\n", "float32 a # [m s^-2] Other\n", "only comments"),
+        ("float32 a # One\n", "float32 a # [m] One\n", "only comments"),
         ("uint8[0] a\n", "float32 a\n", ""),
     ],
 )
 def test_the_kind_of_a_change_is_told(before: str, after: str, said: str) -> None:
     assert describe_change("msg/Rpm.msg", before.encode(), after.encode()) == said
+
+
+def test_a_changed_tag_of_a_service_is_told() -> None:
+    before, after = (f"uint8 a\n---\nfloat32 b # [{unit}]\n".encode() for unit in ("A", "V"))
+    assert describe_change("srv/Set.srv", before, after) == "unit of 'b' from 'A' to 'V'"
 
 
 @pytest.mark.parametrize("number", [20, 21])
@@ -598,6 +621,8 @@ def test_the_page_shows_what_is_really_said(capsys: pytest.CaptureFixture[str]) 
     for name, line in (("BatteryStatus", "# Said more clearly.\n"), ("VehicleStatus", "uint8 added\n")):
         path = source / "msg" / "versioned" / f"{name}.msg"
         path.write_text(path.read_text().replace("MESSAGE_VERSION = 4", "MESSAGE_VERSION = 5") + line)
+    report = source / "msg" / "EscReport.msg"
+    report.write_text(report.read_text().replace("[V]", "[mV]", 1))
     bridge = (source / "dds_topics.yaml").read_text()
     entry = "publications:\n  - topic: /fmu/out/wheel_speed\n    type: px4_msgs::msg::WheelSpeed\n"
     (source / "dds_topics.yaml").write_text(bridge.replace("publications:\n", entry, 1))

@@ -7,8 +7,9 @@ import re
 from collections.abc import Iterator
 
 from msggen.bump.archive import read_definition
-from msggen.bump.header import TODO, find_callers, header_name
+from msggen.bump.header import TODO, changed_constants, find_callers, header_name
 from msggen.bump.step import AS_IT_STANDS, CONSTANT, Step, fields_of
+from msggen.diagnostics import few
 from msggen.firmware.history import TRANSLATIONS, VERSIONED, History, archived_name
 from msggen.model import DEFAULT_PACKAGE, Message, Service
 
@@ -22,6 +23,9 @@ def say_what_is_left(step: Step, text: str, headers: dict[str, str]) -> Iterator
         yield from _left_where_nothing_changed(step)
     if text:
         yield from _left_of_header(step, text)
+    changed = changed_constants(step.old.message, step.new)
+    if changed:
+        yield f"constants changed: {few(changed)}: translate the fields that hold them"
     yield from _left_of_nested(step, headers)
     yield from _left_of_others(step)
     if not step.tree.is_file(_NODE):
@@ -56,7 +60,7 @@ def _left_of_header(step: Step, text: str) -> Iterator[str]:
     known = set(re.findall(r"\w+", text))
     missing = [field.name for field in step.new.fields if field.name not in known]
     if missing:
-        yield f"{path}: was there before, and does not set {', '.join(missing)}"
+        yield f"{path}: was there before, and does not set {few(missing)}"
 
 
 def _is_unchanged(step: Step) -> bool:

@@ -9,12 +9,15 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
+from msggen.diagnostics import few
 from msggen.firmware.history import archived_name
-from msggen.model import FLOATS, INTEGER_RANGES, ArrayKind, BridgeEntry, Field, FieldType, Message
+from msggen.model import FLOATS, INTEGER_RANGES, VERSION, ArrayKind, BridgeEntry, Field, FieldType, Message
 
 TODO = "// TODO:"
 """Marks a line that needs a decision."""
 
+_NO_VALUES = (VERSION, "ORB_QUEUE_LENGTH")
+"""Constants that are no values of a field."""
 _ZEROS = {"bool": "false", "float32": "0.0f", "float64": "0.0", **dict.fromkeys(INTEGER_RANGES, "0")}
 _NUMBERS = frozenset({"bool", *INTEGER_RANGES, *FLOATS})
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"(translation_[^"]+)".*\n?', re.MULTILINE)
@@ -82,6 +85,17 @@ def find_callers(inner: str, archived: str, headers: Mapping[str, str]) -> list[
     called = re.compile(rf"\b(?:{'|'.join(classes)})::") if classes else None
     known = re.compile(rf"\bMessageNewer\s*=\s*px4_msgs_old::msg::{archived}\s*;")
     return [name for name, text in headers.items() if called and called.search(text) and known.search(text)]
+
+
+def changed_constants(older: Message, newer: Message, prefix: str = "") -> list[str]:
+    """Return the constants that begin with `prefix` and have another value in `newer`, or are not in it."""
+    known = {constant.name: constant.value for constant in newer.constants}
+    own = [each for each in older.constants if each.name not in _NO_VALUES and each.name.startswith(prefix)]
+    return [
+        f"{each.name} is {known[each.name]}, was {each.value}" if each.name in known else f"{each.name} is gone"
+        for each in own
+        if each.name not in known or known[each.name] != each.value
+    ]
 
 
 def render_header(older: Side, newer: Side, topics: tuple[str, ...], headers: Mapping[str, str]) -> str:
@@ -185,10 +199,15 @@ class _Copy:
         """Yield the statements that set the message called `to` from the one called `at`: every field of it."""
         known = {field.name: field for field in source.fields}
         renamed = _renamed(source.fields, target.fields)
+        versions = (source, target) if self.source.age == "older" else (target, source)
         for field in target.fields:
             twin = known.pop(field.name, None)
             place = f"{to}.{field.name}"
-            if twin and twin.type == field.type:
+            prefix = field.comment.enum or (twin.comment.enum if twin else "")
+            constants = changed_constants(*versions, f"{prefix}_") if prefix else []
+            if twin and twin.type == field.type and field.type.is_primitive and constants:
+                yield f"{place} = {at}.{field.name};  {TODO} other constants: {few(constants)}"
+            elif twin and twin.type == field.type:
                 yield from self._set(field.type, f"{at}.{field.name}", place, depth)
             elif twin:
                 note = f"{twin.type} in the {self.source.age} version, {field.type} in the {self.target.age}"

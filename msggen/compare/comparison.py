@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+from msggen.compare.finding import Reader
+from msggen.compare.renaming import Candidates, is_renamed, nearest_message
 from msggen.firmware.history import History
 from msggen.layout import Layout, Path, is_static, lay_out
 from msggen.location import Location
-from msggen.model import Catalog, Constant, Field, FieldType, Message
+from msggen.model import VERSION, Catalog, Constant, Field, FieldType, Message, Value
 
 Shape = tuple["tuple[str, str, Shape | None]", ...]
 """Type and name of each field, and the shape of what it nests: all that decides bytes, names and hashes."""
@@ -77,6 +79,12 @@ class MessagePair:
         return shape(self._previous_catalog, self.previous) != shape(self._current_catalog, self.current)
 
     @cached_property
+    def has_same_comments(self) -> bool:
+        """Whether both have the same fields with the same comments, as most messages have."""
+        before, after = ([(each.name, each.comment) for each in side.fields] for side in (self.previous, self.current))
+        return before == after
+
+    @cached_property
     def kept(self) -> tuple[FieldPair, ...]:
         """Fields with the same name, in the current order."""
         by_name = {field.name: field for field in self.previous.fields}
@@ -84,10 +92,14 @@ class MessagePair:
 
     @cached_property
     def renamed(self) -> tuple[FieldPair, ...]:
-        """Fields with another name that lie in the same bytes with the same type."""
-        lost = {self._place(self.previous_layout, self.previous, field): field for field in self._lost}
-        pairs = ((lost.get(self._place(self.current_layout, self.current, field)), field) for field in self._gained)
-        return tuple(FieldPair(previous, field) for previous, field in pairs if previous)
+        """Fields of the same type in the same bytes whose names or comments say that they are the same field."""
+        fields = Candidates(self._lost, self._gained, [pair.current for pair in self.kept])
+        return tuple(pair for pair in self._in_place if is_renamed(pair.previous, pair.current, fields))
+
+    @cached_property
+    def replaced(self) -> tuple[FieldPair, ...]:
+        """Fields of the same type in the same bytes that nothing else says to be the same field."""
+        return tuple(pair for pair in self._in_place if pair not in self.renamed)
 
     @cached_property
     def removed(self) -> tuple[Field, ...]:
@@ -119,18 +131,21 @@ class MessagePair:
         return _layout(self._current_catalog, self.current)
 
     @cached_property
-    def is_silent(self) -> bool:
-        """Whether readers built with the previous definition decode current samples into wrong values, and succeed.
+    def misread_by(self) -> tuple[Reader, ...]:
+        """Which readers decode the other side's samples into wrong values without an error.
 
         Samples arrive rounded up to 4 bytes, so sizes count rounded up (FACTS 3). Values are right where a field of
-        the same name and meaning, or one that was only renamed, still lies in the same bytes.
+        the same name and meaning, or one that was only renamed, lies in the same bytes of the other side. What lies in
+        its padding is wrong: padding is not zero on the wire.
         """
         if not (self.previous_layout and self.current_layout):
-            return False
+            return ()
         if -(-self.previous_layout.size // 4) != -(-self.current_layout.size // 4):
-            return False
+            return ()
         before = {(self._current_path(path), *value) for path, *value in _values(self.previous_layout)}
-        return not before <= set(_values(self.current_layout))
+        after = set(_values(self.current_layout))
+        misread = {Reader.OLD: before - after, Reader.NEW: after - before}
+        return tuple(reader for reader, values in misread.items() if values)
 
     @cached_property
     def nested(self) -> Mapping[str, MessagePair]:
@@ -159,15 +174,22 @@ class MessagePair:
             for pair in pairs
         )
 
-    @property
-    def _lost(self) -> list[Field]:
+    @cached_property
+    def _lost(self) -> tuple[Field, ...]:
         names = {field.name for field in self.current.fields}
-        return [field for field in self.previous.fields if field.name not in names]
+        return tuple(field for field in self.previous.fields if field.name not in names)
 
-    @property
-    def _gained(self) -> list[Field]:
+    @cached_property
+    def _gained(self) -> tuple[Field, ...]:
         names = {field.name for field in self.previous.fields}
-        return [field for field in self.current.fields if field.name not in names]
+        return tuple(field for field in self.current.fields if field.name not in names)
+
+    @cached_property
+    def _in_place(self) -> tuple[FieldPair, ...]:
+        """Fields with another name that lie in the same bytes with the same type."""
+        lost = {self._place(self.previous_layout, self.previous, field): field for field in self._lost}
+        pairs = ((lost.get(self._place(self.current_layout, self.current, field)), field) for field in self._gained)
+        return tuple(FieldPair(previous, field) for previous, field in pairs if previous)
 
     def _current_path(self, path: Path) -> Path:
         """Return how to reach in the current side what `path` reaches in the previous one, renamed fields followed."""
@@ -201,6 +223,22 @@ class Comparison:
         return tuple(MessagePair(previous, before[name], current, after[name]) for name in names)
 
     @cached_property
+    def renamed_messages(self) -> Mapping[str, str]:
+        """The messages that the current side has under another name, by their previous name: nothing else differs."""
+        before, after = (
+            {each.name: each for each in side.catalog.uorb_messages} for side in (self.previous, self.current)
+        )
+        gained = {name: _content(self.current.catalog, after[name]) for name in after.keys() - before}
+        found: dict[str, str] = {}
+        for name in sorted(before.keys() - after):
+            content = _content(self.previous.catalog, before[name])
+            now = nearest_message(name, sorted(other for other in gained if gained[other] == content))
+            if now:
+                found[name] = now
+                del gained[now]
+        return found
+
+    @cached_property
     def changed(self) -> tuple[MessagePair, ...]:
         """The pairs in which any type or name is another, at any depth."""
         return tuple(pair for pair in self.pairs if pair.differs)
@@ -216,6 +254,12 @@ def shape(catalog: Catalog, message: Message) -> Shape:
         )
         for field in message.fields
     )
+
+
+def _content(catalog: Catalog, message: Message) -> tuple[Shape, dict[str, tuple[str, Value]]]:
+    """Return all of a definition but its name, its comments and its version."""
+    constants = {each.name: (str(each.type), each.value) for each in message.constants if each.name != VERSION}
+    return shape(catalog, message), constants
 
 
 def meaning(type_: FieldType) -> str:
@@ -251,10 +295,14 @@ def _layout(catalog: Catalog, message: Message) -> Layout | None:
 
 
 def _values(layout: Layout) -> Iterator[tuple[Path, int, int, str]]:
-    """Yield for each value how to reach it, its place in its array, its offset, and what its bytes mean."""
+    """Yield for each value how to reach it, its place in its array, its offset, and what its bytes mean.
+
+    A single message is reached like the first of an array: the bytes are the same.
+    """
     for leaf in layout.leaves:
+        path = tuple((name, index or 0) for name, index in leaf.path)
         for index in range(leaf.count):
-            yield leaf.path, index, leaf.offset + index * leaf.size, meaning(leaf.type)
+            yield path, index, leaf.offset + index * leaf.size, meaning(leaf.type)
 
 
 def _longest_increasing(numbers: list[int]) -> set[int]:

@@ -13,7 +13,8 @@ from msggen.model import VERSION
 def find_added_definitions(comparison: Comparison) -> Iterator[Change]:
     """Messages and services that the previous side does not have."""
     for kind, name, location in comparison.current.extra:
-        yield Change(name, f"{kind} '{name}' is not in {comparison.previous.label}", location)
+        if name not in comparison.renamed_messages.values():
+            yield Change(name, f"{kind} '{name}' is not in {comparison.previous.label}", location)
 
 
 def find_added_constants(comparison: Comparison) -> Iterator[Change]:

@@ -33,6 +33,13 @@ class Severity(Enum):
     WARNING = "warning"
 
 
+class Reader(Enum):
+    """Who decodes samples of the other side: nodes built with the previous definition, or with the current one."""
+
+    OLD = "old"
+    NEW = "new"
+
+
 @dataclass(frozen=True, slots=True)
 class Excerpt:
     """One line of one side: where it stands, and what it says, without its comment."""
@@ -70,14 +77,19 @@ class Rule:
 class Finding:
     """A change, the rule that found it, and what follows.
 
-    It is silent where the size stays, so that old readers decode wrong values without an error, and handled where
-    a complete new version of the message takes care of it.
+    It is silent where the size stays, so that some readers decode wrong values without an error: `silent_for` says
+    which. It is handled where a complete new version of the message takes care of it.
     """
 
     rule: Rule
     change: Change
-    is_silent: bool = False
+    silent_for: tuple[Reader, ...] = ()
     is_handled: bool = False
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether any reader decodes wrong values without an error."""
+        return bool(self.silent_for)
 
     @property
     def fails(self) -> bool:

@@ -25,11 +25,15 @@ RULES = (
     ),
     Rule("NESTED_NAME_CHANGED", "a name in a nested message, at any depth, is another", _HASH, names.find_nested),
     Rule("MESSAGE_REMOVED", "a message is gone", _SOURCE, source.find_removed_messages),
+    Rule(
+        "MESSAGE_RENAMED", "a message has another name, and the same definition", _SOURCE, source.find_renamed_messages
+    ),
     Rule("SERVICE_REMOVED", "a service is gone", _SOURCE, source.find_removed_services),
     Rule("CONSTANT_REMOVED", "a constant is gone", _SOURCE, source.find_removed_constants),
     Rule("CONSTANT_VALUE_CHANGED", "a constant has another value", _SOURCE, source.find_other_values),
     Rule("CONSTANT_TYPE_CHANGED", "a constant has another type", _SOURCE, source.find_other_types),
     Rule("UNIT_CHANGED", "the values of a field count in another unit", _SEMANTIC, semantic.find_other_unit),
+    Rule("RANGE_CHANGED", "the values of a field lie in another range", _SEMANTIC, semantic.find_other_range),
     Rule("FRAME_CHANGED", "the values of a field are given in another frame", _SEMANTIC, semantic.find_other_frame),
     Rule("INVALID_CHANGED", "another value of a field means 'not known'", _SEMANTIC, semantic.find_other_invalid),
     Rule("ENUM_CHANGED", "other constants name the values of a field", _SEMANTIC, semantic.find_other_enum),
@@ -47,11 +51,17 @@ RULES = (
         Severity.WARNING,
     ),
     Rule(
-        "VERSION_NOT_RAISED", "a versioned message changed, its version not by one", _VERSION, version.find_not_raised
+        "VERSION_NOT_RAISED",
+        "a versioned message changed, its version not step by step",
+        _VERSION,
+        version.find_not_raised,
     ),
     Rule("VERSION_NEEDLESS", "a version changed, the message did not", _VERSION, version.find_needless),
     Rule(
-        "VERSION_REMOVED", "a message is versioned no more, or an archived version gone", _VERSION, version.find_removed
+        "VERSION_REMOVED",
+        "a message is versioned no more, or an archived version is gone",
+        _VERSION,
+        version.find_removed,
     ),
     Rule("VERSION_NOT_ARCHIVED", "the old version is not in px4_msgs_old", _VERSION, version.find_not_archived),
     Rule("TRANSLATION_MISSING", "no header translates from the old version", _VERSION, version.find_not_translated),
@@ -68,8 +78,12 @@ RULES = (
 )
 """In the order in which they are listed and asked."""
 
-CHECKED = tuple(rule for rule in RULES if rule.category in (_WIRE, _HASH, _SOURCE, _DRIFT))
-"""What `check` asks: do two sides mean the same?"""
+CHECKED = tuple(
+    replace(rule, severity=Severity.WARNING) if rule.category is _SEMANTIC else rule
+    for rule in RULES
+    if rule.category in (_WIRE, _HASH, _SOURCE, _SEMANTIC, _DRIFT)
+)
+"""What `check` asks: do two sides mean the same? It only warns of comments."""
 
 BREAKING = tuple(rule for rule in RULES if rule.category is not _DRIFT)
 """What `breaking` asks: whom does a change hurt?"""
@@ -83,14 +97,14 @@ def named(name: str) -> tuple[Rule, ...]:
 def find(comparison: Comparison, rules: Sequence[Rule]) -> Iterator[Finding]:
     """Ask `rules`, in their order, and mark what is silent or handled."""
     handled = version.handled(comparison)
-    silent = {pair.name for pair in comparison.changed if pair.is_silent}
+    silent = {pair.name: pair.misread_by for pair in comparison.changed}
     topics = _topics_of(comparison, handled)
     for rule in rules:
         for change in rule.find(comparison):
             finding = Finding(rule, change)
             if rule.category is Category.WIRE:
-                finding = replace(finding, is_silent=change.subject in silent)
-            if rule.category in (Category.WIRE, Category.HASH):
+                finding = replace(finding, silent_for=silent.get(change.subject, ()))
+            if rule.category in (Category.WIRE, Category.HASH, Category.SOURCE):
                 finding = replace(finding, is_handled=change.subject in handled)
             if rule.id == "TOPIC_RENAMED":
                 finding = replace(finding, is_handled=change.subject in topics)

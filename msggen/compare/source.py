@@ -17,9 +17,20 @@ def find_removed_messages(comparison: Comparison) -> Iterator[Change]:
         [message.name for message in comparison.previous.catalog.uorb_messages],
         [message.name for message in comparison.current.catalog.uorb_messages],
     ):
+        if name in comparison.renamed_messages:
+            continue
         location = definitions(comparison.previous.catalog)[name].location
         text = f"message '{name}' of {comparison.previous.label} is missing"
         yield Change(name, text, Location(comparison.current.place, 0), Excerpt(location, f"{name}.msg"))
+
+
+def find_renamed_messages(comparison: Comparison) -> Iterator[Change]:
+    """Messages that the current side has under another name."""
+    before, after = (definitions(side.catalog) for side in (comparison.previous, comparison.current))
+    for name, now in comparison.renamed_messages.items():
+        text = f"message '{now}' is called '{name}' in {comparison.previous.label}"
+        excerpts = Excerpt(before[name].location, f"{name}.msg"), Excerpt(after[now].location, f"{now}.msg")
+        yield Change(now, text, after[now].location, *excerpts)
 
 
 def find_removed_services(comparison: Comparison) -> Iterator[Change]:

@@ -8,7 +8,7 @@ from msggen.compare.comparison import Comparison
 from msggen.compare.finding import Change, Excerpt
 from msggen.identity import Endpoint, endpoints
 from msggen.location import Location
-from msggen.model import BridgeEntry, Catalog, Direction
+from msggen.model import BridgeEntry, Catalog, Direction, snake_case
 
 _Key = tuple[str, "int | None", Direction]
 
@@ -34,7 +34,9 @@ def find_retyped(comparison: Comparison) -> Iterator[Change]:
     for before, after in _both(comparison):
         if before.message.name != after.message.name:
             text = f"'{after.entry.topic}' carries {after.message.name}, in {comparison.previous.label} "
-            yield _change(before, after, text + before.message.name)
+            is_renamed = comparison.renamed_messages.get(before.message.name) == after.message.name
+            hint = ": the same definition by another name" if is_renamed else ""
+            yield _change(before, after, text + before.message.name + hint)
 
 
 def find_renamed(comparison: Comparison) -> Iterator[Change]:
@@ -83,11 +85,16 @@ def _sorted(comparison: Comparison) -> tuple[list[Endpoint], list[Endpoint], lis
 
 
 def _moved(comparison: Comparison) -> list[tuple[Endpoint, Endpoint]]:
-    """Return the endpoints whose uORB topic now crosses at another one."""
+    """Return the endpoints whose uORB topic now crosses at another one, or has the new name of its message."""
     gone, come, _ = _sorted(comparison)
     targets = {endpoint.entry.uorb_topic: endpoint for endpoint in come}
-    topics = [endpoint.entry.uorb_topic for endpoint in gone]
-    return [(before, targets[topic]) for before, topic in zip(gone, topics, strict=True) if topic in targets]
+    names = {snake_case(name): snake_case(now) for name, now in comparison.renamed_messages.items()}
+    found = []
+    for before in gone:
+        topic = before.entry.uorb_topic
+        after = targets.get(topic) or targets.get(names.get(topic, ""))
+        found += [(before, after)] if after else []
+    return found
 
 
 def _both(comparison: Comparison) -> list[tuple[Endpoint, Endpoint]]:

@@ -1,49 +1,56 @@
 """VERSION: the firmware's rules for versioned messages, those with a MESSAGE_VERSION.
 
 When a message or anything that it nests changes, its version goes up by one, the old definition is archived as
-`msg/px4_msgs_old/msg/<Name>V<n>.msg`, and a header translates between both (PX4 v1.16 and later).
+`msg/px4_msgs_old/msg/<Name>V<n>.msg`, and a header translates between both (PX4 v1.16 and later). Between two releases
+there may be several such steps.
 """
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
+from itertools import combinations
 
 from msggen.compare.comparison import Comparison, MessagePair, constants_of
 from msggen.compare.finding import Change, Excerpt
 from msggen.compare.semantic import has_same_tags
 from msggen.compare.source import excerpt, wire_value
-from msggen.firmware.history import ARCHIVE, TRANSLATIONS, History, archived_name, without_comments
+from msggen.diagnostics import few
+from msggen.firmware.history import ARCHIVE, TRANSLATIONS, VERSIONED, History, archived_name, without_comments
 from msggen.location import Location
 from msggen.model import VERSION, Catalog, Message
 
+_WORD = re.compile(r"\w+")
+
 
 def find_not_raised(comparison: Comparison) -> Iterator[Change]:
-    """Versioned messages that changed, at any depth, and whose version did not go up by exactly one."""
+    """Versioned messages that changed, at any depth, and whose version did not go up step by step."""
     for pair in _versioned(comparison):
         before, after = pair.previous.message_version, pair.current.message_version
-        jumps = after not in (before, before + 1) and not _means_the_same(pair)
-        if after != before + 1 and (pair.differs or jumps):
-            yield _change(pair, f"'{pair.name}' changed: expected {VERSION} = {before + 1}, found {after}")
+        skipped = _skipped(comparison, pair)
+        jumps = (after < before or skipped is not None) and not _means_the_same(pair)
+        if jumps or (pair.differs and after <= before):
+            hint = "" if skipped is None else f", and version {skipped} is not in the archive"
+            yield _change(pair, f"'{pair.name}' changed: expected {VERSION} = {before + 1}, found {after}{hint}")
 
 
 def find_needless(comparison: Comparison) -> Iterator[Change]:
     """Versioned messages with another version that mean the same as before."""
     for pair in _versioned(comparison):
         before, after = pair.previous.message_version, pair.current.message_version
-        if before != after and _means_the_same(pair):
+        went_and_came_back = _skipped(comparison, pair) is None and bool(_between(comparison, pair))
+        if before != after and _means_the_same(pair) and not went_and_came_back:
             text = f"{VERSION} is {after}, in {comparison.previous.label} {before}, but '{pair.name}' is the same"
             yield _change(pair, text)
 
 
 def find_removed(comparison: Comparison) -> Iterator[Change]:
-    """Messages that are versioned no more, and archived versions that are gone."""
+    """Messages that are versioned no more, or lie elsewhere, and archived versions that are gone."""
     for pair in comparison.pairs:
-        if pair.previous.is_versioned and not pair.current.is_versioned:
-            text = (
-                f"'{pair.name}' has lost its {VERSION}, {pair.previous.message_version} in {comparison.previous.label}"
-            )
-            yield _change(pair, text)
+        lost = list(_lost(comparison, pair))
+        if lost:
+            yield _change(pair, f"'{pair.name}' {', and '.join(lost)}")
     before, after = comparison.previous.history, comparison.current.history
     if before and after and after.is_kept:
         for name in sorted(before.archived.keys() - after.archived):
@@ -65,35 +72,50 @@ def find_not_archived(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_not_translated(comparison: Comparison) -> Iterator[Change]:
-    """Messages with a higher version that no header translates from the previous one."""
+    """Messages with a higher version that no headers translate from the previous one, step by step."""
     for pair in _raised(comparison):
-        if not _is_translated(comparison, pair):
-            text = f"no header that all_translations.h includes translates '{pair.name}' from version "
-            yield _change(pair, f"{text}{pair.previous.message_version}: expected in {TRANSLATIONS}")
+        reached = max(_reached(comparison, pair))
+        if reached < pair.current.message_version:
+            text = f"no header that all_translations.h includes translates '{pair.name}' from version {reached}"
+            yield _change(pair, f"{text}: expected in {TRANSLATIONS}")
 
 
 def find_unfinished_translations(comparison: Comparison) -> Iterator[Change]:
     """Headers that translate, but leave out a field, or have a line with TODO on it."""
     for pair in _raised(comparison):
-        for header, text in _translating(comparison, pair).items():
-            code = without_comments(text)
-            names = [field.name for field in (*pair.current.fields, *pair.removed)]
-            missing = [name for name in names if not re.search(rf"\.{name}\b", code)]
-            left = [f"does not mention {', '.join(missing)}"] if missing else []
-            left += ["has lines with TODO"] if "TODO" in text else []
-            if left:
-                yield _change(pair, f"'{header}' {' and '.join(left)}")
+        for older, newer, headers in _steps(comparison, pair):
+            names = dict.fromkeys(field.name for message in (newer, older) for field in message.fields)
+            for header, text in headers.items():
+                known = set(_WORD.findall(without_comments(text)))
+                missing = [name for name in names if name not in known]
+                left = [f"does not mention {few(missing)}"] if missing else []
+                left += ["has lines with TODO"] if "TODO" in text else []
+                if left:
+                    yield _change(pair, f"'{header}' {' and '.join(left)}")
 
 
 def handled(comparison: Comparison) -> frozenset[str]:
-    """Return the messages whose change a complete new version takes care of."""
+    """Return the messages whose change a complete new version takes care of, or several, one after the other."""
     return frozenset(
         pair.name
         for pair in _raised(comparison)
-        if pair.current.message_version == pair.previous.message_version + 1
-        and _is_archived(comparison, pair)
-        and _is_translated(comparison, pair)
+        if _is_archived(comparison, pair)
+        and _skipped(comparison, pair) is None
+        and pair.current.message_version in _reached(comparison, pair)
     )
+
+
+def _lost(comparison: Comparison, pair: MessagePair) -> Iterator[str]:
+    """Say what made a message of the previous side a versioned one, and is gone."""
+    if pair.previous.is_versioned and not pair.current.is_versioned:
+        yield f"has lost its {VERSION}, {pair.previous.message_version} in {comparison.previous.label}"
+    history = comparison.current.history
+    if history and history.is_kept and _is_in_versioned(pair.previous) and not _is_in_versioned(pair.current):
+        yield f"is not in {VERSIONED} any more"
+
+
+def _is_in_versioned(message: Message) -> bool:
+    return os.path.basename(os.path.dirname(message.location.path)) == os.path.basename(VERSIONED)
 
 
 def _versioned(comparison: Comparison) -> Iterator[MessagePair]:
@@ -120,14 +142,50 @@ def _is_archived(comparison: Comparison, pair: MessagePair) -> bool:
     )
 
 
-def _is_translated(comparison: Comparison, pair: MessagePair) -> bool:
+def _skipped(comparison: Comparison, pair: MessagePair) -> int | None:
+    """Return the first version between both sides that is not archived, where the current side keeps earlier ones."""
     history = comparison.current.history
-    return (history is not None and history.is_translated) or bool(_translating(comparison, pair))
+    between = range(pair.previous.message_version + 1, pair.current.message_version)
+    archived = _between(comparison, pair)
+    return (
+        next((version for version in between if version not in archived), None) if history and history.is_kept else None
+    )
 
 
-def _translating(comparison: Comparison, pair: MessagePair) -> dict[str, str]:
+def _between(comparison: Comparison, pair: MessagePair) -> dict[int, Message]:
+    """Return the archived versions between both sides, by number."""
     history = comparison.current.history
-    return history.translating(pair.name, pair.previous.message_version) if history else {}
+    numbers = range(pair.previous.message_version + 1, pair.current.message_version)
+    messages = history.archived.values() if history else ()
+    return {
+        old.message_version: old
+        for old in messages
+        if old.name == f"{pair.name}V{old.message_version}" and old.message_version in numbers
+    }
+
+
+def _steps(comparison: Comparison, pair: MessagePair) -> Iterator[tuple[Message, Message, dict[str, str]]]:
+    """Yield each translation on the way from the previous version to the current one: both messages, its headers."""
+    history = comparison.current.history
+    between = _between(comparison, pair)
+    versions = [pair.previous, *(between[number] for number in sorted(between)), pair.current]
+    for older, newer in combinations(versions, 2):
+        target = None if newer is pair.current else newer.message_version
+        headers = history.translating(pair.name, older.message_version, target) if history else {}
+        if headers:
+            yield older, newer, headers
+
+
+def _reached(comparison: Comparison, pair: MessagePair) -> set[int]:
+    """Return the versions to which headers translate from the previous one, itself among them."""
+    history = comparison.current.history
+    if history and history.is_translated:
+        return {pair.previous.message_version, pair.current.message_version}
+    found = {pair.previous.message_version}
+    for older, newer, _ in _steps(comparison, pair):
+        if older.message_version in found:
+            found.add(newer.message_version)
+    return found
 
 
 def _is_copy(history: History, archived: Message, catalog: Catalog, message: Message) -> bool:

@@ -15,18 +15,22 @@ def find_added(comparison: Comparison) -> Iterator[Change]:
     """Fields that the previous side does not have."""
     for pair in comparison.changed:
         for field in pair.added:
-            text = (
-                f"'{_line(pair.current, field)}'{_at(pair.current_layout, field)} is not in {comparison.previous.label}"
-            )
-            yield Change(pair.name, text, field.location, None, excerpt(pair.current, field))
+            where = _at(pair.current_layout, field)
+            text = f"'{_line(pair.current, field)}'{where} is not in {comparison.previous.label}"
+            before = next((each.previous for each in pair.replaced if each.current == field), None)
+            hint = f", which has '{before.name}' there: was it renamed?" if before else ""
+            yield Change(pair.name, text + hint, field.location, None, excerpt(pair.current, field))
 
 
 def find_removed(comparison: Comparison) -> Iterator[Change]:
     """Fields that the current side does not have."""
     for pair in comparison.changed:
         for field in pair.removed:
-            text = f"'{_line(pair.previous, field)}'{_at(pair.previous_layout, field)} of {comparison.previous.label} "
-            yield Change(pair.name, f"{text}is missing", _neighbour(pair, field), excerpt(pair.previous, field), None)
+            where = _at(pair.previous_layout, field)
+            text = f"'{_line(pair.previous, field)}'{where} of {comparison.previous.label} is missing"
+            after = next((each.current for each in pair.replaced if each.previous == field), None)
+            hint = f", '{after.name}' is there: was it renamed?" if after else ""
+            yield Change(pair.name, text + hint, _neighbour(pair, field), excerpt(pair.previous, field), None)
 
 
 def find_moved(comparison: Comparison) -> Iterator[Change]:

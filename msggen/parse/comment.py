@@ -15,6 +15,9 @@ KNOWN_TAGS = ("range", "enum", "invalid", "frame", "uncontrolled")
 
 _TAG = re.compile(r" ?\[@(\w+)\b\s*([^\]]*)\]")
 _UNIT = re.compile(r"\s*\[(?![-+\d., ]*\d[-+\d., ]*\])([^@\]\[]{1,24})\]")
+_BOUND = r"[-+]?(?:\d+(?:\.\d*)?|(?:\d+(?:\.\d*)?\s*\*?\s*)?(?:[Pp][Ii]|π)(?:/\d+)?|(?i:inf|infinity))"
+_RANGE = re.compile(rf"\s*\[\s*({_BOUND}\s*(?:,|\.\.+|\bto\b|-)\s*{_BOUND})\s*\]")
+"""Two bounds in brackets where a unit would stand: `[-pi, pi]`."""
 
 
 _NOT_TAGS = ("text", "extra")
@@ -26,8 +29,8 @@ _NOTHING = Comment()
 def parse_comment(lines: Sequence[str]) -> Comment:
     """Return what the comment `lines` of one node say, the `#` already taken off.
 
-    A unit counts where it leads a line, as PX4 writes it; `@` tags count anywhere, those that are not known too. What
-    is not a tag stays text.
+    A unit counts where it leads a line, as PX4 writes it, and so does a range without a tag, `[-pi, pi]`; `@` tags
+    count anywhere, those that are not known too. What is not a tag stays text.
     """
     if not lines:
         return _NOTHING
@@ -42,10 +45,15 @@ def parse_comment(lines: Sequence[str]) -> Comment:
 
 def _take_tags(line: str, tags: dict[str, str]) -> str:
     unit = _UNIT.match(line)
-    if unit and not tags["unit"]:
+    if unit and not tags["unit"] and not _RANGE.match(line):
         tags["unit"] = unit[1].strip()
         line = line[unit.end() :]
-    return (_TAG.sub(lambda tag: _take_tag(tag, tags), line) if "[@" in line else line).strip()
+    text = (_TAG.sub(lambda tag: _take_tag(tag, tags), line) if "[@" in line else line).strip()
+    found = _RANGE.match(text) if text[:1] == "[" and "range" not in tags else None
+    if found:
+        tags["range"] = found[1]
+        text = text[found.end() :].strip()
+    return text
 
 
 def _take_tag(tag: re.Match[str], tags: dict[str, str]) -> str:

@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from msggen.compare.finding import Excerpt, Finding, Report
-from msggen.report.line import deceives, mark, printable
+from msggen.compare.finding import Excerpt, Finding, Reader, Report
+from msggen.report.line import deceives, mark, printable, silence
 
-_SILENT = "silent: old readers decode wrong values without an error"
+_DECODE = "decode wrong values without an error"
 _ALARM = "bold white on red"
 _BETWEEN = len("    |")
 """What the two columns leave between and around them."""
@@ -39,9 +39,8 @@ def write_full(report: Report, *, width: int, colour: bool) -> str:
     with console.capture() as capture:
         for subject, findings in _by_subject(report.findings).items():
             _print_group(console, report, subject, findings)
-        deceived = list(_by_subject([finding for finding in report.findings if deceives(finding)]))
-        if deceived:
-            _print_line(console, Text.assemble((_SILENT, _ALARM), f": {printable(', '.join(deceived))}"))
+        for readers, deceived in _deceived(report.findings).items():
+            _print_line(console, Text.assemble((_silent(readers), _ALARM), f": {printable(', '.join(deceived))}"))
         _print_line(console, Text(printable(report.summary), "bold"))
     return "\n".join(row.rstrip() for row in capture.get().split("\n")).rstrip("\n")
 
@@ -53,10 +52,21 @@ def _by_subject(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
     return groups
 
 
+def _deceived(findings: Sequence[Finding]) -> dict[tuple[Reader, ...], list[str]]:
+    """Return the subjects that go wrong silently, by who misreads them."""
+    silent = [finding for finding in findings if deceives(finding)]
+    kinds = dict.fromkeys(finding.silent_for for finding in silent)
+    return {kind: [*_by_subject([each for each in silent if each.silent_for == kind])] for kind in kinds}
+
+
+def _silent(readers: Sequence[Reader]) -> str:
+    return f"{silence(readers)}: {'readers' if len(readers) > 1 else 'they'} {_DECODE}"
+
+
 def _print_group(console: Console, report: Report, subject: str, findings: Sequence[Finding]) -> None:
     heading = Text(printable(subject), "bold")
-    if any(map(deceives, findings)):
-        heading = Text.assemble(heading, " ", (f"({_SILENT})", _ALARM))
+    for readers in _deceived(findings):
+        heading = Text.assemble(heading, " ", (f"({_silent(readers)})", _ALARM))
     _print_line(console, heading)
     for finding in findings:
         _print_line(console, _line(finding))

@@ -42,6 +42,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "category": rule.category.name,
         "severity": rule.severity.value,
         "silent": finding.is_silent,
+        "silent_for": [reader.value for reader in finding.silent_for],
         "handled": finding.is_handled,
         "fails": finding.fails,
         "subject": change.subject,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from msggen.compare.finding import Finding, Report, Severity
+from collections.abc import Collection
+
+from msggen.compare.finding import Finding, Reader, Report, Severity
 
 
 def write_concise(report: Report) -> str:
@@ -21,9 +23,9 @@ def statement(finding: Finding) -> str:
 
 
 def mark(finding: Finding) -> str:
-    """Return the words that say how much a finding matters: `silent: `, say, or nothing for a plain one."""
+    """Return the words that say how much a finding matters: `silent both ways: `, or nothing for a plain one."""
     holds = {
-        "silent": finding.is_silent,
+        silence(finding.silent_for): finding.is_silent,
         "handled": finding.is_handled,
         "warning": finding.rule.severity is Severity.WARNING,
     }
@@ -31,8 +33,13 @@ def mark(finding: Finding) -> str:
     return f"{words}: " if words else ""
 
 
+def silence(readers: Collection[Reader]) -> str:
+    """Return the word for a silent finding, and the readers that it concerns."""
+    return "silent both ways" if len(readers) > 1 else f"silent for {''.join(each.value for each in readers)} readers"
+
+
 def deceives(finding: Finding) -> bool:
-    """Whether old readers decode wrong values, and nothing takes care of it: the worst there is."""
+    """Whether readers decode wrong values without an error, and nothing takes care of it: the worst there is."""
     return finding.is_silent and not finding.is_handled
 
 

@@ -10,6 +10,8 @@ from msggen.compare.rules import BREAKING, CHECKED
 from msggen.diagnostics import CODES
 from msggen.report import render
 
+_SAYS = {Severity.ERROR: "fails", Severity.WARNING: "warns of it"}
+
 
 def list_rules(rules: Sequence[Rule]) -> str:
     """Return a line for each rule: its ID, its category and its purpose."""
@@ -30,14 +32,18 @@ def explain_code(code: str) -> str:
 
 def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> str:
     """Return what `rule` is for, who asks it, and what it finds in its `example`."""
-    says = "warns of it" if rule.severity is Severity.WARNING else "fails"
-    asked = " and ".join(name for name, rules in (("check", CHECKED), ("breaking", BREAKING)) if rule in rules)
+    names: dict[Severity, list[str]] = {}
+    for command, rules in (("check", CHECKED), ("breaking", BREAKING)):
+        for asked in rules:
+            if asked.id == rule.id:
+                names.setdefault(asked.severity, []).append(command)
+    asked_by = ", and by ".join(f"{' and '.join(commands)}, which {_SAYS[say]}" for say, commands in names.items())
     found = render(example, "full", width=width, colour=colour).rpartition("\n")[0].rstrip()
     return "\n".join(
         [
             f"{rule.id} ({rule.category.name}): {rule.purpose}.",
             "",
-            _sentence(f"{rule.category.name}: {rule.category.value}. Asked by {asked}, which {says}.", width),
+            _sentence(f"{rule.category.name}: {rule.category.value}. Asked by {asked_by}.", width),
             "",
             "For example:",
             "",

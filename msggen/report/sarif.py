@@ -64,6 +64,7 @@ def _results(report: Report) -> Iterator[dict[str, Any]]:
             "properties": {
                 "subject": finding.change.subject,
                 "silent": finding.is_silent,
+                "silentFor": [reader.value for reader in finding.silent_for],
                 "handled": finding.is_handled,
             },
         }

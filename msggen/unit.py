@@ -1,0 +1,130 @@
+"""Units and ranges in one spelling each: `m/s^2`, `m/s2` and `m s^-2` are one unit, `0,1` and `0.0 - 1.0` one range."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+
+_SPELLINGS = {
+    "": "- 1 norm normalized normalised none unitless dimensionless",
+    "bool": "boolean",
+    "s": "sec secs second seconds",
+    "ms": "msec millisecond milliseconds",
+    "us": "µs μs usec usecs microsec microsecond microseconds",
+    "ns": "nsec nanosecond nanoseconds",
+    "min": "minute minutes",
+    "h": "hr hour hours",
+    "m": "meter meters metre metres",
+    "rad": "radian radians",
+    "deg": "° degree degrees",
+    "°C": "degC degc celsius Celsius celcius Celcius",
+    "K": "kelvin Kelvin",
+    "V": "volt volts Volt Volts",
+    "A": "amp amps ampere amperes Amp Amps Ampere Amperes",
+    "W": "watt watts Watt Watts",
+    "Pa": "pascal pascals Pascal Pascals",
+    "Hz": "hertz Hertz hz",
+    "Ga": "G gauss Gauss",
+    "Ohm": "ohm ohms Ohms Ω Ω",
+    "rpm": "RPM",
+    "%": "percent",
+}
+_NAMES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings.split()}
+"""Other spellings of a unit. Capitals count: `mW` is not `MW`."""
+
+_CELSIUS = re.compile(r"(?:\bdeg(?:rees?)?|°)[ _.]*(?:C\b|[Cc]el[sc]ius\b)|℃")
+_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+_SUPERSCRIPT = re.compile(r"([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)")
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>\d+(?:\.\d+)?(?:e[-+]?\d+)?)|(?P<name>-$|[^\W\d]+|[°%])|(?P<sign>[()/*.·]))"
+    r"(?:(?:\^|\*\*)\s*(?P<power>[-+]?\d+|\([-+]?\d+\))|(?<=[^\W\d)])(?P<bare>-?\d+))?"
+)
+"""A number, a name or a sign, and the power that it is raised to: `s^2`, `s**2`, `s2`, `s-2`."""
+
+_NOTE = re.compile(r"\([^)]*\)")
+_BETWEEN = re.compile(r"\s*(?:,|;|\.\.+|…|\bto\b|(?<=[\w.])\s*[-\u2013](?=\s*[\w.+-]))\s*")
+_INFINITE = re.compile(r"\+?(inf|infinity)$")
+
+
+@cache
+def normalized_unit(text: str) -> str:
+    """Return a unit as a product of powers in alphabetical order, `m s^-2`; "1" for what has none, "" for no text.
+
+    What is not understood comes back as it is, but for white space.
+    """
+    text = " ".join(text.split())
+    spelled = _SUPERSCRIPT.sub(lambda found: "^" + found[1].translate(_SUPERSCRIPTS), _CELSIUS.sub("degC", text))
+    powers: Counter[str] = Counter()
+    try:
+        for name, power in _factors(spelled):
+            powers[name] += power
+    except ValueError:
+        return text
+    factors = (name if powers[name] == 1 else f"{name}^{powers[name]}" for name in sorted(powers) if powers[name])
+    return " ".join(factors) or ("1" if text else "")
+
+
+def normalized_range(text: str) -> str:
+    """Return a range as `lowest, highest`; what is not understood comes back as it is, but for white space and case.
+
+    A note in parentheses, such as `(Left)`, is no part of a bound.
+    """
+    text = " ".join(text.lower().split())
+    bounds = _BETWEEN.split(_NOTE.sub("", text).strip(), maxsplit=1)
+    return ", ".join(map(_bound, bounds)) if len(bounds) > 1 else text
+
+
+def _bound(text: str) -> str:
+    text = text.replace("π", "pi").replace(" ", "")
+    try:
+        return f"{float(text):g}"
+    except ValueError:
+        return _INFINITE.sub("inf", text)
+
+
+def _factors(text: str) -> Iterator[tuple[str, int]]:
+    """Yield each unit in `text` and its power. Raises ValueError for what is no product of powers."""
+    signs = [1]  # what the powers of each open parenthesis are multiplied by
+    sign = 1
+    position = 0
+    while position < len(text.rstrip()):
+        token = _TOKEN.match(text, position)
+        if not token:
+            raise ValueError(text)
+        power = _power(token)
+        if token["sign"] == "(":
+            signs.append(signs[-1] * sign * _power_behind(text, token.end()))
+            sign = 1
+        elif token["sign"] == ")":
+            signs.pop()
+            if not signs:
+                raise ValueError(text)
+            sign = 1
+        elif token["sign"]:
+            sign = -1 if token["sign"] == "/" else 1
+        else:
+            name = token["number"] or token["name"]
+            name = _NAMES.get(name, name)
+            if name:
+                yield name, power * sign * signs[-1]
+            sign = 1
+        position = token.end()
+    if len(signs) != 1:
+        raise ValueError(text)
+
+
+def _power_behind(text: str, start: int) -> int:
+    """Return the power that the parenthesis opened before `start` is raised to. Raises ValueError if it stays open."""
+    depth = 1
+    for position in range(start, len(text)):
+        depth += {"(": 1, ")": -1}.get(text[position], 0)
+        if not depth:
+            token = _TOKEN.match(text, position)
+            return _power(token) if token else 1
+    raise ValueError(text)
+
+
+def _power(token: re.Match[str]) -> int:
+    return int((token["power"] or token["bare"] or "1").strip("()"))
