@@ -15,7 +15,7 @@ from msggen.model import Catalog
 from rounds import race_processes
 
 MSGGEN = (sys.executable, "-m", "msggen")
-COLD, AGAIN = "build, all of v1.17", "build, nothing changed"
+COLD, AGAIN = "build, all of v1.18", "build, nothing changed"
 
 
 class Scale(NamedTuple):
@@ -27,7 +27,7 @@ class Scale(NamedTuple):
 
 
 def measure_commands(folder: Path, effort: Effort) -> Mapping[str, float]:
-    """Return the seconds that each of msggen's commands takes on the whole of v1.17."""
+    """Return the seconds that each of msggen's commands takes on the whole of v1.18."""
     package = str(folder / "px4_msgs")
     build = [*MSGGEN, "build", "--quiet", "--output"]
     sync = [*MSGGEN, "sync", "--quiet", "--px4", str(ROOT), "--create"]
@@ -61,7 +61,7 @@ def write_copies(folder: Path, catalog: Catalog, copies: int) -> int:
     """Write so many copies of the embedded set into `folder`, with names and topics of their own; return how many."""
     names = {message.name for message in catalog.messages.values() if message.folder == "msg"}
     folder.mkdir(parents=True)
-    for path in sorted((ROOT / "msg").rglob("*.msg")):
+    for path in sorted(path for part in ("msg", "msg/versioned") for path in (ROOT / part).glob("*.msg")):
         text = path.read_text(encoding="utf-8")
         for number in range(copies):
             name = f"{path.stem}Copy{number}"

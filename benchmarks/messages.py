@@ -1,4 +1,4 @@
-"""What is measured: eleven messages of the embedded PX4 v1.17, each with one sample from the tests' vectors.
+"""What is measured: eleven messages of the embedded PX4 v1.18, each with one sample from the tests' vectors.
 
 The values are random ones that the firmware's own serializer wrote: any number, finite floats.
 """

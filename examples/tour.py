@@ -18,7 +18,7 @@ print(f"type      {about.ros_type}, message hash {about.message_hash:#010x}, {ab
 for field in about.fields[:3]:
     print(f"field     {field.name}: {field.type} [{field.unit}] at byte {field.offset}")
 
-endpoint = topics.endpoint("/fmu/out/vehicle_status_v1")
+endpoint = topics.endpoint("/fmu/out/vehicle_status_v4")
 print(
     f"endpoint  {endpoint.ros_name}: {endpoint.message.__name__}, id {endpoint.object_id}, {endpoint.rate_limit_hz} Hz"
 )

@@ -56,7 +56,7 @@ def breaking(
     comparison = Comparison(_side(previous), _side(current))
     findings = [finding for finding in find(comparison, rules) if not _is_ignored(finding, ignored or {})]
     report = _report(comparison, rules, findings, ("breaks nothing of", "breaks"))
-    return replace(report, notices=comparison.current.catalog.notices)
+    return replace(report, notices=(*previous.notices, *comparison.current.catalog.notices))
 
 
 def example_of(rule: Rule) -> Report:
@@ -78,6 +78,8 @@ def _example(rule: Rule, side: str) -> Snapshot:
 def _side(sources: Sources) -> Side:
     """Return a side for `breaking`. A tree of the firmware without a bridge bridges nothing; a package does not say."""
     history = read_history(sources.root) if sources.root else None
+    if history and sources.embedded:  # without the headers, which are PX4's
+        history = replace(history, is_translated=True)
     catalog = read_catalog(sources, tolerated=COMPARABLE)
     return Side(sources.label, _place(sources), catalog, sources.is_tree or sources.bridge is not None, history)
 

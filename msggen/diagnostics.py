@@ -72,6 +72,7 @@ CODES: dict[str, str] = {
     "S117": "no earlier versions of messages",
     "S118": "a board that cannot be used",
     "S119": "a firmware that has more than the newest release msggen knows",
+    "S120": "a path or revision with the name of an embedded release",
     "S121": "a folder of definitions that msggen does not read",
     "B101": "a firmware that `bump` cannot write to",
     "B102": "a message that has no versions",
@@ -127,6 +128,7 @@ _LEVELS: Mapping[str, Level] = MappingProxyType(
         "Y106": Level.WARNING,
         "Y107": Level.WARNING,
         "S119": Level.NOTE,
+        "S120": Level.NOTE,
     }
 )
 """The codes that are no errors. What PX4 may add to its files is a warning, so that its next release still builds."""

@@ -13,7 +13,7 @@ def resource(name: str) -> str:
 
 
 def embedded_root() -> str:
-    """Return the folder with the embedded set: `msg/`, `srv/` and `dds_topics.yaml`."""
+    """Return the folder with the newest embedded release, and with `releases/`, which has the others."""
     root = _root("embedded")
     return os.path.join(root, "embedded") if root == _PACKAGE else root
 

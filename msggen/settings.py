@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
+from msggen.firmware.embedded import names_release
 from msggen.firmware.source import BoardOption, join_package, split_package
 from msggen.location import Location
 
@@ -119,8 +120,10 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
         return value
     if not isinstance(value, str) or not value:
         _fail(path, "C103", f"'{key}': expected a text, found {value!r}", *place)
-    is_path = field in _PATHS or (field == "board" and BoardOption(value).is_path)
-    return os.path.join(base, os.path.expanduser(value)) if is_path else value
+    if field not in _PATHS and not (field == "board" and BoardOption(value).is_path):
+        return value
+    joined = os.path.join(base, os.path.expanduser(value))
+    return value if field == "px4" and names_release(value) and not os.path.exists(joined) else joined
 
 
 def _folder(text: str, base: str, place: Location) -> str:

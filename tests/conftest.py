@@ -21,6 +21,12 @@ ROOT = Path(__file__).resolve().parent.parent
 VECTORS = Path(__file__).resolve().parent / "vectors"
 SHARED = ROOT.parent / "shared"
 
+DEFINITIONS = sorted(path for folder in ("msg", "msg/versioned") for path in (ROOT / folder).glob("*.msg"))
+"""The files of the newest embedded release, without the archived versions."""
+
+NAMES = sorted(path.stem for path in DEFINITIONS)
+"""Its messages."""
+
 _numbers = itertools.count()
 
 

@@ -13,14 +13,13 @@ from random import Random
 from typing import Any
 
 import numpy as np
-from conftest import ROOT, VECTORS, catalog_of, import_package
+from conftest import VECTORS, catalog_of, import_package
 from hypothesis import strategies as st
 from reference import HEADERS, serialize
 from test_codec import values_of
 
 from msggen.model import FLOATS, INTEGER_RANGES, ArrayKind, Catalog, FieldType, Message
 
-NAMES = sorted(path.stem for path in ROOT.glob("msg/**/*.msg"))
 ENCODINGS = sorted(HEADERS)
 USUAL = ("little", 1)
 HEADER = HEADERS[USUAL]

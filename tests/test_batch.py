@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ROOT, import_package, shared
+from conftest import NAMES, ROOT, import_package, shared
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.lib import recfunctions
@@ -29,7 +29,6 @@ from samples import (
     ENCODINGS,
     HEADER,
     MADE_UP_NAMES,
-    NAMES,
     SOME,
     USUAL,
     MadeUp,
@@ -197,7 +196,7 @@ def test_arrays_encode_as_their_messages_do(name: str, vectors: dict[str, Sample
     check_encoding(getattr(px4_types, name), vectors[name][USUAL])
 
 
-@pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.17"])
+@pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.17", "v1.18"])
 def test_the_samples_of_a_release_are_what_decode_gives(release: str, tmp_path: Path) -> None:
     path = shared(f"oracles/cdr-{release}.json")
     catalog = read_catalog(find_sources(str(shared(f"firmware/{release}"))))
@@ -264,13 +263,13 @@ def test_columns_stand_in_the_order_of_the_fields(px4_types: Any) -> None:
     messages = [px4_types.EscStatus()]
     found = batch_of(px4_types.EscStatus).columns(px4_types.EscStatus.decode_batch([messages[0].encode()]))
     assert list(found) == list(in_columns(messages))
-    assert list(found)[-1] == "esc[7].esc_power"
+    assert list(found)[-1] == "esc[11].esc_power"
 
 
 def test_nested_arrays_have_the_shape_of_their_messages(px4_types: Any) -> None:
     array = px4_types.EscStatus.decode_batch([px4_types.EscStatus().encode()] * 3)
     assert array.shape == (3,)
-    assert array["esc"].shape == array["esc"]["esc_rpm"].shape == (3, 8)
+    assert array["esc"].shape == array["esc"]["esc_rpm"].shape == (3, 12)
 
 
 def buffers(samples: list[bytes], folder: Path) -> Iterator[tuple[Any, bool]]:
@@ -368,7 +367,7 @@ def test_what_nobody_gave_is_an_empty_array(px4_types: Any) -> None:
     for nothing in empty:
         array = cls.decode_batch(nothing)
         assert (array.shape, array.dtype) == ((0,), cls.dtype())
-        assert array["esc"]["esc_rpm"].shape == (0, 8)
+        assert array["esc"]["esc_rpm"].shape == (0, 12)
         assert cls.encode_batch(array) == []
         assert {len(column) for column in batch_of(cls).columns(array).values()} == {0}
 
@@ -448,7 +447,7 @@ def test_columns_go_into_pandas(px4_types: Any) -> None:
 def test_columns_go_into_tables(library: str, table: str, px4_types: Any) -> None:
     found = getattr(pytest.importorskip(library), table)(some_columns(px4_types))
     assert found["esc[7].esc_rpm"].to_numpy().tolist() == [0, 10, 20]
-    assert found.shape == (3, 6 + 8 * 12)
+    assert found.shape == (3, 6 + 12 * 11)
 
 
 def some_columns(px4_types: Any) -> Any:
@@ -598,11 +597,11 @@ def test_a_wrong_type_of_a_nested_field_is_refused_by_its_path(px4_types: Any) -
     nested = np.dtype(
         [(name, "f8" if name == "esc_rpm" else cls.dtype()["esc"].base[name]) for name in cls.dtype()["esc"].base.names]
     )
-    for shape in (8, 7, (8, 1), (2, 4)):
+    for shape in (12, 11, (12, 1), (3, 4)):
         with pytest.raises(px4_types.EncodeError, match=r"^EscStatus.esc"):
             cls.encode_batch(changed_type(cls, "esc", (nested, shape)))
     with pytest.raises(px4_types.EncodeError, match=r"^EscStatus\.esc\.esc_rpm: expected int32, got float64$"):
-        cls.encode_batch(changed_type(cls, "esc", (nested, (8,))))
+        cls.encode_batch(changed_type(cls, "esc", (nested, (12,))))
 
 
 def test_a_field_too_many_is_refused_with_a_suggestion(px4_types: Any) -> None:
@@ -724,7 +723,7 @@ def test_elements_of_a_nested_array_are_sorted_in_a_copy(px4_types: Any) -> None
         report.esc_rpm = -number
     array = cls.decode_batch([message.encode()])
     array["esc"] = np.sort(array["esc"], order="esc_rpm")
-    assert array["esc"]["esc_rpm"].tolist() == [list(range(-7, 1))]
+    assert array["esc"]["esc_rpm"].tolist() == [list(range(-11, 1))]
     expected = copy.deepcopy(message)
     expected.esc = message.esc[::-1]
     assert cls.encode_batch(array) == [expected.encode()]

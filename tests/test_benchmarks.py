@@ -107,7 +107,7 @@ def test_varied_samples_differ_in_nothing_but_the_timestamp(samples: dict[str, S
 
 
 def test_definitions_carry_what_they_nest(samples: dict[str, Sample]) -> None:
-    assert "EscReport[8] esc\n" in samples["EscStatus"].definition()
+    assert "EscReport[12] esc\n" in samples["EscStatus"].definition()
     assert "\nMSG: px4_msgs/EscReport\nuint64 timestamp\n" in samples["EscStatus"].definition()
 
 
@@ -223,9 +223,9 @@ def test_memory_is_that_of_one_kept_object() -> None:
 
 def test_copies_of_the_set_are_as_many_messages_that_fit_together(tmp_path: Path, samples: dict[str, Sample]) -> None:
     catalog = samples["EscStatus"].catalog
-    assert generation.write_copies(tmp_path / "copies", catalog, 2) == 2 * 235
+    assert generation.write_copies(tmp_path / "copies", catalog, 2) == 2 * 259
     copies = read_catalog(find_sources(None, (str(tmp_path / "copies"),)))
-    assert len(copies.messages) == 2 * 235
+    assert len(copies.messages) == 2 * 259
     esc = copies.messages["px4_msgs/EscStatusCopy1"].fields[-1]
     assert esc.type.name == "EscReportCopy1"
 
@@ -349,7 +349,7 @@ def test_the_environment_is_kept_until_requirements_change(
 # --- All of it
 
 
-TREE = ("benchmarks", "generated", "msg", "msggen", "srv", "templates", "tests/vectors")
+TREE = ("benchmarks", "generated", "msg", "msggen", "releases", "srv", "templates", "tests/vectors")
 FILES = ("LICENSE", "README.md", "dds_topics.yaml", "pyproject.toml")
 
 

@@ -912,7 +912,7 @@ def test_an_interrupted_build_says_so_and_leaves_nothing(
 
 def test_no_source_and_no_output_give_the_embedded_set_in_generated(capsys: pytest.CaptureFixture[str]) -> None:
     assert build() == 0
-    assert "px4_types from the embedded PX4 v1.17: 235 messages, " in capsys.readouterr().out
+    assert "px4_types from the embedded PX4 v1.18: 259 messages, " in capsys.readouterr().out
     assert (PACKAGE / "msg" / "_sensor_combined.py").is_file()
 
 
@@ -923,7 +923,7 @@ def test_a_firmware_tree_gives_types_ids_and_endpoints(monkeypatch: pytest.Monke
     assert package.VehicleStatus.__msg__.ros_type == "px4_msgs/msg/VehicleStatus"
     assert sorted(topics.UORB) == [topic.name for topic in topics.ORB_ID]
     assert [endpoint.ros_name for endpoint in topics.ENDPOINTS] == [
-        "/fmu/out/vehicle_status_v1",
+        "/fmu/out/vehicle_status_v4",
         "/fmu/in/vehicle_command",
     ]
 
@@ -957,7 +957,7 @@ def conventions(package: Any) -> tuple[str, int]:
 
 V1_14 = ("rt/fmu/out/vehicle_status", 1000)
 V1_15 = ("rt/fmu/out/vehicle_status", 2048)
-V1_16 = ("rt/fmu/out/vehicle_status_v1", 2048)
+V1_16 = ("rt/fmu/out/vehicle_status_v4", 2048)
 
 
 @pytest.mark.parametrize(
@@ -978,7 +978,8 @@ def test_a_release_is_recognised(
 
 
 @pytest.mark.parametrize(
-    ("release", "expected"), [("v1.14", V1_14), ("v1.15", V1_15), ("v1.16", V1_16), ("v1.17", V1_16), ("main", V1_16)]
+    ("release", "expected"),
+    [("v1.14", V1_14), ("v1.15", V1_15), ("v1.16", V1_16), ("v1.17", V1_16), ("v1.18", V1_16), ("main", V1_16)],
 )
 def test_a_release_given_overrules_what_the_tree_looks_like(
     release: str, expected: tuple[str, int], monkeypatch: pytest.MonkeyPatch
@@ -1111,7 +1112,7 @@ def test_topics_given_make_endpoints_of_a_bare_folder(monkeypatch: pytest.Monkey
 def test_topics_given_alone_go_with_the_embedded_set(capsys: pytest.CaptureFixture[str]) -> None:
     write_definitions(Path(), {"given.yaml": BRIDGE})
     assert build("--topics", "given.yaml") == 0
-    assert re.search(r"px4_types from .*: 235 messages, .* 2 endpoints\b", capsys.readouterr().out, re.MULTILINE)
+    assert re.search(r"px4_types from .*: 259 messages, .* 2 endpoints\b", capsys.readouterr().out, re.MULTILINE)
 
 
 def test_a_tree_without_a_bridge_gives_types_and_ids(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -1130,7 +1131,7 @@ def test_a_tree_may_be_named_by_a_link_to_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("release", "messages"), [("v1.14", 184), ("v1.16", 226), ("v1.17", 235), ("main-2026-03", 242)]
+    ("release", "messages"), [("v1.14", 184), ("v1.16", 226), ("v1.17", 235), ("v1.18", 259), ("main-2026-03", 242)]
 )
 def test_a_real_tree_gives_all_messages_but_the_archived(release: str, messages: int) -> None:
     tree = shared(f"firmware/{release}")

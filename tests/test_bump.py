@@ -22,9 +22,10 @@ from msggen.bump.plan import plan_bump
 from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.diagnostics import CODES
 from msggen.firmware.catalog import read_catalog
+from msggen.firmware.embedded import embedded_tree
 from msggen.firmware.history import read_history
 from msggen.firmware.source import find_sources
-from msggen.firmware.tree import Folder
+from msggen.firmware.tree import Folder, Tree
 from msggen.model import ArrayKind, FieldType, Message
 
 VERSIONED = Path("msg/versioned")
@@ -64,17 +65,28 @@ V1_ALL = """#pragma once
 
 @pytest.fixture(autouse=True)
 def firmware(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder: a committed PX4 tree of embedded definitions, with an earlier version of VehicleStatus."""
+    """The current folder: a committed PX4 tree of the embedded v1.17, with an earlier version of VehicleStatus."""
     tree = tmp_path / "PX4-Autopilot"
-    shutil.copytree(ROOT / "msg", tree / "msg")
-    shutil.copytree(ROOT / "srv", tree / "srv")
-    files = {str(STATUS_V1_HEADER): V1_HEADER, str(ALL): V1_ALL, "msg/translation_node/CMakeLists.txt": "# The node.\n"}
-    files[str(BRIDGE)] = (ROOT / "dds_topics.yaml").read_text()
+    release = embedded_tree("v1.17")
+    files = {name: text for folder in ("msg/", "msg/versioned/", "srv/") for name, text in texts_in(release, folder)}
+    files |= {
+        str(STATUS_V1_HEADER): V1_HEADER,
+        str(ALL): V1_ALL,
+        "msg/translation_node/CMakeLists.txt": "# The node.\n",
+    }
+    files[str(BRIDGE)] = release.read("dds_topics.yaml").decode()
     files[str(ARCHIVE / "VehicleStatusV0.msg")] = "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\nuint8 nav_state\n"
     write_definitions(tree, files)
     commit(tree)
     monkeypatch.chdir(tree)
     return tree
+
+
+def texts_in(release: Tree, folder: str) -> Iterator[tuple[str, str]]:
+    """Yield names and texts of the definitions in a folder of an embedded release."""
+    for name in release.names(folder):
+        if name.endswith((".msg", ".srv")):
+            yield folder + name, release.read(folder + name).decode()
 
 
 def commit(tree: Path) -> None:
@@ -203,7 +215,7 @@ def test_a_tree_without_translations_gets_them(firmware: Path, capsys: pytest.Ca
 
 
 def test_the_old_definition_can_come_from_another_tree(firmware: Path, tmp_path: Path) -> None:
-    old = (ROOT / STATUS).read_text()
+    old = STATUS.read_text()
     write_definitions(tmp_path / "px4_msgs", {"msg/VehicleStatus.msg": old})
     append(STATUS, "uint8 battery_count")
     commit(firmware)

@@ -98,7 +98,7 @@ def test_without_a_firmware_the_embedded_set_judges(capsys: Capture) -> None:
     for kind in ("msg", "srv"):
         shutil.copytree(ROOT / kind, f"px4_msgs/{kind}")
     assert check("px4_msgs") == DONE
-    assert capsys.readouterr().out.startswith("px4_msgs matches the embedded PX4 v1.17: 235 messages")
+    assert capsys.readouterr().out.startswith("px4_msgs matches the embedded PX4 v1.18: 259 messages")
     edit("px4_msgs/msg/Rpm.msg", "rpm_raw", "rpm_measured")
     assert drift(capsys, "px4_msgs") == {("FIELD_RENAMED", "Rpm")}
 
@@ -168,16 +168,16 @@ EDITS = [
     Edit("field moved", RPM, "".join(VALUES), "".join(reversed(VALUES)), [("FIELD_MOVED", "Rpm")]),
     Edit("field retyped", RPM, "float32 rpm_raw", "int32 rpm_raw", [("FIELD_RETYPED", "Rpm")]),
     Edit("field renamed", RPM, "rpm_raw", "rpm_measured", [("FIELD_RENAMED", "Rpm")]),
-    Edit("array", STATUS, "EscReport[8]", "EscReport[12]", [("ARRAY_LENGTH_CHANGED", "EscStatus"), NESTED[1]]),
+    Edit("array", STATUS, "EscReport[12]", "EscReport[16]", [("ARRAY_LENGTH_CHANGED", "EscStatus"), NESTED[1]]),
     Edit(
         "field gone at depth 2", REPORT, "float32 esc_current  # [A]\n", "", [("FIELD_REMOVED", "EscReport"), *NESTED]
     ),
     Edit("type at depth 2", REPORT, "int32 esc_rpm", "float32 esc_rpm", [("FIELD_RETYPED", "EscReport"), *NESTED]),
     Edit("name at depth 2", REPORT, "esc_rpm", "esc_speed", [("FIELD_RENAMED", "EscReport"), *NAMED]),
-    Edit("value of a constant", STATUS, "_MAX = 8", "_MAX = 12", [("CONSTANT_VALUE_CHANGED", "EscStatus")]),
+    Edit("value of a constant", STATUS, "_MAX = 12", "_MAX = 16", [("CONSTANT_VALUE_CHANGED", "EscStatus")]),
     Edit("type of a constant", STATUS, "uint8 CONN", "uint16 CONN", [("CONSTANT_TYPE_CHANGED", "EscStatus")]),
-    Edit("constant gone", STATUS, "uint8 CONNECTED_ESC_MAX = 8\n", "", [("CONSTANT_REMOVED", "EscStatus")]),
-    Edit("constant more", STATUS, "_MAX = 8", "_MAX = 8\nuint8 MORE = 1", [("CONSTANT_ADDED", "EscStatus")]),
+    Edit("constant gone", STATUS, "uint8 CONNECTED_ESC_MAX = 12\n", "", [("CONSTANT_REMOVED", "EscStatus")]),
+    Edit("constant more", STATUS, "_MAX = 12", "_MAX = 12\nuint8 MORE = 1", [("CONSTANT_ADDED", "EscStatus")]),
     Edit("request", SERVICE, "Command request", "Command[2] request", [("ARRAY_LENGTH_CHANGED", REQUEST)]),
     Edit("response", SERVICE, "---\n", "---\nuint8 attempts\n", [("FIELD_ADDED", RESPONSE)]),
     Edit(
@@ -187,8 +187,8 @@ EDITS = [
         "uint8 from_external",
         [("FIELD_RETYPED", "VehicleCommandAck"), ("NESTED_LAYOUT_CHANGED", RESPONSE)],
     ),
-    Edit("version", ACK, "_VERSION = 0", "_VERSION = 1", [("VERSION_DIFFERS", "VehicleCommandAck")]),
-    Edit("version gone", ACK, "uint32 MESSAGE_VERSION = 0", "", [("VERSION_DIFFERS", "VehicleCommandAck")]),
+    Edit("version", ACK, "_VERSION = 1", "_VERSION = 2", [("VERSION_DIFFERS", "VehicleCommandAck")]),
+    Edit("version gone", ACK, "uint32 MESSAGE_VERSION = 1", "", [("VERSION_DIFFERS", "VehicleCommandAck")]),
 ]
 
 
@@ -290,7 +290,7 @@ def test_a_constant_that_is_not_a_number_is_the_same_on_both_sides(capsys: Captu
 def test_a_package_of_another_name_is_compared_by_names_of_messages(name: str, capsys: Capture) -> None:
     write_definitions(Path("px4_msgs"), {"package.xml": MANIFEST.replace("px4_msgs", name)})
     assert drift(capsys) == IN_STEP
-    edit(MSG / "EscStatus.msg", "EscReport[8]", f"{name}/EscReport[8]")
+    edit(MSG / "EscStatus.msg", "EscReport[12]", f"{name}/EscReport[12]")
     assert drift(capsys) == IN_STEP
     edit(MSG / "EscReport.msg", "int32 esc_rpm", "float32 esc_rpm")
     assert drift(capsys) == {("FIELD_RETYPED", "EscReport"), *NESTED}
@@ -479,13 +479,13 @@ def test_what_does_not_cross_the_bridge_does_not_count(place: str, capsys: Captu
 
 
 def test_of_what_crosses_everything_counts(capsys: Capture) -> None:
-    edit(MSG / "VehicleStatus.msg", "MESSAGE_VERSION = 1", "MESSAGE_VERSION = 2")
+    edit(MSG / "VehicleStatus.msg", "MESSAGE_VERSION = 4", "MESSAGE_VERSION = 5")
     (MSG / "EscStatus.msg").unlink()
     assert drift(capsys, *TOPICS_ONLY) >= {("VERSION_DIFFERS", "VehicleStatus"), ("MESSAGE_REMOVED", "EscStatus")}
 
 
 def test_what_is_there_is_not_said_to_be_missing(capsys: Capture) -> None:
-    edit(MSG / "EscStatus.msg", "EscReport[8] esc ", "uint8 esc ")
+    edit(MSG / "EscStatus.msg", "EscReport[12] esc ", "uint8 esc ")
     assert drift(capsys, *TOPICS_ONLY) == {("FIELD_RETYPED", "EscStatus")}
 
 

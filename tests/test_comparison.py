@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import comparison as slow
 import pytest
-from conftest import ROOT, shared, write_definitions
+from conftest import DEFINITIONS, shared, write_definitions
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -178,7 +178,7 @@ def test_a_flattened_package_matches_its_firmware(release: str, tmp_path: Path) 
 
 # --- Random edits of real definitions
 
-TEXTS = {path.stem: path.read_text() for path in (ROOT / "msg").rglob("*.msg")}
+TEXTS = {path.stem: path.read_text() for path in DEFINITIONS}
 NAMES = ("EscStatus", "EscReport", "VehicleStatus", "PositionSetpointTriplet", "PositionSetpoint", "SensorCombined")
 
 

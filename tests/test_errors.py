@@ -255,9 +255,9 @@ DOUBTS = [
     doubt("Y107", "4:17", "'cc': expected drop, block; found wait", f"{ENTRY}  options: {{cc: wait}}\n"),
 ]
 
-OF_OTHER_COMMANDS = {"M407", "S110", "S111", "S112", "S113", "S114", "S115", "S116", "S119"}
-"""What no build stops at: test_boards.py has M407, test_check.py S110, test_next_firmware.py S119, test_sync_refused.py
-the others."""
+OF_OTHER_COMMANDS = {"M407", "S110", "S111", "S112", "S113", "S114", "S115", "S116", "S119", "S120"}
+"""What no build stops at: test_boards.py has M407, test_check.py S110, test_next_firmware.py S119, test_embedded.py
+S120, test_sync_refused.py the others."""
 
 
 def build(folder: Path, fault: Fault, monkeypatch: pytest.MonkeyPatch) -> int:

@@ -23,7 +23,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 from capture import capture
-from conftest import ROOT, VECTORS, write_definitions
+from conftest import NAMES, ROOT, VECTORS, write_definitions
 from markdown_it import MarkdownIt
 from reference import HEADERS, Values, deserialize, serialize
 
@@ -35,7 +35,6 @@ from msggen.model import ArrayKind, Catalog, Message, snake_case
 GALLERY = ROOT / "docs" / "gallery"
 PAGE = (ROOT / "docs" / "render.md").read_text(encoding="utf-8")
 HELPERS = Path(__file__).resolve().parent / "gallery"
-NAMES = sorted(path.stem for path in ROOT.glob("msg/**/*.msg"))
 USUAL = ("little", 1)
 REFUSED = "refused"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import VECTORS, catalog_of, shared, write_definitions
+from conftest import catalog_of, shared, write_definitions
 
 from msggen.firmware import source
 from msggen.firmware.catalog import read_catalog
@@ -83,18 +83,6 @@ def assert_same_endpoints(found: list[dict[str, Any]], expected: list[dict[str, 
     assert [{key: entry[key] for key in columns} for entry in found] == [
         {key: entry[key] for key in columns} for entry in expected
     ]
-
-
-def test_the_embedded_set_is_v1_17(embedded: Catalog) -> None:
-    assert uorb_of(embedded) == load(VECTORS / "uorb.json")
-    assert rihs01_of(embedded) == load(VECTORS / "rihs01.json")
-
-
-def test_the_embedded_bridge_is_that_of_v1_17_and_debug_vect(embedded: Catalog) -> None:
-    found = dds_of(embedded)
-    assert_same_endpoints(found[:-1], load(VECTORS / "dds.json"))
-    assert found[-1]["yaml_topic"] == "/fmu/in/debug_vect"
-    assert found[-1]["object_id"] == found[-2]["object_id"] + 1
 
 
 @pytest.mark.parametrize("release", RELEASES)

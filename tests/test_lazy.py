@@ -18,12 +18,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ROOT, catalog_of, import_package, shared
+from conftest import NAMES, ROOT, catalog_of, import_package, shared
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from samples import (
     MADE_UP_NAMES,
-    NAMES,
     SOME,
     USUAL,
     MadeUp,
@@ -78,7 +77,7 @@ def test_views_of_unusual_messages_equal_what_decode_gives(name: str, made_up: M
     check_views(made_up.cls(name), made_up.samples(name))
 
 
-@pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.17"])
+@pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.17", "v1.18"])
 def test_views_of_the_samples_of_a_release_equal_what_decode_gives(release: str, tmp_path: Path) -> None:
     path = shared(f"oracles/cdr-{release}.json")
     catalog = read_catalog(find_sources(str(shared(f"firmware/{release}"))))
@@ -173,9 +172,9 @@ def test_a_view_decodes_messages_and_knows_its_class(px4_types: Any) -> None:
 def test_a_view_can_be_part_of_a_message(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     """And its nested views parts of other ones."""
     status, report = px4_types.EscStatus, px4_types.EscReport
-    views = tuple(report.lazy(report(timestamp=number).encode()) for number in range(8))
+    views = tuple(report.lazy(report(timestamp=number).encode()) for number in range(12))
     message = status(esc=views)
-    assert message == status(esc=tuple(report(timestamp=number) for number in range(8)))
+    assert message == status(esc=tuple(report(timestamp=number) for number in range(12)))
     assert status(esc=status.lazy(message.encode()).esc) == message
     cls, sample = getattr(px4_types, name), vectors[name][USUAL][1]
     view = cls.lazy(sample)

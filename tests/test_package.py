@@ -1,5 +1,5 @@
 """What the classes of the committed package do, as issue 2 promises: values, codec, errors, protocols of the standard
-library, lazy imports, topics. Sample values of every field type go through every one of the 235 messages.
+library, lazy imports, topics. Sample values of every field type go through every one of the 259 messages.
 """
 
 from __future__ import annotations
@@ -25,14 +25,13 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from conftest import ROOT, catalog_of, import_package
+from conftest import NAMES, ROOT, catalog_of, import_package
 from hypothesis import given
 from hypothesis import strategies as st
 from reference import HEADERS, serialize, to_values
 
 from msggen.model import FLOATS, INTEGER_RANGES, SIZES, Catalog
 
-NAMES = sorted(path.stem for path in ROOT.glob("msg/**/*.msg"))
 BYTES = ("uint8", "char", "byte")
 
 SOME = ["SensorCombined", "VehicleStatus", "DebugKeyValue", "DebugArray", "PositionSetpointTriplet", "EscStatus"]
@@ -107,7 +106,7 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 def test_the_committed_package_has_all_messages() -> None:
-    assert len(NAMES) == 235
+    assert len(NAMES) == 259
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -317,7 +316,7 @@ def test_no_message_has_a_dictionary(name: str, px4_types: Any) -> None:
 def test_defaults_that_can_change_are_not_shared(name: str, field: str, px4_types: Any) -> None:
     one, other = (getattr(getattr(px4_types, name)(), field) for _ in range(2))
     assert one is not other
-    assert name != "EscStatus" or len({id(report) for report in (*one, *other)}) == 16
+    assert name != "EscStatus" or len({id(report) for report in (*one, *other)}) == 24
 
 
 # Dataclasses
@@ -632,12 +631,12 @@ def test_the_options_of_a_header_do_not_count(header: bytes, options: bytes, px4
 
 
 @pytest.mark.parametrize("order", ["big", "little"])
-@pytest.mark.parametrize("wrong", [0, 286, 288, 2**32 - 1])
+@pytest.mark.parametrize("wrong", [0, 430, 432, 2**32 - 1])
 def test_a_wrong_delimiter_header_is_an_error(order: Any, wrong: int, px4_types: Any, embedded: Catalog) -> None:
     data = bytearray(sample(embedded, px4_types.EscStatus(), order, 2))
-    assert int.from_bytes(data[20:24], order) == 287
+    assert int.from_bytes(data[20:24], order) == 431
     data[20:24] = wrong.to_bytes(4, order)
-    with pytest.raises(px4_types.DecodeError, match=rf"EscStatus: expected .*287.* got {wrong}"):
+    with pytest.raises(px4_types.DecodeError, match=rf"EscStatus: expected .*431.* got {wrong}"):
         px4_types.EscStatus.decode(data)
 
 
@@ -747,8 +746,8 @@ WRONG_LENGTHS = [
     ("DebugArray", "data", array.array("f"), "expected 58 values, got 0"),
     ("DebugArray", "data", [0.0] * 57, "expected 58 values, got 57"),
     ("DebugArray", "data", 1, "expected 58 values, got one: 1"),
-    ("EscStatus", "esc", (), "expected 8 values, got 0"),
-    ("EscStatus", "esc", 8, "expected 8 values, got one: 8"),
+    ("EscStatus", "esc", (), "expected 12 values, got 0"),
+    ("EscStatus", "esc", 8, "expected 12 values, got one: 8"),
 ]
 
 
@@ -778,10 +777,10 @@ def test_the_type_of_an_array_never_stands_in_for_its_values(code: str, everythi
     assert encode_error(everything, message).startswith("Everything.many_int32[0]: expected int32")
 
 
-@pytest.mark.parametrize("count", [7, 9])
+@pytest.mark.parametrize("count", [11, 13])
 def test_nested_messages_are_counted(count: int, px4_types: Any) -> None:
     status = px4_types.EscStatus(esc=tuple(px4_types.EscReport() for _ in range(count)))
-    assert encode_error(px4_types, status) == f"EscStatus.esc: expected 8 values, got {count}"
+    assert encode_error(px4_types, status) == f"EscStatus.esc: expected 12 values, got {count}"
 
 
 @pytest.mark.parametrize("wrong", ["other", None, 5, "a dictionary"])
@@ -790,7 +789,7 @@ def test_a_nested_value_of_the_wrong_type_is_named(wrong: Any, px4_types: Any) -
     triplet = assigned(px4_types.PositionSetpointTriplet(), "current", given_)
     text = encode_error(px4_types, triplet)
     assert text.startswith("PositionSetpointTriplet.current: expected PositionSetpoint, got ")
-    reports = [px4_types.EscReport() for _ in range(8)]
+    reports = [px4_types.EscReport() for _ in range(12)]
     reports[3] = given_
     text = encode_error(px4_types, px4_types.EscStatus(esc=reports))
     assert text.startswith("EscStatus.esc[3]: expected EscReport, got ")
@@ -864,7 +863,7 @@ def test_endpoints_are_those_of_the_bridge(px4_types: Any, embedded: Catalog) ->
         version = endpoint.message.__msg__.message_version
         assert endpoint.ros_name == entry.topic + (f"_v{version}" if version else "")
     last = endpoints[-1]
-    assert (last.ros_name, last.message) == ("/fmu/in/debug_vect", px4_types.DebugVect)
+    assert (last.ros_name, last.message) == ("/fmu/in/aux_global_position_v1", px4_types.AuxGlobalPosition)
 
 
 def test_an_endpoint_is_found_by_either_name(px4_types: Any) -> None:
@@ -877,9 +876,9 @@ def test_an_endpoint_is_found_by_either_name(px4_types: Any) -> None:
 @pytest.mark.parametrize(
     ("wrong", "near"),
     [
-        ("/fmu/out/vehicle_status", "/fmu/out/vehicle_status_v1"),
-        ("/fmu/in/debug_vec", "/fmu/in/debug_vect"),
-        ("rt/fmu/in/debug_vec", "rt/fmu/in/debug_vect"),
+        ("/fmu/out/vehicle_status", "/fmu/out/vehicle_status_v4"),
+        ("/fmu/in/landing_gea", "/fmu/in/landing_gear"),
+        ("rt/fmu/in/landing_gea", "rt/fmu/in/landing_gear"),
     ],
 )
 def test_an_unknown_endpoint_gets_a_suggestion(wrong: str, near: str, px4_types: Any) -> None:
@@ -922,13 +921,13 @@ def test_both_ends_of_every_endpoint_get_on_with_each_other(px4_types: Any) -> N
 
 
 def test_px4_s_end_of_every_endpoint_is_what_px4_does(px4_types: Any) -> None:
-    """FACTS 4: writers BEST_EFFORT, TRANSIENT_LOCAL, KEEP_LAST; readers VOLATILE with twice the queue as depth."""
+    """Writers BEST_EFFORT, TRANSIENT_LOCAL, KEEP_LAST; readers VOLATILE, as deep as the queues of their sources."""
     for endpoint in px4_types.topics.ENDPOINTS:
         px4 = endpoint.qos.writer if endpoint.direction == "out" else endpoint.qos.reader
         assert (px4.reliability, px4.history) == ("BEST_EFFORT", "KEEP_LAST")
         assert px4.durability == ("TRANSIENT_LOCAL" if endpoint.direction == "out" else "VOLATILE")
         queue_length = getattr(endpoint.message, "ORB_QUEUE_LENGTH", 1)
-        assert endpoint.direction == "out" or px4.depth == 2 * queue_length
+        assert endpoint.direction == "out" or px4.depth == (endpoint.max_instances or 2) * queue_length
 
 
 def test_topics_exports_its_public_names_only(px4_types: Any) -> None:

@@ -146,7 +146,7 @@ view: SensorCombined = SensorCombined.lazy(sample)
 several: list[bytes] = SensorCombined.encode_batch(SensorCombined.decode_batch([sample, bytearray(sample)]))
 one: SensorCombined = SensorCombined.from_row(SensorCombined.decode_batch(sample)[0])
 number: topics.ORB_ID = topics.ORB_ID.vehicle_odometry
-depth: int = topics.endpoint("/fmu/out/vehicle_status_v1").qos.reader.depth
+depth: int = topics.endpoint("/fmu/out/vehicle_status_v4").qos.reader.depth
 match VehicleStatus():
     case VehicleStatus(arming_state=VehicleStatus.ARMING_STATE_ARMED):
         pass

@@ -124,7 +124,7 @@ def test_without_a_source_it_is_the_embedded_set(capsys: pytest.CaptureFixture[s
     write(any__j2="{{ message.name }}")
     assert main(["render", "--template", "any.j2", "-o", "out"]) == DONE
     assert capsys.readouterr().out == (
-        "any.j2 from the embedded PX4 v1.17: 235 messages\nout: 235 files written, 0 unchanged\n"
+        "any.j2 from the embedded PX4 v1.18: 259 messages\nout: 259 files written, 0 unchanged\n"
     )
 
 
@@ -488,7 +488,7 @@ def test_a_path_of_a_leaf_is_written_as_in_code(catalog: CatalogView) -> None:
     message = next(message for message in catalog.messages if message.name == "EscStatus")
     paths = [leaf.path for leaf in message.leaves]
     assert paths[:7] == [*(field.name for field in message.fields[:-1]), "esc[0].timestamp"]
-    assert paths[-1] == "esc[7].esc_power"
+    assert paths[-1] == "esc[11].esc_power"
     assert message.leaves[-1].field.unit == "%"
 
 

@@ -20,7 +20,7 @@ from msggen.model import Message
 
 parser = pytest.importorskip("rosidl_adapter.parser", reason="rosidl_adapter has wheels for Linux on x86-64 only")
 
-SOURCES = ["embedded", "v1.14", "v1.16", "v1.17", "main-2026-03"]
+SOURCES = ["embedded", "v1.14", "v1.16", "v1.17", "v1.18", "main-2026-03"]
 CMAKE = shutil.which("cmake") or ""
 STAND_INS = {
     "ament_cmake/ament_cmakeConfig.cmake": """

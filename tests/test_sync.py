@@ -40,7 +40,7 @@ from msggen.firmware.source import find_sources
 from msggen.package import write
 from msggen.package.change import describe_change
 
-RELEASES = ("v1.14", "v1.16", "v1.17", "main-2026-03")
+RELEASES = ("v1.14", "v1.16", "v1.17", "v1.18", "main-2026-03")
 
 
 @pytest.fixture(autouse=True)
@@ -82,8 +82,8 @@ def test_external_modules_go_in_too_and_leave_again() -> None:
 
 def test_without_a_source_it_is_the_embedded_set() -> None:
     assert sync("-q", "--create", PACKAGE) == 0
-    assert len(os.listdir(PACKAGE / "msg")) == 235
-    assert "PX4 v1.17" in (PACKAGE / "README.md").read_text()
+    assert len(os.listdir(PACKAGE / "msg")) == 259
+    assert "PX4 v1.18, as msggen brings it along" in (PACKAGE / "README.md").read_text()
 
 
 def test_settings_name_the_firmware_but_not_the_ros_package() -> None:
@@ -456,7 +456,7 @@ def test_messages_that_no_longer_cross_leave_and_hand_made_ones_stay() -> None:
 SUMMARY = """\
 added   msg/Wheel.msg
 changed msg/EscReport.msg: fields; /fmu/out/esc_status
-changed msg/VehicleStatus.msg: only comments; /fmu/out/vehicle_status_v1
+changed msg/VehicleStatus.msg: only comments; /fmu/out/vehicle_status_v4
 changed srv/VehicleCommand.srv: constants
 removed msg/Rpm.msg
 left alone, not the firmware's: msg/Mine.msg
@@ -570,7 +570,7 @@ def test_many_changes_of_comments_are_told_by_their_number(number: int, capsys: 
         path.write_text(f"# More.\n{path.read_text()}")
     assert sync("--px4", "firmware", PACKAGE) == 0
     *changes, last = capsys.readouterr().out.splitlines()
-    assert last == f"px4_msgs from firmware: {number} changed, {235 - number} unchanged"
+    assert last == f"px4_msgs from firmware: {number} changed, {259 - number} unchanged"
     assert len(changes) == (20 if number == 20 else 1)
     assert changes[0] == "changed 21 definitions: only comments" or changes[0].startswith("changed msg/")
 
@@ -620,9 +620,7 @@ def test_the_page_shows_what_is_really_said(capsys: pytest.CaptureFixture[str]) 
     (source / "msg" / "WheelSpeed.msg").write_text("uint64 timestamp\nfloat32[4] speed\n")
     for name, line in (("BatteryStatus", "# Said more clearly.\n"), ("VehicleStatus", "uint8 added\n")):
         path = source / "msg" / "versioned" / f"{name}.msg"
-        path.write_text(
-            path.read_text().replace("MESSAGE_VERSION = 1", f"MESSAGE_VERSION = {1 + ('uint' in line)}") + line
-        )
+        path.write_text(path.read_text().replace("MESSAGE_VERSION = 4", "MESSAGE_VERSION = 5") + line)
     report = source / "msg" / "EscReport.msg"
     report.write_text(report.read_text().replace("[V]", "[mV]", 1))
     bridge = (source / "dds_topics.yaml").read_text()

@@ -162,7 +162,7 @@ def without_bridge() -> None:
 
 def spelled_with_the_package() -> None:
     path = Path("firmware/msg/EscStatus.msg")
-    path.write_text(path.read_text().replace("EscReport[8]", "px4_msgs/EscReport[8]"))
+    path.write_text(path.read_text().replace("EscReport[12]", "px4_msgs/EscReport[12]"))
 
 
 def bad_firmware() -> None:

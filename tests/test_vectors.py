@@ -20,10 +20,10 @@ HEADER = b"\0\1\0\0"
 
 
 def test_the_embedded_set_reads_and_writes_the_bytes_of_the_firmware(embedded: Catalog, px4_types: Any) -> None:
-    assert check(embedded, px4_types, VECTORS / "cdr.json") == 5 * 235
+    assert check(embedded, px4_types, VECTORS / "cdr.json") == 5 * 259
 
 
-@pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.17"])
+@pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.17", "v1.18"])
 def test_a_release_reads_and_writes_the_bytes_of_its_firmware(release: str, tmp_path: Path) -> None:
     vectors = shared(f"oracles/cdr-{release}.json")
     catalog = read_catalog(find_sources(str(shared(f"firmware/{release}"))))

@@ -1,4 +1,4 @@
-"""Types, CDR codecs and topics of 235 messages of px4_msgs.
+"""Types, CDR codecs and topics of 259 messages of px4_msgs.
 
     from px4_types import SensorCombined, topics
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .msg import ArmingCheckReply as ArmingCheckReply
     from .msg import ArmingCheckRequest as ArmingCheckRequest
     from .msg import AutotuneAttitudeControlStatus as AutotuneAttitudeControlStatus
+    from .msg import AuxGlobalPosition as AuxGlobalPosition
     from .msg import BatteryInfo as BatteryInfo
     from .msg import BatteryStatus as BatteryStatus
     from .msg import ButtonEvent as ButtonEvent
@@ -52,11 +53,14 @@ if TYPE_CHECKING:
     from .msg import DebugKeyValue as DebugKeyValue
     from .msg import DebugValue as DebugValue
     from .msg import DebugVect as DebugVect
+    from .msg import DeviceInformation as DeviceInformation
     from .msg import DifferentialPressure as DifferentialPressure
     from .msg import DistanceSensor as DistanceSensor
     from .msg import DistanceSensorModeChangeRequest as DistanceSensorModeChangeRequest
     from .msg import DronecanNodeStatus as DronecanNodeStatus
     from .msg import Ekf2Timestamps as Ekf2Timestamps
+    from .msg import EscEepromRead as EscEepromRead
+    from .msg import EscEepromWrite as EscEepromWrite
     from .msg import EscReport as EscReport
     from .msg import EscStatus as EscStatus
     from .msg import EstimatorAidSource1d as EstimatorAidSource1d
@@ -65,6 +69,7 @@ if TYPE_CHECKING:
     from .msg import EstimatorBias as EstimatorBias
     from .msg import EstimatorBias3d as EstimatorBias3d
     from .msg import EstimatorEventFlags as EstimatorEventFlags
+    from .msg import EstimatorFusionControl as EstimatorFusionControl
     from .msg import EstimatorGpsStatus as EstimatorGpsStatus
     from .msg import EstimatorInnovations as EstimatorInnovations
     from .msg import EstimatorSelectorStatus as EstimatorSelectorStatus
@@ -75,6 +80,9 @@ if TYPE_CHECKING:
     from .msg import Event as Event
     from .msg import FailsafeFlags as FailsafeFlags
     from .msg import FailureDetectorStatus as FailureDetectorStatus
+    from .msg import FailureInjection as FailureInjection
+    from .msg import FiducialMarkerPosReport as FiducialMarkerPosReport
+    from .msg import FiducialMarkerYawReport as FiducialMarkerYawReport
     from .msg import FigureEightStatus as FigureEightStatus
     from .msg import FixedWingLateralGuidanceStatus as FixedWingLateralGuidanceStatus
     from .msg import FixedWingLateralSetpoint as FixedWingLateralSetpoint
@@ -86,6 +94,7 @@ if TYPE_CHECKING:
     from .msg import FollowTargetEstimator as FollowTargetEstimator
     from .msg import FollowTargetStatus as FollowTargetStatus
     from .msg import FuelTankStatus as FuelTankStatus
+    from .msg import GainCompression as GainCompression
     from .msg import GeneratorStatus as GeneratorStatus
     from .msg import GeofenceResult as GeofenceResult
     from .msg import GeofenceStatus as GeofenceStatus
@@ -103,7 +112,6 @@ if TYPE_CHECKING:
     from .msg import GpioOut as GpioOut
     from .msg import GpioRequest as GpioRequest
     from .msg import GpsDump as GpsDump
-    from .msg import GpsInjectData as GpsInjectData
     from .msg import Gripper as Gripper
     from .msg import HealthReport as HealthReport
     from .msg import HeaterStatus as HeaterStatus
@@ -144,6 +152,7 @@ if TYPE_CHECKING:
     from .msg import OffboardControlMode as OffboardControlMode
     from .msg import OnboardComputerStatus as OnboardComputerStatus
     from .msg import OpenDroneIdArmStatus as OpenDroneIdArmStatus
+    from .msg import OpenDroneIdBasicId as OpenDroneIdBasicId
     from .msg import OpenDroneIdOperatorId as OpenDroneIdOperatorId
     from .msg import OpenDroneIdSelfId as OpenDroneIdSelfId
     from .msg import OpenDroneIdSystem as OpenDroneIdSystem
@@ -164,12 +173,16 @@ if TYPE_CHECKING:
     from .msg import PowerButtonState as PowerButtonState
     from .msg import PowerMonitor as PowerMonitor
     from .msg import PpsCapture as PpsCapture
+    from .msg import PrecLandStatus as PrecLandStatus
     from .msg import PurePursuitStatus as PurePursuitStatus
     from .msg import PwmInput as PwmInput
     from .msg import Px4ioStatus as Px4ioStatus
     from .msg import QshellReq as QshellReq
     from .msg import QshellRetval as QshellRetval
     from .msg import RadioStatus as RadioStatus
+    from .msg import RangingBeacon as RangingBeacon
+    from .msg import RaptorInput as RaptorInput
+    from .msg import RaptorStatus as RaptorStatus
     from .msg import RateCtrlStatus as RateCtrlStatus
     from .msg import RcChannels as RcChannels
     from .msg import RcParameterMap as RcParameterMap
@@ -185,6 +198,7 @@ if TYPE_CHECKING:
     from .msg import RoverSteeringSetpoint as RoverSteeringSetpoint
     from .msg import RoverThrottleSetpoint as RoverThrottleSetpoint
     from .msg import Rpm as Rpm
+    from .msg import RtcmData as RtcmData
     from .msg import RtlStatus as RtlStatus
     from .msg import RtlTimeEstimate as RtlTimeEstimate
     from .msg import SatelliteInfo as SatelliteInfo
@@ -205,11 +219,15 @@ if TYPE_CHECKING:
     from .msg import SensorOpticalFlow as SensorOpticalFlow
     from .msg import SensorPreflightMag as SensorPreflightMag
     from .msg import SensorSelection as SensorSelection
+    from .msg import SensorTemp as SensorTemp
     from .msg import SensorUwb as SensorUwb
     from .msg import SensorsStatus as SensorsStatus
     from .msg import SensorsStatusImu as SensorsStatusImu
+    from .msg import SetpointConfig as SetpointConfig
+    from .msg import SetpointConfigReply as SetpointConfigReply
     from .msg import SystemPower as SystemPower
     from .msg import TakeoffStatus as TakeoffStatus
+    from .msg import TargetGnss as TargetGnss
     from .msg import TaskStackInfo as TaskStackInfo
     from .msg import TecsStatus as TecsStatus
     from .msg import TelemetryStatus as TelemetryStatus
@@ -226,7 +244,6 @@ if TYPE_CHECKING:
     from .msg import UnregisterExtComponent as UnregisterExtComponent
     from .msg import VehicleAcceleration as VehicleAcceleration
     from .msg import VehicleAirData as VehicleAirData
-    from .msg import VehicleAngularAccelerationSetpoint as VehicleAngularAccelerationSetpoint
     from .msg import VehicleAngularVelocity as VehicleAngularVelocity
     from .msg import VehicleAttitude as VehicleAttitude
     from .msg import VehicleAttitudeSetpoint as VehicleAttitudeSetpoint
@@ -250,7 +267,14 @@ if TYPE_CHECKING:
     from .msg import VehicleThrustSetpoint as VehicleThrustSetpoint
     from .msg import VehicleTorqueSetpoint as VehicleTorqueSetpoint
     from .msg import VelocityLimits as VelocityLimits
+    from .msg import VteAidSource1d as VteAidSource1d
+    from .msg import VteAidSource3d as VteAidSource3d
+    from .msg import VteBiasInitStatus as VteBiasInitStatus
+    from .msg import VteInput as VteInput
+    from .msg import VteOrientation as VteOrientation
+    from .msg import VtePosition as VtePosition
     from .msg import VtolVehicleStatus as VtolVehicleStatus
+    from .msg import Vtx as Vtx
     from .msg import WheelEncoders as WheelEncoders
     from .msg import Wind as Wind
     from .msg import YawEstimatorStatus as YawEstimatorStatus
@@ -284,6 +308,7 @@ __all__ = [
     "ArmingCheckReply",
     "ArmingCheckRequest",
     "AutotuneAttitudeControlStatus",
+    "AuxGlobalPosition",
     "BatteryInfo",
     "BatteryStatus",
     "ButtonEvent",
@@ -302,11 +327,14 @@ __all__ = [
     "DebugKeyValue",
     "DebugValue",
     "DebugVect",
+    "DeviceInformation",
     "DifferentialPressure",
     "DistanceSensor",
     "DistanceSensorModeChangeRequest",
     "DronecanNodeStatus",
     "Ekf2Timestamps",
+    "EscEepromRead",
+    "EscEepromWrite",
     "EscReport",
     "EscStatus",
     "EstimatorAidSource1d",
@@ -315,6 +343,7 @@ __all__ = [
     "EstimatorBias",
     "EstimatorBias3d",
     "EstimatorEventFlags",
+    "EstimatorFusionControl",
     "EstimatorGpsStatus",
     "EstimatorInnovations",
     "EstimatorSelectorStatus",
@@ -325,6 +354,9 @@ __all__ = [
     "Event",
     "FailsafeFlags",
     "FailureDetectorStatus",
+    "FailureInjection",
+    "FiducialMarkerPosReport",
+    "FiducialMarkerYawReport",
     "FigureEightStatus",
     "FixedWingLateralGuidanceStatus",
     "FixedWingLateralSetpoint",
@@ -336,6 +368,7 @@ __all__ = [
     "FollowTargetEstimator",
     "FollowTargetStatus",
     "FuelTankStatus",
+    "GainCompression",
     "GeneratorStatus",
     "GeofenceResult",
     "GeofenceStatus",
@@ -353,7 +386,6 @@ __all__ = [
     "GpioOut",
     "GpioRequest",
     "GpsDump",
-    "GpsInjectData",
     "Gripper",
     "HealthReport",
     "HeaterStatus",
@@ -394,6 +426,7 @@ __all__ = [
     "OffboardControlMode",
     "OnboardComputerStatus",
     "OpenDroneIdArmStatus",
+    "OpenDroneIdBasicId",
     "OpenDroneIdOperatorId",
     "OpenDroneIdSelfId",
     "OpenDroneIdSystem",
@@ -414,12 +447,16 @@ __all__ = [
     "PowerButtonState",
     "PowerMonitor",
     "PpsCapture",
+    "PrecLandStatus",
     "PurePursuitStatus",
     "PwmInput",
     "Px4ioStatus",
     "QshellReq",
     "QshellRetval",
     "RadioStatus",
+    "RangingBeacon",
+    "RaptorInput",
+    "RaptorStatus",
     "RateCtrlStatus",
     "RcChannels",
     "RcParameterMap",
@@ -435,6 +472,7 @@ __all__ = [
     "RoverSteeringSetpoint",
     "RoverThrottleSetpoint",
     "Rpm",
+    "RtcmData",
     "RtlStatus",
     "RtlTimeEstimate",
     "SatelliteInfo",
@@ -455,11 +493,15 @@ __all__ = [
     "SensorOpticalFlow",
     "SensorPreflightMag",
     "SensorSelection",
+    "SensorTemp",
     "SensorUwb",
     "SensorsStatus",
     "SensorsStatusImu",
+    "SetpointConfig",
+    "SetpointConfigReply",
     "SystemPower",
     "TakeoffStatus",
+    "TargetGnss",
     "TaskStackInfo",
     "TecsStatus",
     "TelemetryStatus",
@@ -476,7 +518,6 @@ __all__ = [
     "UnregisterExtComponent",
     "VehicleAcceleration",
     "VehicleAirData",
-    "VehicleAngularAccelerationSetpoint",
     "VehicleAngularVelocity",
     "VehicleAttitude",
     "VehicleAttitudeSetpoint",
@@ -500,7 +541,14 @@ __all__ = [
     "VehicleThrustSetpoint",
     "VehicleTorqueSetpoint",
     "VelocityLimits",
+    "VteAidSource1d",
+    "VteAidSource3d",
+    "VteBiasInitStatus",
+    "VteInput",
+    "VteOrientation",
+    "VtePosition",
     "VtolVehicleStatus",
+    "Vtx",
     "WheelEncoders",
     "Wind",
     "YawEstimatorStatus",

@@ -30,6 +30,7 @@ _MODULES = {
     "bump": "bump",
     "render": "render",
     "px4-generate": "px4_generate",
+    "releases": "releases",
     "rules": "rules",
     "explain": "rules",
 }

@@ -20,7 +20,8 @@ from msggen.cli.common import (
     print_report,
     sources_of,
 )
-from msggen.diagnostics import fault, suggestion
+from msggen.diagnostics import Diagnostic, fault, suggestion
+from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.source import File, Sources, find_sources, join_package, open_tree, split_package, with_board
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
@@ -47,7 +48,7 @@ def add_to(commands: Commands) -> None:
         metavar="REF|DIR",
         type=given,
         required=True,
-        help="a revision of the firmware's repository, a folder, PATH@REVISION or an archive",
+        help="a revision of the firmware's repository, a folder, PATH@REVISION, an archive or an embedded release",
     )
     add_board(add_source_options(parser))
     choice = parser.add_argument_group("rules")
@@ -91,7 +92,14 @@ def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
         if isinstance(topics, str):
             topics = _bridge_in(kept_or_revised(os.path.dirname(topics) or os.curdir, repository, revision), topics)
     found = find_sources(previous, folders, topics, options.release or settings.release)
-    return with_board(found, board_of(options, settings, optional=True))._replace(label=options.against)
+    found = with_board(found, board_of(options, settings, optional=True))
+    if found.embedded:
+        return found
+    if revision and options.against in EMBEDDED:
+        text = f"the revision of {repository} is read, not the embedded release '{PREFIX}{options.against}'"
+        note = Diagnostic(Location("--against", 0), "S120", f"'{options.against}': {text}")
+        found = found._replace(notices=(*found.notices, note))
+    return found._replace(label=options.against)
 
 
 def _revised_folder(text: str, repository: str, revision: str) -> str:

@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from msggen.diagnostics import Diagnostic, InputError, Level, counted, fault
+from msggen.firmware.embedded import names_release, unknown_release
 from msggen.firmware.source import BoardOption, Sources, find_sources, split_package, with_board
 from msggen.location import Location
 from msggen.settings import Settings
@@ -42,7 +43,8 @@ def add_source_options(parser: argparse.ArgumentParser) -> argparse._ArgumentGro
         "--px4",
         metavar="PATH",
         type=given,
-        help="PX4-Autopilot tree, px4_msgs package, folder of .msg files, PATH@REVISION of git, or an archive of one",
+        help="PX4-Autopilot tree, px4_msgs package, folder of .msg files, PATH@REVISION of git, an archive of one, or "
+        "an embedded release such as v1.16",
     )
     source.add_argument(
         "--msg-dir",
@@ -88,7 +90,7 @@ def add_strict(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> Non
 
 
 def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
-    """Return the sources that the options name, or else the settings, or else the embedded set.
+    """Return the sources that the options name, or else the settings, or else the newest embedded release.
 
     Raises InputError, with the place of the setting for what leads nowhere.
     """
@@ -146,6 +148,13 @@ def _missing(options: argparse.Namespace, settings: Settings) -> Iterator[Diagno
 def _missing_folder(path: str, settings: Settings, key: str | None) -> Iterator[Diagnostic]:
     """Yield a fault where `path`, of the setting `key` if any, is neither there nor a revision of a folder that is."""
     if os.path.exists(path):
+        return
+    if names_release(path):
+        wrong = unknown_release(path)
+        if wrong:
+            yield Diagnostic(
+                settings.place(key) if key else Location(path, 0), "S105", f"'{path}': {wrong}" if key else wrong
+            )
         return
     from msggen.firmware.neighbour import neighbour
     from msggen.firmware.revision import split_revision

@@ -178,6 +178,9 @@ def _steps(comparison: Comparison, pair: MessagePair) -> Iterator[tuple[Message,
 
 def _reached(comparison: Comparison, pair: MessagePair) -> set[int]:
     """Return the versions to which headers translate from the previous one, itself among them."""
+    history = comparison.current.history
+    if history and history.is_translated:
+        return {pair.previous.message_version, pair.current.message_version}
     found = {pair.previous.message_version}
     for older, newer, _ in _steps(comparison, pair):
         if older.message_version in found:

@@ -151,9 +151,10 @@ def _needed(messages: list[Message], roots: list[Message]) -> list[Message]:
 
 
 def _conventions(sources: Sources, reader: _Reader, messages: list[Message], bridge: Bridge) -> Conventions:
-    """Return what `--release` names, or else what the client's sources and the definitions show."""
-    if sources.release is not None:
-        return CONVENTIONS[sources.release]
+    """Return those of `--release` or an embedded release, or else what the client and the definitions show."""
+    named = sources.release or sources.embedded
+    if named:
+        return CONVENTIONS[named]
     own = messages[: sources.own]
     if sources.is_tree:
         has_versions = any("versioned/" in file.name for file in sources.messages[: sources.own])

@@ -6,14 +6,14 @@ v1.16 brought both: `msg/px4_msgs_old/msg/<Name>V<n>.msg` and `msg/translation_n
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from msggen.diagnostics import Diagnostic, InputError
+from msggen.diagnostics import Diagnostic, InputError, suggestion
 from msggen.firmware import source
 from msggen.firmware.catalog import ARCHIVED_NAME, is_comparable
 from msggen.firmware.tree import Tree
-from msggen.model import ARCHIVE_PACKAGE, Message
+from msggen.model import ARCHIVE_PACKAGE, PRIMITIVES, Message
 from msggen.parse import decode_text, parse_message
 
 VERSIONED = "msg/versioned"
@@ -31,12 +31,13 @@ class History:
 
     `archived` has messages such as `VehicleStatusV0` by name, `translations` the texts of the headers that
     `all_translations.h` includes, by file name. `is_kept` says whether the tree has
-    versioned messages at all.
+    versioned messages at all, `is_translated` that each archived version is translated by a header that is not here.
     """
 
     is_kept: bool
     archived: Mapping[str, Message]
     translations: Mapping[str, str]
+    is_translated: bool = False
 
     def translates(self, name: str, version: int) -> bool:
         """Whether a header translates the message `name` between `version` and the current one."""
@@ -79,9 +80,20 @@ def read_history(tree: Tree) -> History:
         text, unclean = decode_text(tree.read(path), tree.place(path))
         archived[name], wrong = parse_message(text, tree.place(path), name, ARCHIVE_PACKAGE)
         faults += [found for found in (*unclean, *wrong) if not is_comparable(found)]
+    faults += _unknown_types(archived)
     if faults:
         raise InputError(faults)
     return History(tree.is_folder(VERSIONED), archived, _translations(tree))
+
+
+def _unknown_types(archived: Mapping[str, Message]) -> Iterator[Diagnostic]:
+    """Find types that are no primitive and no message; whether a message is the right one, the rules judge."""
+    for message in archived.values():
+        for field in message.fields:
+            name = field.type.name
+            if not field.type.is_primitive and name[:1].islower() and name not in archived:
+                text = f"unknown type '{name}'{suggestion(name, [*PRIMITIVES, *archived])}"
+                yield Diagnostic(field.location, "M301", text)
 
 
 def _translations(tree: Tree) -> dict[str, str]:

@@ -8,6 +8,7 @@ from contextlib import suppress
 from typing import NoReturn
 
 from msggen.diagnostics import fault, suggestion
+from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release
 from msggen.firmware.tree import Snapshot, Wanted, is_wanted
 from msggen.git import GitError, commit_of, git, is_revision, revisions
 
@@ -21,10 +22,12 @@ def split_revision(text: str) -> tuple[str, str]:
 
 
 def revised(tree: str, against: str) -> str:
-    """Return what names `tree` as it was at `against`: a revision of its repository, or else another tree.
+    """Return what names `tree` as it was at `against`: a revision of its repository, or else another tree or release.
 
     Raises InputError where `against` could be both, or is neither.
     """
+    if against.startswith(PREFIX):
+        return against
     folder = split_revision(tree)[0]
     known = os.path.isdir(folder) and is_revision(folder, against)
     if known and os.path.isdir(against):
@@ -32,10 +35,17 @@ def revised(tree: str, against: str) -> str:
         _fail("--against", "S108", f"{text}, or '{folder}@{against}' for the revision")
     if known:
         return f"{folder}@{against}"
-    if not os.path.exists(against) and split_revision(against)[0] == against:
-        reason = (_obstacle(folder) or _hint(folder, against)) if os.path.isdir(folder) else ""
-        _fail("--against", "S108", f"'{against}' is neither a folder nor a revision of {folder}{reason}")
+    if not (against in EMBEDDED or os.path.exists(against) or split_revision(against)[1]):
+        _fail_to_find(folder, against)
     return against
+
+
+def _fail_to_find(folder: str, against: str) -> NoReturn:
+    if names_release(against):
+        near = suggestion(against, EMBEDDED)
+        _fail("--against", "S108", f"'{against}' is no folder, no revision of {folder} and no embedded release{near}")
+    reason = (_obstacle(folder) or _hint(folder, against)) if os.path.isdir(folder) else ""
+    _fail("--against", "S108", f"'{against}' is neither a folder nor a revision of {folder}{reason}")
 
 
 def kept_or_revised(path: str, repository: str, revision: str) -> str:

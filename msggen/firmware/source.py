@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from msggen.diagnostics import Diagnostic, counted, fault, suggestion
+from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release, open_release
 from msggen.firmware.manifest import package_name
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
-from msggen.resources import embedded_root
 
 if TYPE_CHECKING:
     from msggen.firmware.board import Board
@@ -83,10 +83,11 @@ class Sources(NamedTuple):
     are px4_msgs; `manifests` are all such files. `own` counts the messages of the first source, which come first: by
     them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in a few
     words what the sources are. `root` is where the first source lies. `archived` are earlier versions of messages,
-    where they were asked for. `client` are CLIENT_SOURCES, as far as a tree has them. With `strict`, warnings are
-    errors. `notices` are what there is to say of the sources themselves. `lists` is the file in which a tree lists what
-    it builds. `unbuilt` has the messages that the `board` does not build, which are not among `messages`, with the
-    condition that each is listed under, "" for those that no list names.
+    where they were asked for. `embedded` names the embedded release that the first source is. `client` are
+    CLIENT_SOURCES, as far as a tree has them. With `strict`, warnings are errors. `notices` are what there is to say of
+    the sources themselves. `lists` is the file in which a tree lists what it builds. `unbuilt` has the messages that
+    the `board` does not build, which are not among `messages`, with the condition that each is listed under, "" for
+    those that no list names.
     """
 
     messages: tuple[File, ...]
@@ -101,6 +102,7 @@ class Sources(NamedTuple):
     root: Tree | None = None
     archived: tuple[File, ...] = ()
     translations: tuple[File, ...] = ()
+    embedded: str = ""
     client: tuple[File, ...] = ()
     strict: bool = False
     notices: tuple[Diagnostic, ...] = ()
@@ -141,9 +143,11 @@ class Sources(NamedTuple):
 
 
 def open_tree(text: str) -> Tree:
-    """Return what `text` names: a folder, `folder@revision`, or an archive. Raises InputError."""
+    """Return what `text` names: a folder, `folder@revision`, an archive, or an embedded release. Raises InputError."""
     if "\0" in text:
         raise fault(text, "S101", "no such folder", 0)
+    if names_release(text):
+        return open_release(text)[1]
     if os.path.isdir(text):
         return Folder(text)
     if os.path.isfile(text):
@@ -171,8 +175,8 @@ def find_sources(
 
     These hold more of uORB's messages, or those of another ROS package: the one that `PKG=DIR` or a package.xml names.
     `topics` replaces the bridge's YAML, `release` overrules what the tree looks like. Without `px4` and
-    `folders` it is the embedded set. Raises InputError where there is nothing to read, and for a release that does
-    not exist, said to stand at `release_place`.
+    `folders` it is the newest embedded release. Raises InputError where there is nothing to read, and for a release
+    that does not exist, said to stand at `release_place`.
     """
     if release is not None and release not in RELEASES:
         hint = suggestion(release, RELEASES) or f": expected {', '.join(RELEASES)}"
@@ -181,11 +185,12 @@ def find_sources(
     package = ""
     if px4 is not None:
         roots.append(_root(px4))
-        _refuse_part_of_tree(roots[0].tree)
+        if not roots[0].embedded:
+            _refuse_part_of_tree(roots[0].tree)
         package = _name_in(roots[0].manifest)
     roots += [_further_root(text, package) for text in folders]
     is_named = bool(roots)
-    roots = sorted(roots or [_root(embedded_root())], key=lambda root: bool(root.package))
+    roots = sorted(roots or [_root(PREFIX + EMBEDDED[0])], key=lambda root: bool(root.package))
     messages = [_definitions(root, "msg", ".msg") for root in roots]
     services = [_definitions(root, "srv", ".srv") for root in roots]
     for root, *found in zip(roots, messages, services, strict=True):
@@ -206,11 +211,12 @@ def find_sources(
         release,
         own=0 if first.package else len(messages[0]),
         is_tree=is_tree,
-        label=_label(roots) if is_named else "the embedded PX4 v1.17",
+        label=_label(roots),
         root=first.tree,
+        embedded=first.embedded,
         client=tuple(File(first.tree.place(name), name, first.tree) for name in client),
         lists=None if first.package else _file(first.tree, LISTS),
-        notices=tuple(chain(*map(_unread_folders, roots))),
+        notices=(*(_shadowed(px4) if isinstance(px4, str) else ()), *chain(*map(_unread_folders, roots))),
     )
 
 
@@ -306,11 +312,21 @@ class _Root(NamedTuple):
     label: str
     manifest: File | None
     package: str = ""
+    embedded: str = ""
 
 
 def _root(named: str | Tree, label: str = "") -> _Root:
+    if isinstance(named, str) and names_release(named):
+        release, tree = open_release(named)
+        return _Root(tree, f"the embedded PX4 {release}", None, embedded=release)
     tree = open_tree(named) if isinstance(named, str) else named
     return _Root(tree, label or tree.path, _manifest(tree))
+
+
+def _shadowed(path: str) -> Iterator[Diagnostic]:
+    """Note that a path was read which has the name of an embedded release."""
+    if path in EMBEDDED and not names_release(path):
+        yield Diagnostic(Location(path, 0), "S120", f"this path is read, not the embedded release '{PREFIX}{path}'")
 
 
 def _label(roots: list[_Root]) -> str:
@@ -416,5 +432,6 @@ def _fail_without_definitions(root: Tree) -> NoReturn:
     parent = os.path.dirname(os.path.abspath(root.path))
     near = isinstance(root, Folder) and os.path.isdir(os.path.join(parent, "msg"))
     hint = f", did you mean '{parent}'?" if near else ""
+    hint = f"; the embedded release is '{PREFIX}{root.path}'" if root.path in EMBEDDED else hint
     text = f"no .msg file here or in msg/: expected a PX4-Autopilot tree, px4_msgs or a folder{hint}"
     raise fault(root.path, "S102", text, 0)

@@ -76,10 +76,10 @@ class Snapshot:
         self._base = base
         self._folders: dict[str, set[str]] = {"": set()}
         for name in (*files, *links):
-            parent, child = posixpath.split(name)
+            parent, _, child = name.rpartition("/")
             while child and child not in self._folders.setdefault(parent, set()):
                 self._folders[parent].add(child)
-                parent, child = posixpath.split(parent)
+                parent, _, child = parent.rpartition("/")
 
     def names(self, folder: str) -> list[str]:
         """Return the names of what lies in `folder`, sorted; none if there is no such folder."""

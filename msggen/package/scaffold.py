@@ -17,7 +17,7 @@ from msggen.model import DEFAULT_PACKAGE
 from msggen.package.definitions import Definitions
 from msggen.package.target import KINDS, Target
 from msggen.record import Record, digest, digest_of
-from msggen.resources import embedded_root, resource
+from msggen.resources import resource
 
 NAMES = ("CMakeLists.txt", "README.md", "package.xml")
 
@@ -68,8 +68,8 @@ def origin_of(sources: Sources) -> Origin:
     root = sources.root
     trees = dict.fromkeys(file.tree for file in (*sources.messages, *sources.services) if not file.package)
     further = tuple(_base(tree.path) for tree in trees if tree is not None and tree is not root)
-    if root is None or root.path == embedded_root():
-        return Origin("PX4 v1.17, as msggen brings it along", further=further)
+    if root is None or sources.embedded:
+        return Origin(f"PX4 {sources.embedded}, as msggen brings it along", further=further)
     if isinstance(root, Folder):
         return _origin_in_git(root.path, None)._replace(name=_base(root.path), further=further)
     folder, revision = split_revision(root.path)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ._arming_check_reply import ArmingCheckReply as ArmingCheckReply
     from ._arming_check_request import ArmingCheckRequest as ArmingCheckRequest
     from ._autotune_attitude_control_status import AutotuneAttitudeControlStatus as AutotuneAttitudeControlStatus
+    from ._aux_global_position import AuxGlobalPosition as AuxGlobalPosition
     from ._battery_info import BatteryInfo as BatteryInfo
     from ._battery_status import BatteryStatus as BatteryStatus
     from ._button_event import ButtonEvent as ButtonEvent
@@ -40,11 +41,14 @@ if TYPE_CHECKING:
     from ._debug_key_value import DebugKeyValue as DebugKeyValue
     from ._debug_value import DebugValue as DebugValue
     from ._debug_vect import DebugVect as DebugVect
+    from ._device_information import DeviceInformation as DeviceInformation
     from ._differential_pressure import DifferentialPressure as DifferentialPressure
     from ._distance_sensor import DistanceSensor as DistanceSensor
     from ._distance_sensor_mode_change_request import DistanceSensorModeChangeRequest as DistanceSensorModeChangeRequest
     from ._dronecan_node_status import DronecanNodeStatus as DronecanNodeStatus
     from ._ekf2_timestamps import Ekf2Timestamps as Ekf2Timestamps
+    from ._esc_eeprom_read import EscEepromRead as EscEepromRead
+    from ._esc_eeprom_write import EscEepromWrite as EscEepromWrite
     from ._esc_report import EscReport as EscReport
     from ._esc_status import EscStatus as EscStatus
     from ._estimator_aid_source1d import EstimatorAidSource1d as EstimatorAidSource1d
@@ -53,6 +57,7 @@ if TYPE_CHECKING:
     from ._estimator_bias import EstimatorBias as EstimatorBias
     from ._estimator_bias3d import EstimatorBias3d as EstimatorBias3d
     from ._estimator_event_flags import EstimatorEventFlags as EstimatorEventFlags
+    from ._estimator_fusion_control import EstimatorFusionControl as EstimatorFusionControl
     from ._estimator_gps_status import EstimatorGpsStatus as EstimatorGpsStatus
     from ._estimator_innovations import EstimatorInnovations as EstimatorInnovations
     from ._estimator_selector_status import EstimatorSelectorStatus as EstimatorSelectorStatus
@@ -63,6 +68,9 @@ if TYPE_CHECKING:
     from ._event import Event as Event
     from ._failsafe_flags import FailsafeFlags as FailsafeFlags
     from ._failure_detector_status import FailureDetectorStatus as FailureDetectorStatus
+    from ._failure_injection import FailureInjection as FailureInjection
+    from ._fiducial_marker_pos_report import FiducialMarkerPosReport as FiducialMarkerPosReport
+    from ._fiducial_marker_yaw_report import FiducialMarkerYawReport as FiducialMarkerYawReport
     from ._figure_eight_status import FigureEightStatus as FigureEightStatus
     from ._fixed_wing_lateral_guidance_status import FixedWingLateralGuidanceStatus as FixedWingLateralGuidanceStatus
     from ._fixed_wing_lateral_setpoint import FixedWingLateralSetpoint as FixedWingLateralSetpoint
@@ -74,6 +82,7 @@ if TYPE_CHECKING:
     from ._follow_target_estimator import FollowTargetEstimator as FollowTargetEstimator
     from ._follow_target_status import FollowTargetStatus as FollowTargetStatus
     from ._fuel_tank_status import FuelTankStatus as FuelTankStatus
+    from ._gain_compression import GainCompression as GainCompression
     from ._generator_status import GeneratorStatus as GeneratorStatus
     from ._geofence_result import GeofenceResult as GeofenceResult
     from ._geofence_status import GeofenceStatus as GeofenceStatus
@@ -91,7 +100,6 @@ if TYPE_CHECKING:
     from ._gpio_out import GpioOut as GpioOut
     from ._gpio_request import GpioRequest as GpioRequest
     from ._gps_dump import GpsDump as GpsDump
-    from ._gps_inject_data import GpsInjectData as GpsInjectData
     from ._gripper import Gripper as Gripper
     from ._health_report import HealthReport as HealthReport
     from ._heater_status import HeaterStatus as HeaterStatus
@@ -132,6 +140,7 @@ if TYPE_CHECKING:
     from ._offboard_control_mode import OffboardControlMode as OffboardControlMode
     from ._onboard_computer_status import OnboardComputerStatus as OnboardComputerStatus
     from ._open_drone_id_arm_status import OpenDroneIdArmStatus as OpenDroneIdArmStatus
+    from ._open_drone_id_basic_id import OpenDroneIdBasicId as OpenDroneIdBasicId
     from ._open_drone_id_operator_id import OpenDroneIdOperatorId as OpenDroneIdOperatorId
     from ._open_drone_id_self_id import OpenDroneIdSelfId as OpenDroneIdSelfId
     from ._open_drone_id_system import OpenDroneIdSystem as OpenDroneIdSystem
@@ -152,12 +161,16 @@ if TYPE_CHECKING:
     from ._power_button_state import PowerButtonState as PowerButtonState
     from ._power_monitor import PowerMonitor as PowerMonitor
     from ._pps_capture import PpsCapture as PpsCapture
+    from ._prec_land_status import PrecLandStatus as PrecLandStatus
     from ._pure_pursuit_status import PurePursuitStatus as PurePursuitStatus
     from ._pwm_input import PwmInput as PwmInput
     from ._px4io_status import Px4ioStatus as Px4ioStatus
     from ._qshell_req import QshellReq as QshellReq
     from ._qshell_retval import QshellRetval as QshellRetval
     from ._radio_status import RadioStatus as RadioStatus
+    from ._ranging_beacon import RangingBeacon as RangingBeacon
+    from ._raptor_input import RaptorInput as RaptorInput
+    from ._raptor_status import RaptorStatus as RaptorStatus
     from ._rate_ctrl_status import RateCtrlStatus as RateCtrlStatus
     from ._rc_channels import RcChannels as RcChannels
     from ._rc_parameter_map import RcParameterMap as RcParameterMap
@@ -173,6 +186,7 @@ if TYPE_CHECKING:
     from ._rover_steering_setpoint import RoverSteeringSetpoint as RoverSteeringSetpoint
     from ._rover_throttle_setpoint import RoverThrottleSetpoint as RoverThrottleSetpoint
     from ._rpm import Rpm as Rpm
+    from ._rtcm_data import RtcmData as RtcmData
     from ._rtl_status import RtlStatus as RtlStatus
     from ._rtl_time_estimate import RtlTimeEstimate as RtlTimeEstimate
     from ._satellite_info import SatelliteInfo as SatelliteInfo
@@ -193,11 +207,15 @@ if TYPE_CHECKING:
     from ._sensor_optical_flow import SensorOpticalFlow as SensorOpticalFlow
     from ._sensor_preflight_mag import SensorPreflightMag as SensorPreflightMag
     from ._sensor_selection import SensorSelection as SensorSelection
+    from ._sensor_temp import SensorTemp as SensorTemp
     from ._sensor_uwb import SensorUwb as SensorUwb
     from ._sensors_status import SensorsStatus as SensorsStatus
     from ._sensors_status_imu import SensorsStatusImu as SensorsStatusImu
+    from ._setpoint_config import SetpointConfig as SetpointConfig
+    from ._setpoint_config_reply import SetpointConfigReply as SetpointConfigReply
     from ._system_power import SystemPower as SystemPower
     from ._takeoff_status import TakeoffStatus as TakeoffStatus
+    from ._target_gnss import TargetGnss as TargetGnss
     from ._task_stack_info import TaskStackInfo as TaskStackInfo
     from ._tecs_status import TecsStatus as TecsStatus
     from ._telemetry_status import TelemetryStatus as TelemetryStatus
@@ -214,7 +232,6 @@ if TYPE_CHECKING:
     from ._unregister_ext_component import UnregisterExtComponent as UnregisterExtComponent
     from ._vehicle_acceleration import VehicleAcceleration as VehicleAcceleration
     from ._vehicle_air_data import VehicleAirData as VehicleAirData
-    from ._vehicle_angular_acceleration_setpoint import VehicleAngularAccelerationSetpoint as VehicleAngularAccelerationSetpoint
     from ._vehicle_angular_velocity import VehicleAngularVelocity as VehicleAngularVelocity
     from ._vehicle_attitude import VehicleAttitude as VehicleAttitude
     from ._vehicle_attitude_setpoint import VehicleAttitudeSetpoint as VehicleAttitudeSetpoint
@@ -238,7 +255,14 @@ if TYPE_CHECKING:
     from ._vehicle_thrust_setpoint import VehicleThrustSetpoint as VehicleThrustSetpoint
     from ._vehicle_torque_setpoint import VehicleTorqueSetpoint as VehicleTorqueSetpoint
     from ._velocity_limits import VelocityLimits as VelocityLimits
+    from ._vte_aid_source1d import VteAidSource1d as VteAidSource1d
+    from ._vte_aid_source3d import VteAidSource3d as VteAidSource3d
+    from ._vte_bias_init_status import VteBiasInitStatus as VteBiasInitStatus
+    from ._vte_input import VteInput as VteInput
+    from ._vte_orientation import VteOrientation as VteOrientation
+    from ._vte_position import VtePosition as VtePosition
     from ._vtol_vehicle_status import VtolVehicleStatus as VtolVehicleStatus
+    from ._vtx import Vtx as Vtx
     from ._wheel_encoders import WheelEncoders as WheelEncoders
     from ._wind import Wind as Wind
     from ._yaw_estimator_status import YawEstimatorStatus as YawEstimatorStatus
@@ -260,6 +284,7 @@ _MODULES: dict[str, str] = {
     "ArmingCheckReply": "_arming_check_reply",
     "ArmingCheckRequest": "_arming_check_request",
     "AutotuneAttitudeControlStatus": "_autotune_attitude_control_status",
+    "AuxGlobalPosition": "_aux_global_position",
     "BatteryInfo": "_battery_info",
     "BatteryStatus": "_battery_status",
     "ButtonEvent": "_button_event",
@@ -278,11 +303,14 @@ _MODULES: dict[str, str] = {
     "DebugKeyValue": "_debug_key_value",
     "DebugValue": "_debug_value",
     "DebugVect": "_debug_vect",
+    "DeviceInformation": "_device_information",
     "DifferentialPressure": "_differential_pressure",
     "DistanceSensor": "_distance_sensor",
     "DistanceSensorModeChangeRequest": "_distance_sensor_mode_change_request",
     "DronecanNodeStatus": "_dronecan_node_status",
     "Ekf2Timestamps": "_ekf2_timestamps",
+    "EscEepromRead": "_esc_eeprom_read",
+    "EscEepromWrite": "_esc_eeprom_write",
     "EscReport": "_esc_report",
     "EscStatus": "_esc_status",
     "EstimatorAidSource1d": "_estimator_aid_source1d",
@@ -291,6 +319,7 @@ _MODULES: dict[str, str] = {
     "EstimatorBias": "_estimator_bias",
     "EstimatorBias3d": "_estimator_bias3d",
     "EstimatorEventFlags": "_estimator_event_flags",
+    "EstimatorFusionControl": "_estimator_fusion_control",
     "EstimatorGpsStatus": "_estimator_gps_status",
     "EstimatorInnovations": "_estimator_innovations",
     "EstimatorSelectorStatus": "_estimator_selector_status",
@@ -301,6 +330,9 @@ _MODULES: dict[str, str] = {
     "Event": "_event",
     "FailsafeFlags": "_failsafe_flags",
     "FailureDetectorStatus": "_failure_detector_status",
+    "FailureInjection": "_failure_injection",
+    "FiducialMarkerPosReport": "_fiducial_marker_pos_report",
+    "FiducialMarkerYawReport": "_fiducial_marker_yaw_report",
     "FigureEightStatus": "_figure_eight_status",
     "FixedWingLateralGuidanceStatus": "_fixed_wing_lateral_guidance_status",
     "FixedWingLateralSetpoint": "_fixed_wing_lateral_setpoint",
@@ -312,6 +344,7 @@ _MODULES: dict[str, str] = {
     "FollowTargetEstimator": "_follow_target_estimator",
     "FollowTargetStatus": "_follow_target_status",
     "FuelTankStatus": "_fuel_tank_status",
+    "GainCompression": "_gain_compression",
     "GeneratorStatus": "_generator_status",
     "GeofenceResult": "_geofence_result",
     "GeofenceStatus": "_geofence_status",
@@ -329,7 +362,6 @@ _MODULES: dict[str, str] = {
     "GpioOut": "_gpio_out",
     "GpioRequest": "_gpio_request",
     "GpsDump": "_gps_dump",
-    "GpsInjectData": "_gps_inject_data",
     "Gripper": "_gripper",
     "HealthReport": "_health_report",
     "HeaterStatus": "_heater_status",
@@ -370,6 +402,7 @@ _MODULES: dict[str, str] = {
     "OffboardControlMode": "_offboard_control_mode",
     "OnboardComputerStatus": "_onboard_computer_status",
     "OpenDroneIdArmStatus": "_open_drone_id_arm_status",
+    "OpenDroneIdBasicId": "_open_drone_id_basic_id",
     "OpenDroneIdOperatorId": "_open_drone_id_operator_id",
     "OpenDroneIdSelfId": "_open_drone_id_self_id",
     "OpenDroneIdSystem": "_open_drone_id_system",
@@ -390,12 +423,16 @@ _MODULES: dict[str, str] = {
     "PowerButtonState": "_power_button_state",
     "PowerMonitor": "_power_monitor",
     "PpsCapture": "_pps_capture",
+    "PrecLandStatus": "_prec_land_status",
     "PurePursuitStatus": "_pure_pursuit_status",
     "PwmInput": "_pwm_input",
     "Px4ioStatus": "_px4io_status",
     "QshellReq": "_qshell_req",
     "QshellRetval": "_qshell_retval",
     "RadioStatus": "_radio_status",
+    "RangingBeacon": "_ranging_beacon",
+    "RaptorInput": "_raptor_input",
+    "RaptorStatus": "_raptor_status",
     "RateCtrlStatus": "_rate_ctrl_status",
     "RcChannels": "_rc_channels",
     "RcParameterMap": "_rc_parameter_map",
@@ -411,6 +448,7 @@ _MODULES: dict[str, str] = {
     "RoverSteeringSetpoint": "_rover_steering_setpoint",
     "RoverThrottleSetpoint": "_rover_throttle_setpoint",
     "Rpm": "_rpm",
+    "RtcmData": "_rtcm_data",
     "RtlStatus": "_rtl_status",
     "RtlTimeEstimate": "_rtl_time_estimate",
     "SatelliteInfo": "_satellite_info",
@@ -431,11 +469,15 @@ _MODULES: dict[str, str] = {
     "SensorOpticalFlow": "_sensor_optical_flow",
     "SensorPreflightMag": "_sensor_preflight_mag",
     "SensorSelection": "_sensor_selection",
+    "SensorTemp": "_sensor_temp",
     "SensorUwb": "_sensor_uwb",
     "SensorsStatus": "_sensors_status",
     "SensorsStatusImu": "_sensors_status_imu",
+    "SetpointConfig": "_setpoint_config",
+    "SetpointConfigReply": "_setpoint_config_reply",
     "SystemPower": "_system_power",
     "TakeoffStatus": "_takeoff_status",
+    "TargetGnss": "_target_gnss",
     "TaskStackInfo": "_task_stack_info",
     "TecsStatus": "_tecs_status",
     "TelemetryStatus": "_telemetry_status",
@@ -452,7 +494,6 @@ _MODULES: dict[str, str] = {
     "UnregisterExtComponent": "_unregister_ext_component",
     "VehicleAcceleration": "_vehicle_acceleration",
     "VehicleAirData": "_vehicle_air_data",
-    "VehicleAngularAccelerationSetpoint": "_vehicle_angular_acceleration_setpoint",
     "VehicleAngularVelocity": "_vehicle_angular_velocity",
     "VehicleAttitude": "_vehicle_attitude",
     "VehicleAttitudeSetpoint": "_vehicle_attitude_setpoint",
@@ -476,7 +517,14 @@ _MODULES: dict[str, str] = {
     "VehicleThrustSetpoint": "_vehicle_thrust_setpoint",
     "VehicleTorqueSetpoint": "_vehicle_torque_setpoint",
     "VelocityLimits": "_velocity_limits",
+    "VteAidSource1d": "_vte_aid_source1d",
+    "VteAidSource3d": "_vte_aid_source3d",
+    "VteBiasInitStatus": "_vte_bias_init_status",
+    "VteInput": "_vte_input",
+    "VteOrientation": "_vte_orientation",
+    "VtePosition": "_vte_position",
     "VtolVehicleStatus": "_vtol_vehicle_status",
+    "Vtx": "_vtx",
     "WheelEncoders": "_wheel_encoders",
     "Wind": "_wind",
     "YawEstimatorStatus": "_yaw_estimator_status",
@@ -498,6 +546,7 @@ __all__: list[str] = [
     "ArmingCheckReply",
     "ArmingCheckRequest",
     "AutotuneAttitudeControlStatus",
+    "AuxGlobalPosition",
     "BatteryInfo",
     "BatteryStatus",
     "ButtonEvent",
@@ -516,11 +565,14 @@ __all__: list[str] = [
     "DebugKeyValue",
     "DebugValue",
     "DebugVect",
+    "DeviceInformation",
     "DifferentialPressure",
     "DistanceSensor",
     "DistanceSensorModeChangeRequest",
     "DronecanNodeStatus",
     "Ekf2Timestamps",
+    "EscEepromRead",
+    "EscEepromWrite",
     "EscReport",
     "EscStatus",
     "EstimatorAidSource1d",
@@ -529,6 +581,7 @@ __all__: list[str] = [
     "EstimatorBias",
     "EstimatorBias3d",
     "EstimatorEventFlags",
+    "EstimatorFusionControl",
     "EstimatorGpsStatus",
     "EstimatorInnovations",
     "EstimatorSelectorStatus",
@@ -539,6 +592,9 @@ __all__: list[str] = [
     "Event",
     "FailsafeFlags",
     "FailureDetectorStatus",
+    "FailureInjection",
+    "FiducialMarkerPosReport",
+    "FiducialMarkerYawReport",
     "FigureEightStatus",
     "FixedWingLateralGuidanceStatus",
     "FixedWingLateralSetpoint",
@@ -550,6 +606,7 @@ __all__: list[str] = [
     "FollowTargetEstimator",
     "FollowTargetStatus",
     "FuelTankStatus",
+    "GainCompression",
     "GeneratorStatus",
     "GeofenceResult",
     "GeofenceStatus",
@@ -567,7 +624,6 @@ __all__: list[str] = [
     "GpioOut",
     "GpioRequest",
     "GpsDump",
-    "GpsInjectData",
     "Gripper",
     "HealthReport",
     "HeaterStatus",
@@ -608,6 +664,7 @@ __all__: list[str] = [
     "OffboardControlMode",
     "OnboardComputerStatus",
     "OpenDroneIdArmStatus",
+    "OpenDroneIdBasicId",
     "OpenDroneIdOperatorId",
     "OpenDroneIdSelfId",
     "OpenDroneIdSystem",
@@ -628,12 +685,16 @@ __all__: list[str] = [
     "PowerButtonState",
     "PowerMonitor",
     "PpsCapture",
+    "PrecLandStatus",
     "PurePursuitStatus",
     "PwmInput",
     "Px4ioStatus",
     "QshellReq",
     "QshellRetval",
     "RadioStatus",
+    "RangingBeacon",
+    "RaptorInput",
+    "RaptorStatus",
     "RateCtrlStatus",
     "RcChannels",
     "RcParameterMap",
@@ -649,6 +710,7 @@ __all__: list[str] = [
     "RoverSteeringSetpoint",
     "RoverThrottleSetpoint",
     "Rpm",
+    "RtcmData",
     "RtlStatus",
     "RtlTimeEstimate",
     "SatelliteInfo",
@@ -669,11 +731,15 @@ __all__: list[str] = [
     "SensorOpticalFlow",
     "SensorPreflightMag",
     "SensorSelection",
+    "SensorTemp",
     "SensorUwb",
     "SensorsStatus",
     "SensorsStatusImu",
+    "SetpointConfig",
+    "SetpointConfigReply",
     "SystemPower",
     "TakeoffStatus",
+    "TargetGnss",
     "TaskStackInfo",
     "TecsStatus",
     "TelemetryStatus",
@@ -690,7 +756,6 @@ __all__: list[str] = [
     "UnregisterExtComponent",
     "VehicleAcceleration",
     "VehicleAirData",
-    "VehicleAngularAccelerationSetpoint",
     "VehicleAngularVelocity",
     "VehicleAttitude",
     "VehicleAttitudeSetpoint",
@@ -714,7 +779,14 @@ __all__: list[str] = [
     "VehicleThrustSetpoint",
     "VehicleTorqueSetpoint",
     "VelocityLimits",
+    "VteAidSource1d",
+    "VteAidSource3d",
+    "VteBiasInitStatus",
+    "VteInput",
+    "VteOrientation",
+    "VtePosition",
     "VtolVehicleStatus",
+    "Vtx",
     "WheelEncoders",
     "Wind",
     "YawEstimatorStatus",

@@ -57,6 +57,8 @@ class ActionRequest(_cdr.Message):
     SOURCE_RC_MODE_SLOT: Final = 3
     """Flight mode selector on the transmitter."""
 
+    ORB_QUEUE_LENGTH: Final = 4
+
     timestamp: int
     """uint64 [us] Time since boot."""
 

@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("2Q8f")
+_LAYOUT = _cdr.Layout("2Q15f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -23,15 +23,15 @@ class ActuatorServos(_cdr.Message):
 
     Fields: timestamp [us], timestamp_sample [us], control [-].
 
-    uORB topic: actuator_servos. 48 bytes.
+    uORB topic: actuator_servos. Version 1, 76 bytes.
     """
 
     __slots__ = ("timestamp", "timestamp_sample", "control")
     __match_args__ = ("timestamp", "timestamp_sample", "control")
 
-    MESSAGE_VERSION: Final = 0
+    MESSAGE_VERSION: Final = 1
 
-    NUM_CONTROLS: Final = 8
+    NUM_CONTROLS: Final = 15
     """Length of control."""
 
     timestamp: int
@@ -41,7 +41,7 @@ class ActuatorServos(_cdr.Message):
     """uint64 [us] When the gyro data behind this output was sampled."""
 
     control: tuple[float, ...]
-    """float32[8] [-] [@range -1, 1] Deflection per servo between its negative and positive end stop. NaN
+    """float32[15] [-] [@range -1, 1] Deflection per servo between its negative and positive end stop. NaN
     switches the servo to its disarmed value.
     """
 
@@ -49,21 +49,23 @@ class ActuatorServos(_cdr.Message):
         self,
         timestamp: int = 0,
         timestamp_sample: int = 0,
-        control: tuple[float, ...] = (0.0,) * 8,
+        control: tuple[float, ...] = (0.0,) * 15,
     ) -> None:
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.control = control
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 48 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
         try:
             (
                 control_0, control_1, control_2, control_3, control_4, control_5, control_6, control_7,
+                control_8, control_9, control_10, control_11, control_12, control_13, control_14,
             ) = self.control
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, control_0, control_1, control_2, control_3,
-                control_4, control_5, control_6, control_7,
+                control_4, control_5, control_6, control_7, control_8, control_9, control_10, control_11,
+                control_12, control_13, control_14,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -75,14 +77,16 @@ class ActuatorServos(_cdr.Message):
         try:
             (
                 header, message.timestamp, message.timestamp_sample, control_0, control_1, control_2,
-                control_3, control_4, control_5, control_6, control_7,
+                control_3, control_4, control_5, control_6, control_7, control_8, control_9, control_10,
+                control_11, control_12, control_13, control_14,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ActuatorServos, cls, data, allow_surplus)
         if header != _USUAL:
             return _cdr.decode_other(ActuatorServos, cls, data, allow_surplus)
         message.control = (
-            control_0, control_1, control_2, control_3, control_4, control_5, control_6, control_7,
+            control_0, control_1, control_2, control_3, control_4, control_5, control_6, control_7, control_8,
+            control_9, control_10, control_11, control_12, control_13, control_14,
         )
         return message
 
@@ -91,15 +95,15 @@ class ActuatorServos(_cdr.Message):
         name="ActuatorServos",
         ros_type="px4_msgs/msg/ActuatorServos",
         dds_type="px4_msgs::msg::dds_::ActuatorServos_",
-        cdr_size=48,
-        struct_size=48,
-        message_hash=3319110302,
-        type_hash="RIHS01_cdc6b628a688d3de85daa4a5a6f4b5d17264a076e477dc5968f65b8279972985",
-        message_version=0,
+        cdr_size=76,
+        struct_size=76,
+        message_hash=2364752108,
+        type_hash="RIHS01_431f2a0cd9896b6ada972929941caa21e50d8abeeb8d8d7c8cbd94f616e46ada",
+        message_version=1,
         topics=("actuator_servos",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("control", "float32[8]", 16, 32, unit="-", range="-1, 1"),
+            _cdr.Field("control", "float32[15]", 16, 60, unit="-", range="-1, 1"),
         ),
     ))

@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("Q8f")
+_LAYOUT = _cdr.Layout("Q15f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -23,34 +23,38 @@ class ActuatorServosTrim(_cdr.Message):
 
     Fields: timestamp [us], trim.
 
-    uORB topic: actuator_servos_trim. 40 bytes.
+    uORB topic: actuator_servos_trim. 68 bytes.
     """
 
     __slots__ = ("timestamp", "trim")
     __match_args__ = ("timestamp", "trim")
 
-    NUM_CONTROLS: Final = 8
+    NUM_CONTROLS: Final = 15
 
     timestamp: int
     """uint64 [us] Time since boot."""
 
     trim: tuple[float, ...]
-    """float32[8] [@range -1, 1]"""
+    """float32[15] [@range -1, 1]"""
 
     def __init__(
         self,
         timestamp: int = 0,
-        trim: tuple[float, ...] = (0.0,) * 8,
+        trim: tuple[float, ...] = (0.0,) * 15,
     ) -> None:
         self.timestamp = timestamp
         self.trim = trim
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 68 of values."""
         try:
-            (trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7) = self.trim
+            (
+                trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7, trim_8, trim_9, trim_10,
+                trim_11, trim_12, trim_13, trim_14,
+            ) = self.trim
             return _pack(
                 _USUAL, self.timestamp, trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7,
+                trim_8, trim_9, trim_10, trim_11, trim_12, trim_13, trim_14,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -62,12 +66,16 @@ class ActuatorServosTrim(_cdr.Message):
         try:
             (
                 header, message.timestamp, trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7,
+                trim_8, trim_9, trim_10, trim_11, trim_12, trim_13, trim_14,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ActuatorServosTrim, cls, data, allow_surplus)
         if header != _USUAL:
             return _cdr.decode_other(ActuatorServosTrim, cls, data, allow_surplus)
-        message.trim = (trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7)
+        message.trim = (
+            trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7, trim_8, trim_9, trim_10, trim_11,
+            trim_12, trim_13, trim_14,
+        )
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
@@ -75,14 +83,14 @@ class ActuatorServosTrim(_cdr.Message):
         name="ActuatorServosTrim",
         ros_type="px4_msgs/msg/ActuatorServosTrim",
         dds_type="px4_msgs::msg::dds_::ActuatorServosTrim_",
-        cdr_size=40,
-        struct_size=40,
-        message_hash=3845265090,
-        type_hash="RIHS01_8890209a65ae4dc9e2f3e997eb7796b5aa10f9b6f495131ed7fb66a6eec0f057",
+        cdr_size=68,
+        struct_size=68,
+        message_hash=2791529850,
+        type_hash="RIHS01_aae52fc6a8383fc0ce282d8eb3e2e08d7d617ecd82ed22628275fdfacfe1214b",
         message_version=0,
         topics=("actuator_servos_trim",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("trim", "float32[8]", 8, 32, range="-1, 1"),
+            _cdr.Field("trim", "float32[15]", 8, 60, range="-1, 1"),
         ),
     ))

@@ -34,7 +34,7 @@ class ActuatorTest(_cdr.Message):
     FUNCTION_MOTOR1: Final = 101
     MAX_NUM_MOTORS: Final = 12
     FUNCTION_SERVO1: Final = 201
-    MAX_NUM_SERVOS: Final = 8
+    MAX_NUM_SERVOS: Final = 15
     ORB_QUEUE_LENGTH: Final = 16
 
     timestamp: int

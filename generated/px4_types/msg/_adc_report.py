@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .. import arrays as _arrays
 from .. import cdr as _cdr
 
 TYPE_CHECKING = False
@@ -10,18 +11,19 @@ if TYPE_CHECKING:
 else:
     ClassVar = _cdr.ClassVar
 
-_LAYOUT = _cdr.Layout("QI12h12iIf")
+_LAYOUT = _cdr.Layout("QI32s64sIf", words="QI16H18I")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
+_from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
 
 class AdcReport(_cdr.Message):
     """Raw samples of one analog-to-digital converter, published by its driver and read by battery and
     power monitoring.
 
-    Fields: timestamp [us], device_id, channel_id, raw_data [-], resolution [-], v_ref [V].
+    Fields: timestamp [us], device_id [-], channel_id [-], raw_data [-], resolution [-], v_ref [V].
 
-    uORB topic: adc_report. 92 bytes.
+    uORB topic: adc_report. 116 bytes.
     """
 
     __slots__ = ("timestamp", "device_id", "channel_id", "raw_data", "resolution", "v_ref")
@@ -31,13 +33,13 @@ class AdcReport(_cdr.Message):
     """uint64 [us] Time since boot."""
 
     device_id: int
-    """uint32"""
+    """uint32 [-]"""
 
-    channel_id: tuple[int, ...]
-    """int16[12] [@invalid -1] Entries below zero are empty."""
+    channel_id: _arrays.Sequence[int]
+    """int16[16] [-] [@invalid -1] Entries below zero are empty."""
 
-    raw_data: tuple[int, ...]
-    """int32[12] [-] Counts, may be negative."""
+    raw_data: _arrays.Sequence[int]
+    """int32[16] [-] Counts, may be negative."""
 
     resolution: int
     """uint32 [-] Counts at full scale."""
@@ -49,35 +51,24 @@ class AdcReport(_cdr.Message):
         self,
         timestamp: int = 0,
         device_id: int = 0,
-        channel_id: tuple[int, ...] = (0,) * 12,
-        raw_data: tuple[int, ...] = (0,) * 12,
+        channel_id: _arrays.Sequence[int] | None = None,
+        raw_data: _arrays.Sequence[int] | None = None,
         resolution: int = 0,
         v_ref: float = 0.0,
     ) -> None:
         self.timestamp = timestamp
         self.device_id = device_id
-        self.channel_id = channel_id
-        self.raw_data = raw_data
+        self.channel_id = _arrays.zeros("h", 16) if channel_id is None else channel_id
+        self.raw_data = _arrays.zeros("i", 16) if raw_data is None else raw_data
         self.resolution = resolution
         self.v_ref = v_ref
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 92 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 116 of values."""
         try:
-            (
-                channel_id_0, channel_id_1, channel_id_2, channel_id_3, channel_id_4, channel_id_5,
-                channel_id_6, channel_id_7, channel_id_8, channel_id_9, channel_id_10, channel_id_11,
-            ) = self.channel_id
-            (
-                raw_data_0, raw_data_1, raw_data_2, raw_data_3, raw_data_4, raw_data_5, raw_data_6,
-                raw_data_7, raw_data_8, raw_data_9, raw_data_10, raw_data_11,
-            ) = self.raw_data
             return _pack(
-                _USUAL, self.timestamp, self.device_id, channel_id_0, channel_id_1, channel_id_2,
-                channel_id_3, channel_id_4, channel_id_5, channel_id_6, channel_id_7, channel_id_8,
-                channel_id_9, channel_id_10, channel_id_11, raw_data_0, raw_data_1, raw_data_2, raw_data_3,
-                raw_data_4, raw_data_5, raw_data_6, raw_data_7, raw_data_8, raw_data_9, raw_data_10,
-                raw_data_11, self.resolution, self.v_ref,
+                _USUAL, self.timestamp, self.device_id, _to_raw("h", 16, self.channel_id),
+                _to_raw("i", 16, self.raw_data), self.resolution, self.v_ref,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -88,24 +79,15 @@ class AdcReport(_cdr.Message):
         message = _new(cls)
         try:
             (
-                header, message.timestamp, message.device_id, channel_id_0, channel_id_1, channel_id_2,
-                channel_id_3, channel_id_4, channel_id_5, channel_id_6, channel_id_7, channel_id_8,
-                channel_id_9, channel_id_10, channel_id_11, raw_data_0, raw_data_1, raw_data_2, raw_data_3,
-                raw_data_4, raw_data_5, raw_data_6, raw_data_7, raw_data_8, raw_data_9, raw_data_10,
-                raw_data_11, message.resolution, message.v_ref,
+                header, message.timestamp, message.device_id, channel_id_raw, raw_data_raw,
+                message.resolution, message.v_ref,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(AdcReport, cls, data, allow_surplus)
         if header != _USUAL:
             return _cdr.decode_other(AdcReport, cls, data, allow_surplus)
-        message.channel_id = (
-            channel_id_0, channel_id_1, channel_id_2, channel_id_3, channel_id_4, channel_id_5, channel_id_6,
-            channel_id_7, channel_id_8, channel_id_9, channel_id_10, channel_id_11,
-        )
-        message.raw_data = (
-            raw_data_0, raw_data_1, raw_data_2, raw_data_3, raw_data_4, raw_data_5, raw_data_6, raw_data_7,
-            raw_data_8, raw_data_9, raw_data_10, raw_data_11,
-        )
+        message.channel_id = _from_raw("h", channel_id_raw)
+        message.raw_data = _from_raw("i", raw_data_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
@@ -113,18 +95,18 @@ class AdcReport(_cdr.Message):
         name="AdcReport",
         ros_type="px4_msgs/msg/AdcReport",
         dds_type="px4_msgs::msg::dds_::AdcReport_",
-        cdr_size=92,
-        struct_size=92,
-        message_hash=1709574844,
-        type_hash="RIHS01_089ec54829eca65086dc84cd8a03710243f12d7d94c34adf5720a0945fa3d103",
+        cdr_size=116,
+        struct_size=116,
+        message_hash=4043836420,
+        type_hash="RIHS01_a6809d02490becc279f911f5be11a8ef0848a9bb95262491712b771a1207d6e2",
         message_version=0,
         topics=("adc_report",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 8, 4),
-            _cdr.Field("channel_id", "int16[12]", 12, 24, invalid="-1"),
-            _cdr.Field("raw_data", "int32[12]", 36, 48, unit="-"),
-            _cdr.Field("resolution", "uint32", 84, 4, unit="-"),
-            _cdr.Field("v_ref", "float32", 88, 4, unit="V"),
+            _cdr.Field("device_id", "uint32", 8, 4, unit="-"),
+            _cdr.Field("channel_id", "int16[16]", 12, 32, unit="-", invalid="-1"),
+            _cdr.Field("raw_data", "int32[16]", 44, 64, unit="-"),
+            _cdr.Field("resolution", "uint32", 108, 4, unit="-"),
+            _cdr.Field("v_ref", "float32", 112, 4, unit="V"),
         ),
     ))

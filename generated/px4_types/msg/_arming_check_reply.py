@@ -55,7 +55,7 @@ class ArmingCheckReply(_cdr.Message):
     HEALTH_COMPONENT_INDEX_NONE: Final = 0
     """No health component is reported."""
 
-    ORB_QUEUE_LENGTH: Final = 4
+    ORB_QUEUE_LENGTH: Final = 8
 
     timestamp: int
     """uint64 [us] Time since boot."""

@@ -22,8 +22,8 @@ class BatteryStatus(_cdr.Message):
     publish it; the commander, the ground station and low-battery failsafes read it.
 
     Fields: timestamp [us], connected, voltage_v [V], current_a [A], current_average_a [A],
-    discharged_mah [mAh], remaining, scale [-], time_remaining_s [s], temperature [°C], cell_count [-],
-    source, priority [-], capacity [mAh], cycle_count [-], average_time_to_empty [minutes],
+    discharged_mah [mAh], remaining, scale [-], time_remaining_s [s], temperature [degC], cell_count
+    [-], source, priority [-], capacity [mAh], cycle_count [-], average_time_to_empty [minutes],
     manufacture_date [-], state_of_health [%], max_error [%], id [-], interface_error [-],
     voltage_cell_v [V], max_cell_voltage_delta [V], is_powering_off, is_required, warning, faults,
     full_charge_capacity_wh [Wh], remaining_capacity_wh [Wh], over_discharge_count [-], nominal_voltage
@@ -156,7 +156,7 @@ class BatteryStatus(_cdr.Message):
     """float32 [s] [@invalid NaN] Time until empty if the average load stays as it was."""
 
     temperature: float
-    """float32 [°C] [@invalid NaN] Temperature inside or at the pack."""
+    """float32 [degC] [@invalid NaN] Temperature inside or at the pack."""
 
     cell_count: int
     """uint8 [-] [@invalid 0] Cells in series."""
@@ -213,13 +213,13 @@ class BatteryStatus(_cdr.Message):
     """float32 [Wh] Energy of a full charge, as corrected by the smart battery."""
 
     remaining_capacity_wh: float
-    """float32 [Wh] Energy left, as corrected by the smart battery."""
+    """float32 [Wh] [@invalid NaN] Energy left, as corrected by the smart battery."""
 
     over_discharge_count: int
     """uint16 [-] How often the pack was drained too far."""
 
     nominal_voltage: float
-    """float32 [V] Rated voltage of the pack."""
+    """float32 [V] [@invalid NaN] Rated voltage of the pack."""
 
     internal_resistance_estimate: float
     """float32 [Ohm] Resistance of one cell, learned in flight from how voltage drops under load."""
@@ -403,7 +403,7 @@ class BatteryStatus(_cdr.Message):
             _cdr.Field("remaining", "float32", 28, 4, range="0,1", invalid="-1"),
             _cdr.Field("scale", "float32", 32, 4, unit="-", range="1,", invalid="-1"),
             _cdr.Field("time_remaining_s", "float32", 36, 4, unit="s", invalid="NaN"),
-            _cdr.Field("temperature", "float32", 40, 4, unit="°C", invalid="NaN"),
+            _cdr.Field("temperature", "float32", 40, 4, unit="degC", invalid="NaN"),
             _cdr.Field("cell_count", "uint8", 44, 1, unit="-", invalid="0"),
             _cdr.Field("source", "uint8", 45, 1, enum="SOURCE"),
             _cdr.Field("priority", "uint8", 46, 1, unit="-"),
@@ -422,9 +422,9 @@ class BatteryStatus(_cdr.Message):
             _cdr.Field("warning", "uint8", 126, 1, enum="WARNING STATE"),
             _cdr.Field("faults", "uint16", 128, 2, enum="FAULT"),
             _cdr.Field("full_charge_capacity_wh", "float32", 132, 4, unit="Wh"),
-            _cdr.Field("remaining_capacity_wh", "float32", 136, 4, unit="Wh"),
+            _cdr.Field("remaining_capacity_wh", "float32", 136, 4, unit="Wh", invalid="NaN"),
             _cdr.Field("over_discharge_count", "uint16", 140, 2, unit="-"),
-            _cdr.Field("nominal_voltage", "float32", 144, 4, unit="V"),
+            _cdr.Field("nominal_voltage", "float32", 144, 4, unit="V", invalid="NaN"),
             _cdr.Field("internal_resistance_estimate", "float32", 148, 4, unit="Ohm"),
             _cdr.Field("ocv_estimate", "float32", 152, 4, unit="V"),
             _cdr.Field("ocv_estimate_filtered", "float32", 156, 4, unit="V"),

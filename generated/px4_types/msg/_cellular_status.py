@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("QH3Bx3H")
+_LAYOUT = _cdr.Layout("Q4B3HBx2I9sB2xfI4f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -20,40 +20,50 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class CellularStatus(_cdr.Message):
     """State of an onboard cellular modem, as reported over MAVLink. Only kept for the log.
 
-    Fields: timestamp [us], status, failure_reason, type, quality [dBm], mcc, mnc, lac.
+    Fields: timestamp [us], status, failure_reason, type, quality [%], mcc, mnc, lac, id [-],
+    link_tx_rate [KiB/s], link_rx_rate [KiB/s], cell_tower_id, band_number [-], band_frequency [MHz],
+    channel_number, rx_level [dBm], tx_level [dBm], rx_quality [dBm], sinr [dB].
 
-    uORB topic: cellular_status. 20 bytes.
+    uORB topic: cellular_status. 64 bytes.
     """
 
-    __slots__ = ("timestamp", "status", "failure_reason", "type", "quality", "mcc", "mnc", "lac")
-    __match_args__ = ("timestamp", "status", "failure_reason", "type", "quality", "mcc", "mnc", "lac")
+    __slots__ = (
+        "timestamp", "status", "failure_reason", "type", "quality", "mcc", "mnc", "lac", "id", "link_tx_rate",
+        "link_rx_rate", "cell_tower_id", "band_number", "band_frequency", "channel_number", "rx_level",
+        "tx_level", "rx_quality", "sinr",
+    )
+    __match_args__ = (
+        "timestamp", "status", "failure_reason", "type", "quality", "mcc", "mnc", "lac", "id", "link_tx_rate",
+        "link_rx_rate", "cell_tower_id", "band_number", "band_frequency", "channel_number", "rx_level",
+        "tx_level", "rx_quality", "sinr",
+    )
 
-    STATUS_FLAG_UNKNOWN: Final = 1
+    STATUS_FLAG_UNKNOWN: Final = 0
 
-    STATUS_FLAG_FAILED: Final = 2
+    STATUS_FLAG_FAILED: Final = 1
     """Modem cannot be used."""
 
-    STATUS_FLAG_INITIALIZING: Final = 4
-    STATUS_FLAG_LOCKED: Final = 8
+    STATUS_FLAG_INITIALIZING: Final = 2
+    STATUS_FLAG_LOCKED: Final = 3
 
-    STATUS_FLAG_DISABLED: Final = 16
+    STATUS_FLAG_DISABLED: Final = 4
     """Powered down."""
 
-    STATUS_FLAG_DISABLING: Final = 32
-    STATUS_FLAG_ENABLING: Final = 64
+    STATUS_FLAG_DISABLING: Final = 5
+    STATUS_FLAG_ENABLING: Final = 6
 
-    STATUS_FLAG_ENABLED: Final = 128
+    STATUS_FLAG_ENABLED: Final = 7
     """Powered on, not yet registered."""
 
-    STATUS_FLAG_SEARCHING: Final = 256
+    STATUS_FLAG_SEARCHING: Final = 8
 
-    STATUS_FLAG_REGISTERED: Final = 512
+    STATUS_FLAG_REGISTERED: Final = 9
     """Accepted by a network."""
 
-    STATUS_FLAG_DISCONNECTING: Final = 1024
-    STATUS_FLAG_CONNECTING: Final = 2048
+    STATUS_FLAG_DISCONNECTING: Final = 10
+    STATUS_FLAG_CONNECTING: Final = 11
 
-    STATUS_FLAG_CONNECTED: Final = 4096
+    STATUS_FLAG_CONNECTED: Final = 12
     """Data link is up."""
 
     FAILURE_REASON_NONE: Final = 0
@@ -73,7 +83,7 @@ class CellularStatus(_cdr.Message):
     """uint64 [us] Time since boot."""
 
     status: int
-    """uint16 [@enum STATUS_FLAG] Bitmask."""
+    """uint8 [@enum STATUS_FLAG] State of the modem."""
 
     failure_reason: int
     """uint8 [@enum FAILURE_REASON]"""
@@ -82,7 +92,7 @@ class CellularStatus(_cdr.Message):
     """uint8 [@enum CELLULAR_NETWORK_RADIO_TYPE]"""
 
     quality: int
-    """uint8 [dBm] Signal strength without its minus sign."""
+    """uint8 [%] [@invalid UINT8_MAX] Signal strength, 100 is the best."""
 
     mcc: int
     """uint16 [@invalid UINT16_MAX] Country code of the network."""
@@ -92,6 +102,43 @@ class CellularStatus(_cdr.Message):
 
     lac: int
     """uint16 [@invalid 0] Location area of the cell."""
+
+    id: int
+    """uint8 [-] Number of the modem, from 1. 0 if the sender knows of one modem only."""
+
+    link_tx_rate: int
+    """uint32 [KiB/s] [@invalid 0] Data rate towards the vehicle."""
+
+    link_rx_rate: int
+    """uint32 [KiB/s] [@invalid 0] Data rate away from the vehicle."""
+
+    cell_tower_id: bytes
+    """char[9] [@invalid 0] Identity of the serving cell as text. A zero ends it if it is shorter than the
+    array.
+    """
+
+    band_number: int
+    """uint8 [-] [@invalid 0] Number of the LTE band in use."""
+
+    band_frequency: float
+    """float32 [MHz] [@invalid 0] Carrier frequency of the LTE link."""
+
+    channel_number: int
+    """uint32 [@invalid 0] Channel in the numbering of the radio technology: ARFCN, UARFCN, EARFCN or
+    NR-ARFCN.
+    """
+
+    rx_level: float
+    """float32 [dBm] [@invalid 0] Received power: RSCP on 3G, RSRP on LTE, NR-RSRP on 5G."""
+
+    tx_level: float
+    """float32 [dBm] [@invalid 0] Power that the modem transmits with."""
+
+    rx_quality: float
+    """float32 [dBm] [@invalid 0] Received quality: RxQual on 3G, RSRQ on LTE, NR-RSRQ on 5G."""
+
+    sinr: float
+    """float32 [dB] [@invalid 0] Signal power over interference and noise."""
 
     def __init__(
         self,
@@ -103,6 +150,17 @@ class CellularStatus(_cdr.Message):
         mcc: int = 0,
         mnc: int = 0,
         lac: int = 0,
+        id: int = 0,
+        link_tx_rate: int = 0,
+        link_rx_rate: int = 0,
+        cell_tower_id: bytes = bytes(9),
+        band_number: int = 0,
+        band_frequency: float = 0.0,
+        channel_number: int = 0,
+        rx_level: float = 0.0,
+        tx_level: float = 0.0,
+        rx_quality: float = 0.0,
+        sinr: float = 0.0,
     ) -> None:
         self.timestamp = timestamp
         self.status = status
@@ -112,13 +170,28 @@ class CellularStatus(_cdr.Message):
         self.mcc = mcc
         self.mnc = mnc
         self.lac = lac
+        self.id = id
+        self.link_tx_rate = link_tx_rate
+        self.link_rx_rate = link_rx_rate
+        self.cell_tower_id = cell_tower_id
+        self.band_number = band_number
+        self.band_frequency = band_frequency
+        self.channel_number = channel_number
+        self.rx_level = rx_level
+        self.tx_level = tx_level
+        self.rx_quality = rx_quality
+        self.sinr = sinr
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 64 of values."""
         try:
+            if len(self.cell_tower_id) != 9:
+                raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.status, self.failure_reason, self.type, self.quality, self.mcc,
-                self.mnc, self.lac,
+                self.mnc, self.lac, self.id, self.link_tx_rate, self.link_rx_rate, self.cell_tower_id,
+                self.band_number, self.band_frequency, self.channel_number, self.rx_level, self.tx_level,
+                self.rx_quality, self.sinr,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -130,7 +203,9 @@ class CellularStatus(_cdr.Message):
         try:
             (
                 header, message.timestamp, message.status, message.failure_reason, message.type,
-                message.quality, message.mcc, message.mnc, message.lac,
+                message.quality, message.mcc, message.mnc, message.lac, message.id, message.link_tx_rate,
+                message.link_rx_rate, message.cell_tower_id, message.band_number, message.band_frequency,
+                message.channel_number, message.rx_level, message.tx_level, message.rx_quality, message.sinr,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(CellularStatus, cls, data, allow_surplus)
@@ -143,20 +218,31 @@ class CellularStatus(_cdr.Message):
         name="CellularStatus",
         ros_type="px4_msgs/msg/CellularStatus",
         dds_type="px4_msgs::msg::dds_::CellularStatus_",
-        cdr_size=20,
-        struct_size=19,
-        message_hash=2597597884,
-        type_hash="RIHS01_faac66c90dc68d2cc35f925901a801d75dd784a64a3cbddde05f6a371f36913b",
+        cdr_size=64,
+        struct_size=61,
+        message_hash=4130587169,
+        type_hash="RIHS01_d1006ec44b418c77336c06d7c342f566dd02273ad7ba6aa34acd386a358c96dc",
         message_version=0,
         topics=("cellular_status",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("status", "uint16", 8, 2, enum="STATUS_FLAG"),
-            _cdr.Field("failure_reason", "uint8", 10, 1, enum="FAILURE_REASON"),
-            _cdr.Field("type", "uint8", 11, 1, enum="CELLULAR_NETWORK_RADIO_TYPE"),
-            _cdr.Field("quality", "uint8", 12, 1, unit="dBm"),
-            _cdr.Field("mcc", "uint16", 14, 2, invalid="UINT16_MAX"),
-            _cdr.Field("mnc", "uint16", 16, 2, invalid="UINT16_MAX"),
-            _cdr.Field("lac", "uint16", 18, 2, invalid="0"),
+            _cdr.Field("status", "uint8", 8, 1, enum="STATUS_FLAG"),
+            _cdr.Field("failure_reason", "uint8", 9, 1, enum="FAILURE_REASON"),
+            _cdr.Field("type", "uint8", 10, 1, enum="CELLULAR_NETWORK_RADIO_TYPE"),
+            _cdr.Field("quality", "uint8", 11, 1, unit="%", invalid="UINT8_MAX"),
+            _cdr.Field("mcc", "uint16", 12, 2, invalid="UINT16_MAX"),
+            _cdr.Field("mnc", "uint16", 14, 2, invalid="UINT16_MAX"),
+            _cdr.Field("lac", "uint16", 16, 2, invalid="0"),
+            _cdr.Field("id", "uint8", 18, 1, unit="-"),
+            _cdr.Field("link_tx_rate", "uint32", 20, 4, unit="KiB/s", invalid="0"),
+            _cdr.Field("link_rx_rate", "uint32", 24, 4, unit="KiB/s", invalid="0"),
+            _cdr.Field("cell_tower_id", "char[9]", 28, 9, invalid="0"),
+            _cdr.Field("band_number", "uint8", 37, 1, unit="-", invalid="0"),
+            _cdr.Field("band_frequency", "float32", 40, 4, unit="MHz", invalid="0"),
+            _cdr.Field("channel_number", "uint32", 44, 4, invalid="0"),
+            _cdr.Field("rx_level", "float32", 48, 4, unit="dBm", invalid="0"),
+            _cdr.Field("tx_level", "float32", 52, 4, unit="dBm", invalid="0"),
+            _cdr.Field("rx_quality", "float32", 56, 4, unit="dBm", invalid="0"),
+            _cdr.Field("sinr", "float32", 60, 4, unit="dB", invalid="0"),
         ),
     ))

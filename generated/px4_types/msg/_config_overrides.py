@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("Q2?hbB")
+_LAYOUT = _cdr.Layout("Q2?h?bB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -23,21 +23,22 @@ class ConfigOverrides(_cdr.Message):
     config_overrides.
 
     Fields: timestamp [us], disable_auto_disarm, defer_failsafes, defer_failsafes_timeout_s [s],
-    source_type, source_id.
+    disable_auto_set_home, source_type, source_id.
 
-    uORB topics: config_overrides, config_overrides_request. 14 bytes.
+    uORB topics: config_overrides, config_overrides_request, config_overrides_confirm. Version 1, 15
+    bytes.
     """
 
     __slots__ = (
-        "timestamp", "disable_auto_disarm", "defer_failsafes", "defer_failsafes_timeout_s", "source_type",
-        "source_id",
+        "timestamp", "disable_auto_disarm", "defer_failsafes", "defer_failsafes_timeout_s",
+        "disable_auto_set_home", "source_type", "source_id",
     )
     __match_args__ = (
-        "timestamp", "disable_auto_disarm", "defer_failsafes", "defer_failsafes_timeout_s", "source_type",
-        "source_id",
+        "timestamp", "disable_auto_disarm", "defer_failsafes", "defer_failsafes_timeout_s",
+        "disable_auto_set_home", "source_type", "source_id",
     )
 
-    MESSAGE_VERSION: Final = 0
+    MESSAGE_VERSION: Final = 1
     SOURCE_TYPE_MODE: Final = 0
     SOURCE_TYPE_MODE_EXECUTOR: Final = 1
     ORB_QUEUE_LENGTH: Final = 4
@@ -54,6 +55,9 @@ class ConfigOverrides(_cdr.Message):
     defer_failsafes_timeout_s: int
     """int16 [s] Longest delay of a failsafe. 0 takes the firmware default, -1 sets no limit."""
 
+    disable_auto_set_home: bool
+    """bool True keeps the vehicle from moving its home position by itself when it arms or takes off."""
+
     source_type: int
     """int8 [@enum SOURCE_TYPE] Whether a mode or a mode executor asks."""
 
@@ -66,6 +70,7 @@ class ConfigOverrides(_cdr.Message):
         disable_auto_disarm: bool = False,
         defer_failsafes: bool = False,
         defer_failsafes_timeout_s: int = 0,
+        disable_auto_set_home: bool = False,
         source_type: int = 0,
         source_id: int = 0,
     ) -> None:
@@ -73,17 +78,18 @@ class ConfigOverrides(_cdr.Message):
         self.disable_auto_disarm = disable_auto_disarm
         self.defer_failsafes = defer_failsafes
         self.defer_failsafes_timeout_s = defer_failsafes_timeout_s
+        self.disable_auto_set_home = disable_auto_set_home
         self.source_type = source_type
         self.source_id = source_id
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 14 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 15 of values."""
         try:
-            if (False | self.disable_auto_disarm | self.defer_failsafes) not in (0, 1):
+            if (False | self.disable_auto_disarm | self.defer_failsafes | self.disable_auto_set_home) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.disable_auto_disarm, self.defer_failsafes,
-                self.defer_failsafes_timeout_s, self.source_type, self.source_id,
+                self.defer_failsafes_timeout_s, self.disable_auto_set_home, self.source_type, self.source_id,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -95,11 +101,12 @@ class ConfigOverrides(_cdr.Message):
         try:
             (
                 header, message.timestamp, message.disable_auto_disarm, message.defer_failsafes,
-                message.defer_failsafes_timeout_s, message.source_type, message.source_id,
+                message.defer_failsafes_timeout_s, message.disable_auto_set_home, message.source_type,
+                message.source_id,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ConfigOverrides, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (18, 19, 20, 21):
+        if header != _USUAL or len(data) not in (19, 20, 21, 22):
             return _cdr.decode_other(ConfigOverrides, cls, data, allow_surplus)
         return message
 
@@ -108,18 +115,19 @@ class ConfigOverrides(_cdr.Message):
         name="ConfigOverrides",
         ros_type="px4_msgs/msg/ConfigOverrides",
         dds_type="px4_msgs::msg::dds_::ConfigOverrides_",
-        cdr_size=14,
-        struct_size=14,
-        message_hash=1593126122,
-        type_hash="RIHS01_dadb646b79dfc71aaa6862f533627455cd50e4720c9ecce75ed8e1e8ee7976e2",
-        message_version=0,
-        topics=("config_overrides", "config_overrides_request"),
+        cdr_size=15,
+        struct_size=15,
+        message_hash=702761569,
+        type_hash="RIHS01_0daebd3e91954c23cb5a4c7cc8a5636e93e2b204bd39f0fc39919a6451d570d9",
+        message_version=1,
+        topics=("config_overrides", "config_overrides_request", "config_overrides_confirm"),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("disable_auto_disarm", "bool", 8, 1),
             _cdr.Field("defer_failsafes", "bool", 9, 1),
             _cdr.Field("defer_failsafes_timeout_s", "int16", 10, 2, unit="s"),
-            _cdr.Field("source_type", "int8", 12, 1, enum="SOURCE_TYPE"),
-            _cdr.Field("source_id", "uint8", 13, 1),
+            _cdr.Field("disable_auto_set_home", "bool", 12, 1),
+            _cdr.Field("source_type", "int8", 13, 1, enum="SOURCE_TYPE"),
+            _cdr.Field("source_id", "uint8", 14, 1),
         ),
     ))

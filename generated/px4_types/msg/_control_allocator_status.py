@@ -13,8 +13,8 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("Q?3x3f?3x3f16s2H", words="QB3x3IB3x3I16B2H")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_LAYOUT = _cdr.Layout("Q?3x3f?3x3f16s2H?", words="QB3x3IB3x3I16B2HB")
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 _from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
@@ -25,18 +25,21 @@ class ControlAllocatorStatus(_cdr.Message):
     instance.
 
     Fields: timestamp [us], torque_setpoint_achieved, unallocated_torque [-], thrust_setpoint_achieved,
-    unallocated_thrust [-], actuator_saturation, handled_motor_failure_mask, motor_stop_mask.
+    unallocated_thrust [-], actuator_saturation, handled_motor_failure_mask, motor_stop_mask,
+    actuator_group_preflight_check_active.
 
-    uORB topic: control_allocator_status. 60 bytes.
+    uORB topic: control_allocator_status. 61 bytes.
     """
 
     __slots__ = (
         "timestamp", "torque_setpoint_achieved", "unallocated_torque", "thrust_setpoint_achieved",
         "unallocated_thrust", "actuator_saturation", "handled_motor_failure_mask", "motor_stop_mask",
+        "actuator_group_preflight_check_active",
     )
     __match_args__ = (
         "timestamp", "torque_setpoint_achieved", "unallocated_torque", "thrust_setpoint_achieved",
         "unallocated_thrust", "actuator_saturation", "handled_motor_failure_mask", "motor_stop_mask",
+        "actuator_group_preflight_check_active",
     )
 
     ACTUATOR_SATURATION_OK: Final = 0
@@ -83,6 +86,9 @@ class ControlAllocatorStatus(_cdr.Message):
     motor_stop_mask: int
     """uint16 One bit per motor that failure injection has stopped."""
 
+    actuator_group_preflight_check_active: bool
+    """bool True while VEHICLE_CMD_ACTUATOR_GROUP_TEST drives the outputs in place of the controllers."""
+
     def __init__(
         self,
         timestamp: int = 0,
@@ -93,6 +99,7 @@ class ControlAllocatorStatus(_cdr.Message):
         actuator_saturation: _arrays.Sequence[int] | None = None,
         handled_motor_failure_mask: int = 0,
         motor_stop_mask: int = 0,
+        actuator_group_preflight_check_active: bool = False,
     ) -> None:
         self.timestamp = timestamp
         self.torque_setpoint_achieved = torque_setpoint_achieved
@@ -102,20 +109,24 @@ class ControlAllocatorStatus(_cdr.Message):
         self.actuator_saturation = _arrays.zeros("b", 16) if actuator_saturation is None else actuator_saturation
         self.handled_motor_failure_mask = handled_motor_failure_mask
         self.motor_stop_mask = motor_stop_mask
+        self.actuator_group_preflight_check_active = actuator_group_preflight_check_active
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 60 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 61 of values."""
         try:
             (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2) = self.unallocated_torque
             (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2) = self.unallocated_thrust
-            if (False | self.torque_setpoint_achieved | self.thrust_setpoint_achieved) not in (0, 1):
+            if (
+                False | self.torque_setpoint_achieved | self.thrust_setpoint_achieved
+                | self.actuator_group_preflight_check_active
+            ) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.torque_setpoint_achieved, unallocated_torque_0,
                 unallocated_torque_1, unallocated_torque_2, self.thrust_setpoint_achieved,
                 unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2,
                 _to_raw("b", 16, self.actuator_saturation), self.handled_motor_failure_mask,
-                self.motor_stop_mask,
+                self.motor_stop_mask, self.actuator_group_preflight_check_active,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -130,10 +141,11 @@ class ControlAllocatorStatus(_cdr.Message):
                 unallocated_torque_1, unallocated_torque_2, message.thrust_setpoint_achieved,
                 unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2, actuator_saturation_raw,
                 message.handled_motor_failure_mask, message.motor_stop_mask,
+                message.actuator_group_preflight_check_active,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ControlAllocatorStatus, cls, data, allow_surplus)
-        if header != _USUAL:
+        if header != _USUAL or len(data) not in (65, 66, 67, 68):
             return _cdr.decode_other(ControlAllocatorStatus, cls, data, allow_surplus)
         message.unallocated_torque = (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2)
         message.unallocated_thrust = (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2)
@@ -145,10 +157,10 @@ class ControlAllocatorStatus(_cdr.Message):
         name="ControlAllocatorStatus",
         ros_type="px4_msgs/msg/ControlAllocatorStatus",
         dds_type="px4_msgs::msg::dds_::ControlAllocatorStatus_",
-        cdr_size=60,
-        struct_size=54,
-        message_hash=3709264580,
-        type_hash="RIHS01_615de5a47c087e5c4f9a832dcde7f98580c4b92e3d642d958217369d61795192",
+        cdr_size=61,
+        struct_size=55,
+        message_hash=2282433267,
+        type_hash="RIHS01_278e561130dea6290ab7d759ac30e1e15fb28f3d6ae964de8a5e55d1e05adb92",
         message_version=0,
         topics=("control_allocator_status",),
         fields=(
@@ -160,5 +172,6 @@ class ControlAllocatorStatus(_cdr.Message):
             _cdr.Field("actuator_saturation", "int8[16]", 40, 16, enum="ACTUATOR_SATURATION"),
             _cdr.Field("handled_motor_failure_mask", "uint16", 56, 2),
             _cdr.Field("motor_stop_mask", "uint16", 58, 2),
+            _cdr.Field("actuator_group_preflight_check_active", "bool", 60, 1),
         ),
     ))

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 else:
     ClassVar = _cdr.ClassVar
 
-_LAYOUT = _cdr.Layout("2QI2fI")
+_LAYOUT = _cdr.Layout("2QI3fI")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -19,19 +19,19 @@ class DifferentialPressure(_cdr.Message):
     """Gives the pressure difference across the pitot tube as measured by an airspeed sensor. Airspeed
     sensor drivers publish it; the sensors module works out the airspeed from it.
 
-    Fields: timestamp [us], timestamp_sample [us], device_id, differential_pressure_pa [Pa], temperature
-    [degC], error_count.
+    Fields: timestamp [us], timestamp_sample [us], device_id [-], differential_pressure_pa [Pa],
+    temperature [degC], pitot_temperature [degC], error_count [-].
 
-    uORB topic: differential_pressure. 32 bytes.
+    uORB topic: differential_pressure. 36 bytes.
     """
 
     __slots__ = (
         "timestamp", "timestamp_sample", "device_id", "differential_pressure_pa", "temperature",
-        "error_count",
+        "pitot_temperature", "error_count",
     )
     __match_args__ = (
         "timestamp", "timestamp_sample", "device_id", "differential_pressure_pa", "temperature",
-        "error_count",
+        "pitot_temperature", "error_count",
     )
 
     timestamp: int
@@ -41,16 +41,21 @@ class DifferentialPressure(_cdr.Message):
     """uint64 [us]"""
 
     device_id: int
-    """uint32 Stays the same across reboots."""
+    """uint32 [-] Stays the same across reboots."""
 
     differential_pressure_pa: float
     """float32 [Pa] Can be below zero."""
 
     temperature: float
-    """float32 [degC] [@invalid NaN]"""
+    """float32 [degC] [@invalid NaN if unknown]"""
+
+    pitot_temperature: float
+    """float32 [degC] [@invalid NaN if unknown] Temperature at the pitot probe, for sensors that measure it
+    there.
+    """
 
     error_count: int
-    """uint32 Read errors counted by the driver."""
+    """uint32 [-] Read errors counted by the driver."""
 
     def __init__(
         self,
@@ -59,6 +64,7 @@ class DifferentialPressure(_cdr.Message):
         device_id: int = 0,
         differential_pressure_pa: float = 0.0,
         temperature: float = 0.0,
+        pitot_temperature: float = 0.0,
         error_count: int = 0,
     ) -> None:
         self.timestamp = timestamp
@@ -66,14 +72,15 @@ class DifferentialPressure(_cdr.Message):
         self.device_id = device_id
         self.differential_pressure_pa = differential_pressure_pa
         self.temperature = temperature
+        self.pitot_temperature = pitot_temperature
         self.error_count = error_count
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 32 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 36 of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, self.differential_pressure_pa,
-                self.temperature, self.error_count,
+                self.temperature, self.pitot_temperature, self.error_count,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -85,7 +92,8 @@ class DifferentialPressure(_cdr.Message):
         try:
             (
                 header, message.timestamp, message.timestamp_sample, message.device_id,
-                message.differential_pressure_pa, message.temperature, message.error_count,
+                message.differential_pressure_pa, message.temperature, message.pitot_temperature,
+                message.error_count,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(DifferentialPressure, cls, data, allow_surplus)
@@ -98,18 +106,21 @@ class DifferentialPressure(_cdr.Message):
         name="DifferentialPressure",
         ros_type="px4_msgs/msg/DifferentialPressure",
         dds_type="px4_msgs::msg::dds_::DifferentialPressure_",
-        cdr_size=32,
-        struct_size=32,
-        message_hash=2188515071,
-        type_hash="RIHS01_8b552aef7d1ea83ca5d487314cc61150bca2e74d29f119db370d44204c8cfb97",
+        cdr_size=36,
+        struct_size=36,
+        message_hash=1494628941,
+        type_hash="RIHS01_70b9c8de8240e1cfdad4bd09f3f33f2ec4ebf4b789069c5522369c38224914a0",
         message_version=0,
         topics=("differential_pressure",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("device_id", "uint32", 16, 4, unit="-"),
             _cdr.Field("differential_pressure_pa", "float32", 20, 4, unit="Pa"),
-            _cdr.Field("temperature", "float32", 24, 4, unit="degC", invalid="NaN"),
-            _cdr.Field("error_count", "uint32", 28, 4),
+            _cdr.Field("temperature", "float32", 24, 4, unit="degC", invalid="NaN if unknown"),
+            _cdr.Field(
+                "pitot_temperature", "float32", 28, 4, unit="degC", invalid="NaN if unknown",
+            ),
+            _cdr.Field("error_count", "uint32", 32, 4, unit="-"),
         ),
     ))

@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("QIi3f4BHb")
+_LAYOUT = _cdr.Layout("QIi3fh2BHb")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -20,21 +20,26 @@ _new, _USUAL = _cdr.new, _cdr.USUAL
 class EscReport(_cdr.Message):
     """Telemetry of one ESC and its motor; an element of EscStatus. Not every ESC sends all of it.
 
-    Fields: timestamp [us], esc_errorcount, esc_rpm [rpm], esc_voltage [V], esc_current [A],
-    esc_temperature [degC], esc_address, esc_cmdcount, esc_state, actuator_function, failures, esc_power
-    [%].
+    Fields: timestamp [us], esc_errorcount [-], esc_rpm [rpm], esc_voltage [V], esc_current [A],
+    esc_temperature [degC], motor_temperature [degC], esc_state [-], actuator_function [-], failures,
+    esc_power [%].
 
     uORB topic: esc_report. 35 bytes.
     """
 
     __slots__ = (
         "timestamp", "esc_errorcount", "esc_rpm", "esc_voltage", "esc_current", "esc_temperature",
-        "esc_address", "esc_cmdcount", "esc_state", "actuator_function", "failures", "esc_power",
+        "motor_temperature", "esc_state", "actuator_function", "failures", "esc_power",
     )
     __match_args__ = (
         "timestamp", "esc_errorcount", "esc_rpm", "esc_voltage", "esc_current", "esc_temperature",
-        "esc_address", "esc_cmdcount", "esc_state", "actuator_function", "failures", "esc_power",
+        "motor_temperature", "esc_state", "actuator_function", "failures", "esc_power",
     )
+
+    ACTUATOR_FUNCTION_MOTOR1: Final = 101
+
+    ACTUATOR_FUNCTION_MOTOR_MAX: Final = 112
+    """Highest output function that is a motor."""
 
     FAILURE_OVER_CURRENT: Final = 0
     FAILURE_OVER_VOLTAGE: Final = 1
@@ -55,7 +60,7 @@ class EscReport(_cdr.Message):
     """uint64 [us] Time since boot."""
 
     esc_errorcount: int
-    """uint32 Errors that the ESC itself has counted."""
+    """uint32 [-] Errors that the ESC itself has counted."""
 
     esc_rpm: int
     """int32 [rpm] Negative when the motor turns in reverse."""
@@ -69,23 +74,20 @@ class EscReport(_cdr.Message):
     esc_temperature: float
     """float32 [degC]"""
 
-    esc_address: int
-    """uint8"""
-
-    esc_cmdcount: int
-    """uint8 Commands sent to this ESC."""
+    motor_temperature: int
+    """int16 [degC] Temperature of the motor itself, from ESCs with a probe there."""
 
     esc_state: int
-    """uint8 Meaning depends on the ESC vendor."""
+    """uint8 [-] Meaning depends on the ESC vendor."""
 
     actuator_function: int
-    """uint8 Motor that this ESC drives, as an output function: 101 is motor 1."""
+    """uint8 [-] Motor that this ESC drives, as an output function: 101 is motor 1."""
 
     failures: int
     """uint16 [@enum FAILURE] Bitmask of faults: each constant is the number of a bit."""
 
     esc_power: int
-    """int8 [%] [@range 0, 100] Negative values are reserved."""
+    """int8 [%] [@range 0,100] Negative values are reserved."""
 
     def __init__(
         self,
@@ -95,8 +97,7 @@ class EscReport(_cdr.Message):
         esc_voltage: float = 0.0,
         esc_current: float = 0.0,
         esc_temperature: float = 0.0,
-        esc_address: int = 0,
-        esc_cmdcount: int = 0,
+        motor_temperature: int = 0,
         esc_state: int = 0,
         actuator_function: int = 0,
         failures: int = 0,
@@ -108,8 +109,7 @@ class EscReport(_cdr.Message):
         self.esc_voltage = esc_voltage
         self.esc_current = esc_current
         self.esc_temperature = esc_temperature
-        self.esc_address = esc_address
-        self.esc_cmdcount = esc_cmdcount
+        self.motor_temperature = motor_temperature
         self.esc_state = esc_state
         self.actuator_function = actuator_function
         self.failures = failures
@@ -120,8 +120,8 @@ class EscReport(_cdr.Message):
         try:
             return _pack(
                 _USUAL, self.timestamp, self.esc_errorcount, self.esc_rpm, self.esc_voltage, self.esc_current,
-                self.esc_temperature, self.esc_address, self.esc_cmdcount, self.esc_state,
-                self.actuator_function, self.failures, self.esc_power,
+                self.esc_temperature, self.motor_temperature, self.esc_state, self.actuator_function,
+                self.failures, self.esc_power,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -133,8 +133,8 @@ class EscReport(_cdr.Message):
         try:
             (
                 header, message.timestamp, message.esc_errorcount, message.esc_rpm, message.esc_voltage,
-                message.esc_current, message.esc_temperature, message.esc_address, message.esc_cmdcount,
-                message.esc_state, message.actuator_function, message.failures, message.esc_power,
+                message.esc_current, message.esc_temperature, message.motor_temperature, message.esc_state,
+                message.actuator_function, message.failures, message.esc_power,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EscReport, cls, data, allow_surplus)
@@ -149,22 +149,21 @@ class EscReport(_cdr.Message):
         dds_type="px4_msgs::msg::dds_::EscReport_",
         cdr_size=35,
         struct_size=35,
-        message_hash=1089051630,
-        type_hash="RIHS01_0353f526dca2763e2ae262b6daaeda119b3d1e9da12c0f4987e3480b170c13bc",
+        message_hash=382162337,
+        type_hash="RIHS01_130a8d15dc9de33bf51236702851aea8277ab76b6ce54ab07e25ba79d8911dcb",
         message_version=0,
         topics=("esc_report",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("esc_errorcount", "uint32", 8, 4),
+            _cdr.Field("esc_errorcount", "uint32", 8, 4, unit="-"),
             _cdr.Field("esc_rpm", "int32", 12, 4, unit="rpm"),
             _cdr.Field("esc_voltage", "float32", 16, 4, unit="V"),
             _cdr.Field("esc_current", "float32", 20, 4, unit="A"),
             _cdr.Field("esc_temperature", "float32", 24, 4, unit="degC"),
-            _cdr.Field("esc_address", "uint8", 28, 1),
-            _cdr.Field("esc_cmdcount", "uint8", 29, 1),
-            _cdr.Field("esc_state", "uint8", 30, 1),
-            _cdr.Field("actuator_function", "uint8", 31, 1),
+            _cdr.Field("motor_temperature", "int16", 28, 2, unit="degC"),
+            _cdr.Field("esc_state", "uint8", 30, 1, unit="-"),
+            _cdr.Field("actuator_function", "uint8", 31, 1, unit="-"),
             _cdr.Field("failures", "uint16", 32, 2, enum="FAILURE"),
-            _cdr.Field("esc_power", "int8", 34, 1, unit="%", range="0, 100"),
+            _cdr.Field("esc_power", "int8", 34, 1, unit="%", range="0,100"),
         ),
     ))

@@ -14,8 +14,9 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout(
-    "QH4B2xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb5xQIi3f4BHb",
-    xcdr2="QH4B6xQ5I4BHBxQ5I4BHBxQ5I4BHBxQ5I4BHBxQ5I4BHBxQ5I4BHBxQ5I4BHBxQ5I4BHB", delimiters=((16, 287),),
+    "QH2B2HQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb",
+    xcdr2="QH2B2H4xQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHB",
+    delimiters=((16, 431),),
 )
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
@@ -25,10 +26,10 @@ class EscStatus(_cdr.Message):
     """Feedback of all ESCs behind one interface, published by the ESC drivers (DShot, DroneCAN, serial)
     for the failure detector, the log and the telemetry.
 
-    Fields: timestamp [us], counter, esc_count, esc_connectiontype, esc_online_flags, esc_armed_flags,
-    esc.
+    Fields: timestamp [us], counter [-], esc_count [-], esc_connectiontype, esc_online_flags,
+    esc_armed_flags [-], esc.
 
-    uORB topic: esc_status. 331 bytes.
+    uORB topic: esc_status. 491 bytes.
     """
 
     __slots__ = (
@@ -40,7 +41,7 @@ class EscStatus(_cdr.Message):
         "esc",
     )
 
-    CONNECTED_ESC_MAX: Final = 8
+    CONNECTED_ESC_MAX: Final = 12
     ESC_CONNECTION_TYPE_PPM: Final = 0
     ESC_CONNECTION_TYPE_SERIAL: Final = 1
     ESC_CONNECTION_TYPE_ONESHOT: Final = 2
@@ -52,22 +53,22 @@ class EscStatus(_cdr.Message):
     """uint64 [us] Time since boot."""
 
     counter: int
-    """uint16 Goes up by one per publication."""
+    """uint16 [-] Goes up by one per publication."""
 
     esc_count: int
-    """uint8"""
+    """uint8 [-]"""
 
     esc_connectiontype: int
     """uint8 [@enum ESC_CONNECTION_TYPE]"""
 
     esc_online_flags: int
-    """uint8 Bit n is set while `esc[n]` sends telemetry."""
+    """uint16 Bit n is set while `esc[n]` sends telemetry."""
 
     esc_armed_flags: int
-    """uint8 Bit n is set while `esc[n]` is armed, and always if the ESC cannot tell."""
+    """uint16 [-] Bit n is set while `esc[n]` is armed, and always if the ESC cannot tell."""
 
     esc: tuple[EscReport, ...]
-    """EscReport[8] The first `esc_count` elements are in use."""
+    """EscReport[12] The first `esc_count` elements are in use."""
 
     def __init__(
         self,
@@ -85,38 +86,47 @@ class EscStatus(_cdr.Message):
         self.esc_connectiontype = esc_connectiontype
         self.esc_online_flags = esc_online_flags
         self.esc_armed_flags = esc_armed_flags
-        self.esc = _cdr.fresh(EscReport, 8) if esc is None else esc
+        self.esc = _cdr.fresh(EscReport, 12) if esc is None else esc
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 331 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 491 of values."""
         try:
-            (esc_0, esc_1, esc_2, esc_3, esc_4, esc_5, esc_6, esc_7) = self.esc
+            (
+                esc_0, esc_1, esc_2, esc_3, esc_4, esc_5, esc_6, esc_7, esc_8, esc_9, esc_10, esc_11,
+            ) = self.esc
             return _pack(
                 _USUAL, self.timestamp, self.counter, self.esc_count, self.esc_connectiontype,
                 self.esc_online_flags, self.esc_armed_flags, esc_0.timestamp, esc_0.esc_errorcount,
-                esc_0.esc_rpm, esc_0.esc_voltage, esc_0.esc_current, esc_0.esc_temperature, esc_0.esc_address,
-                esc_0.esc_cmdcount, esc_0.esc_state, esc_0.actuator_function, esc_0.failures, esc_0.esc_power,
-                esc_1.timestamp, esc_1.esc_errorcount, esc_1.esc_rpm, esc_1.esc_voltage, esc_1.esc_current,
-                esc_1.esc_temperature, esc_1.esc_address, esc_1.esc_cmdcount, esc_1.esc_state,
+                esc_0.esc_rpm, esc_0.esc_voltage, esc_0.esc_current, esc_0.esc_temperature,
+                esc_0.motor_temperature, esc_0.esc_state, esc_0.actuator_function, esc_0.failures,
+                esc_0.esc_power, esc_1.timestamp, esc_1.esc_errorcount, esc_1.esc_rpm, esc_1.esc_voltage,
+                esc_1.esc_current, esc_1.esc_temperature, esc_1.motor_temperature, esc_1.esc_state,
                 esc_1.actuator_function, esc_1.failures, esc_1.esc_power, esc_2.timestamp,
                 esc_2.esc_errorcount, esc_2.esc_rpm, esc_2.esc_voltage, esc_2.esc_current,
-                esc_2.esc_temperature, esc_2.esc_address, esc_2.esc_cmdcount, esc_2.esc_state,
-                esc_2.actuator_function, esc_2.failures, esc_2.esc_power, esc_3.timestamp,
-                esc_3.esc_errorcount, esc_3.esc_rpm, esc_3.esc_voltage, esc_3.esc_current,
-                esc_3.esc_temperature, esc_3.esc_address, esc_3.esc_cmdcount, esc_3.esc_state,
-                esc_3.actuator_function, esc_3.failures, esc_3.esc_power, esc_4.timestamp,
+                esc_2.esc_temperature, esc_2.motor_temperature, esc_2.esc_state, esc_2.actuator_function,
+                esc_2.failures, esc_2.esc_power, esc_3.timestamp, esc_3.esc_errorcount, esc_3.esc_rpm,
+                esc_3.esc_voltage, esc_3.esc_current, esc_3.esc_temperature, esc_3.motor_temperature,
+                esc_3.esc_state, esc_3.actuator_function, esc_3.failures, esc_3.esc_power, esc_4.timestamp,
                 esc_4.esc_errorcount, esc_4.esc_rpm, esc_4.esc_voltage, esc_4.esc_current,
-                esc_4.esc_temperature, esc_4.esc_address, esc_4.esc_cmdcount, esc_4.esc_state,
-                esc_4.actuator_function, esc_4.failures, esc_4.esc_power, esc_5.timestamp,
-                esc_5.esc_errorcount, esc_5.esc_rpm, esc_5.esc_voltage, esc_5.esc_current,
-                esc_5.esc_temperature, esc_5.esc_address, esc_5.esc_cmdcount, esc_5.esc_state,
-                esc_5.actuator_function, esc_5.failures, esc_5.esc_power, esc_6.timestamp,
+                esc_4.esc_temperature, esc_4.motor_temperature, esc_4.esc_state, esc_4.actuator_function,
+                esc_4.failures, esc_4.esc_power, esc_5.timestamp, esc_5.esc_errorcount, esc_5.esc_rpm,
+                esc_5.esc_voltage, esc_5.esc_current, esc_5.esc_temperature, esc_5.motor_temperature,
+                esc_5.esc_state, esc_5.actuator_function, esc_5.failures, esc_5.esc_power, esc_6.timestamp,
                 esc_6.esc_errorcount, esc_6.esc_rpm, esc_6.esc_voltage, esc_6.esc_current,
-                esc_6.esc_temperature, esc_6.esc_address, esc_6.esc_cmdcount, esc_6.esc_state,
-                esc_6.actuator_function, esc_6.failures, esc_6.esc_power, esc_7.timestamp,
-                esc_7.esc_errorcount, esc_7.esc_rpm, esc_7.esc_voltage, esc_7.esc_current,
-                esc_7.esc_temperature, esc_7.esc_address, esc_7.esc_cmdcount, esc_7.esc_state,
-                esc_7.actuator_function, esc_7.failures, esc_7.esc_power,
+                esc_6.esc_temperature, esc_6.motor_temperature, esc_6.esc_state, esc_6.actuator_function,
+                esc_6.failures, esc_6.esc_power, esc_7.timestamp, esc_7.esc_errorcount, esc_7.esc_rpm,
+                esc_7.esc_voltage, esc_7.esc_current, esc_7.esc_temperature, esc_7.motor_temperature,
+                esc_7.esc_state, esc_7.actuator_function, esc_7.failures, esc_7.esc_power, esc_8.timestamp,
+                esc_8.esc_errorcount, esc_8.esc_rpm, esc_8.esc_voltage, esc_8.esc_current,
+                esc_8.esc_temperature, esc_8.motor_temperature, esc_8.esc_state, esc_8.actuator_function,
+                esc_8.failures, esc_8.esc_power, esc_9.timestamp, esc_9.esc_errorcount, esc_9.esc_rpm,
+                esc_9.esc_voltage, esc_9.esc_current, esc_9.esc_temperature, esc_9.motor_temperature,
+                esc_9.esc_state, esc_9.actuator_function, esc_9.failures, esc_9.esc_power, esc_10.timestamp,
+                esc_10.esc_errorcount, esc_10.esc_rpm, esc_10.esc_voltage, esc_10.esc_current,
+                esc_10.esc_temperature, esc_10.motor_temperature, esc_10.esc_state, esc_10.actuator_function,
+                esc_10.failures, esc_10.esc_power, esc_11.timestamp, esc_11.esc_errorcount, esc_11.esc_rpm,
+                esc_11.esc_voltage, esc_11.esc_current, esc_11.esc_temperature, esc_11.motor_temperature,
+                esc_11.esc_state, esc_11.actuator_function, esc_11.failures, esc_11.esc_power,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -133,39 +143,52 @@ class EscStatus(_cdr.Message):
         esc_5 = _new(EscReport)
         esc_6 = _new(EscReport)
         esc_7 = _new(EscReport)
+        esc_8 = _new(EscReport)
+        esc_9 = _new(EscReport)
+        esc_10 = _new(EscReport)
+        esc_11 = _new(EscReport)
         try:
             (
                 header, message.timestamp, message.counter, message.esc_count, message.esc_connectiontype,
                 message.esc_online_flags, message.esc_armed_flags, esc_0.timestamp, esc_0.esc_errorcount,
-                esc_0.esc_rpm, esc_0.esc_voltage, esc_0.esc_current, esc_0.esc_temperature, esc_0.esc_address,
-                esc_0.esc_cmdcount, esc_0.esc_state, esc_0.actuator_function, esc_0.failures, esc_0.esc_power,
-                esc_1.timestamp, esc_1.esc_errorcount, esc_1.esc_rpm, esc_1.esc_voltage, esc_1.esc_current,
-                esc_1.esc_temperature, esc_1.esc_address, esc_1.esc_cmdcount, esc_1.esc_state,
+                esc_0.esc_rpm, esc_0.esc_voltage, esc_0.esc_current, esc_0.esc_temperature,
+                esc_0.motor_temperature, esc_0.esc_state, esc_0.actuator_function, esc_0.failures,
+                esc_0.esc_power, esc_1.timestamp, esc_1.esc_errorcount, esc_1.esc_rpm, esc_1.esc_voltage,
+                esc_1.esc_current, esc_1.esc_temperature, esc_1.motor_temperature, esc_1.esc_state,
                 esc_1.actuator_function, esc_1.failures, esc_1.esc_power, esc_2.timestamp,
                 esc_2.esc_errorcount, esc_2.esc_rpm, esc_2.esc_voltage, esc_2.esc_current,
-                esc_2.esc_temperature, esc_2.esc_address, esc_2.esc_cmdcount, esc_2.esc_state,
-                esc_2.actuator_function, esc_2.failures, esc_2.esc_power, esc_3.timestamp,
-                esc_3.esc_errorcount, esc_3.esc_rpm, esc_3.esc_voltage, esc_3.esc_current,
-                esc_3.esc_temperature, esc_3.esc_address, esc_3.esc_cmdcount, esc_3.esc_state,
-                esc_3.actuator_function, esc_3.failures, esc_3.esc_power, esc_4.timestamp,
+                esc_2.esc_temperature, esc_2.motor_temperature, esc_2.esc_state, esc_2.actuator_function,
+                esc_2.failures, esc_2.esc_power, esc_3.timestamp, esc_3.esc_errorcount, esc_3.esc_rpm,
+                esc_3.esc_voltage, esc_3.esc_current, esc_3.esc_temperature, esc_3.motor_temperature,
+                esc_3.esc_state, esc_3.actuator_function, esc_3.failures, esc_3.esc_power, esc_4.timestamp,
                 esc_4.esc_errorcount, esc_4.esc_rpm, esc_4.esc_voltage, esc_4.esc_current,
-                esc_4.esc_temperature, esc_4.esc_address, esc_4.esc_cmdcount, esc_4.esc_state,
-                esc_4.actuator_function, esc_4.failures, esc_4.esc_power, esc_5.timestamp,
-                esc_5.esc_errorcount, esc_5.esc_rpm, esc_5.esc_voltage, esc_5.esc_current,
-                esc_5.esc_temperature, esc_5.esc_address, esc_5.esc_cmdcount, esc_5.esc_state,
-                esc_5.actuator_function, esc_5.failures, esc_5.esc_power, esc_6.timestamp,
+                esc_4.esc_temperature, esc_4.motor_temperature, esc_4.esc_state, esc_4.actuator_function,
+                esc_4.failures, esc_4.esc_power, esc_5.timestamp, esc_5.esc_errorcount, esc_5.esc_rpm,
+                esc_5.esc_voltage, esc_5.esc_current, esc_5.esc_temperature, esc_5.motor_temperature,
+                esc_5.esc_state, esc_5.actuator_function, esc_5.failures, esc_5.esc_power, esc_6.timestamp,
                 esc_6.esc_errorcount, esc_6.esc_rpm, esc_6.esc_voltage, esc_6.esc_current,
-                esc_6.esc_temperature, esc_6.esc_address, esc_6.esc_cmdcount, esc_6.esc_state,
-                esc_6.actuator_function, esc_6.failures, esc_6.esc_power, esc_7.timestamp,
-                esc_7.esc_errorcount, esc_7.esc_rpm, esc_7.esc_voltage, esc_7.esc_current,
-                esc_7.esc_temperature, esc_7.esc_address, esc_7.esc_cmdcount, esc_7.esc_state,
-                esc_7.actuator_function, esc_7.failures, esc_7.esc_power,
+                esc_6.esc_temperature, esc_6.motor_temperature, esc_6.esc_state, esc_6.actuator_function,
+                esc_6.failures, esc_6.esc_power, esc_7.timestamp, esc_7.esc_errorcount, esc_7.esc_rpm,
+                esc_7.esc_voltage, esc_7.esc_current, esc_7.esc_temperature, esc_7.motor_temperature,
+                esc_7.esc_state, esc_7.actuator_function, esc_7.failures, esc_7.esc_power, esc_8.timestamp,
+                esc_8.esc_errorcount, esc_8.esc_rpm, esc_8.esc_voltage, esc_8.esc_current,
+                esc_8.esc_temperature, esc_8.motor_temperature, esc_8.esc_state, esc_8.actuator_function,
+                esc_8.failures, esc_8.esc_power, esc_9.timestamp, esc_9.esc_errorcount, esc_9.esc_rpm,
+                esc_9.esc_voltage, esc_9.esc_current, esc_9.esc_temperature, esc_9.motor_temperature,
+                esc_9.esc_state, esc_9.actuator_function, esc_9.failures, esc_9.esc_power, esc_10.timestamp,
+                esc_10.esc_errorcount, esc_10.esc_rpm, esc_10.esc_voltage, esc_10.esc_current,
+                esc_10.esc_temperature, esc_10.motor_temperature, esc_10.esc_state, esc_10.actuator_function,
+                esc_10.failures, esc_10.esc_power, esc_11.timestamp, esc_11.esc_errorcount, esc_11.esc_rpm,
+                esc_11.esc_voltage, esc_11.esc_current, esc_11.esc_temperature, esc_11.motor_temperature,
+                esc_11.esc_state, esc_11.actuator_function, esc_11.failures, esc_11.esc_power,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EscStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (335, 336, 337, 338):
+        if header != _USUAL or len(data) not in (495, 496, 497, 498):
             return _cdr.decode_other(EscStatus, cls, data, allow_surplus)
-        message.esc = (esc_0, esc_1, esc_2, esc_3, esc_4, esc_5, esc_6, esc_7)
+        message.esc = (
+            esc_0, esc_1, esc_2, esc_3, esc_4, esc_5, esc_6, esc_7, esc_8, esc_9, esc_10, esc_11,
+        )
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
@@ -173,19 +196,19 @@ class EscStatus(_cdr.Message):
         name="EscStatus",
         ros_type="px4_msgs/msg/EscStatus",
         dds_type="px4_msgs::msg::dds_::EscStatus_",
-        cdr_size=331,
-        struct_size=336,
-        message_hash=2881296114,
-        type_hash="RIHS01_54a755e6c653baa5d7bb3ac111ec66819e45a281bb09c1abc90bff3bc5cca0d3",
+        cdr_size=491,
+        struct_size=496,
+        message_hash=1301248994,
+        type_hash="RIHS01_85dc04703b64002f2a39e5909078ae7b7301da32ef14a04329f4ca9e40e635a2",
         message_version=0,
         topics=("esc_status",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("counter", "uint16", 8, 2),
-            _cdr.Field("esc_count", "uint8", 10, 1),
+            _cdr.Field("counter", "uint16", 8, 2, unit="-"),
+            _cdr.Field("esc_count", "uint8", 10, 1, unit="-"),
             _cdr.Field("esc_connectiontype", "uint8", 11, 1, enum="ESC_CONNECTION_TYPE"),
-            _cdr.Field("esc_online_flags", "uint8", 12, 1),
-            _cdr.Field("esc_armed_flags", "uint8", 13, 1),
-            _cdr.Field("esc", "EscReport[8]", 16, 315),
+            _cdr.Field("esc_online_flags", "uint16", 12, 2),
+            _cdr.Field("esc_armed_flags", "uint16", 14, 2, unit="-"),
+            _cdr.Field("esc", "EscReport[12]", 16, 475),
         ),
     ))

@@ -24,8 +24,9 @@ class EstimatorAidSource1d(_cdr.Message):
     [-], test_ratio_filtered [-], innovation_rejected, fused.
 
     uORB topics: estimator_aid_src_baro_hgt, estimator_aid_src_ev_hgt, estimator_aid_src_gnss_hgt,
-    estimator_aid_src_rng_hgt, estimator_aid_src_airspeed, estimator_aid_src_sideslip,
-    estimator_aid_src_fake_hgt, estimator_aid_src_gnss_yaw, estimator_aid_src_ev_yaw. 62 bytes.
+    estimator_aid_src_rng_hgt, estimator_aid_src_ranging_beacon, estimator_aid_src_airspeed,
+    estimator_aid_src_sideslip, estimator_aid_src_fake_hgt, estimator_aid_src_gnss_yaw,
+    estimator_aid_src_ev_yaw. 62 bytes.
     """
 
     __slots__ = (
@@ -156,8 +157,9 @@ class EstimatorAidSource1d(_cdr.Message):
         message_version=0,
         topics=(
             "estimator_aid_src_baro_hgt", "estimator_aid_src_ev_hgt", "estimator_aid_src_gnss_hgt",
-            "estimator_aid_src_rng_hgt", "estimator_aid_src_airspeed", "estimator_aid_src_sideslip",
-            "estimator_aid_src_fake_hgt", "estimator_aid_src_gnss_yaw", "estimator_aid_src_ev_yaw",
+            "estimator_aid_src_rng_hgt", "estimator_aid_src_ranging_beacon", "estimator_aid_src_airspeed",
+            "estimator_aid_src_sideslip", "estimator_aid_src_fake_hgt", "estimator_aid_src_gnss_yaw",
+            "estimator_aid_src_ev_yaw",
         ),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),

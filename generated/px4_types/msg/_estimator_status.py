@@ -82,6 +82,10 @@ class EstimatorStatus(_cdr.Message):
     """Vertical speed disagrees with the filter."""
 
     GPS_CHECK_FAIL_SPOOFED: Final = 10
+
+    GPS_CHECK_FAIL_JAMMED: Final = 11
+    """The receiver reports jamming."""
+
     CS_TILT_ALIGN: Final = 0
     CS_YAW_ALIGN: Final = 1
     CS_GNSS_POS: Final = 2

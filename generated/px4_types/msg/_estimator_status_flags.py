@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 else:
     ClassVar = _cdr.ClassVar
 
-_LAYOUT = _cdr.Layout("2QI48?I11?xI10?")
+_LAYOUT = _cdr.Layout("2QI50?2xI11?")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -28,13 +28,12 @@ class EstimatorStatusFlags(_cdr.Message):
     cs_rng_fault, cs_inertial_dead_reckoning, cs_wind_dead_reckoning, cs_rng_kin_consistent,
     cs_fake_pos, cs_fake_hgt, cs_gravity_vector, cs_mag, cs_ev_yaw_fault, cs_mag_heading_consistent,
     cs_aux_gpos, cs_rng_terrain, cs_opt_flow_terrain, cs_valid_fake_pos, cs_constant_pos, cs_baro_fault,
-    cs_gnss_vel, cs_gnss_fault, cs_yaw_manual, cs_gnss_hgt_fault, fault_status_changes, fs_bad_mag_x,
-    fs_bad_mag_y, fs_bad_mag_z, fs_bad_hdg, fs_bad_mag_decl, fs_bad_airspeed, fs_bad_sideslip,
-    fs_bad_optflow_x, fs_bad_optflow_y, fs_bad_acc_vertical, fs_bad_acc_clipping,
-    innovation_fault_status_changes, reject_hor_vel, reject_ver_vel, reject_hor_pos, reject_ver_pos,
-    reject_yaw, reject_airspeed, reject_sideslip, reject_hagl, reject_optflow_x, reject_optflow_y.
+    cs_gnss_vel, cs_gnss_fault, cs_yaw_manual, cs_gnss_hgt_fault, cs_in_transition,
+    cs_heading_observable, fault_status_changes, fs_bad_mag_x, fs_bad_mag_y, fs_bad_mag_z, fs_bad_hdg,
+    fs_bad_mag_decl, fs_bad_airspeed, fs_bad_sideslip, fs_bad_optflow_x, fs_bad_optflow_y,
+    fs_bad_acc_vertical, fs_bad_acc_clipping.
 
-    uORB topic: estimator_status_flags. 98 bytes.
+    uORB topic: estimator_status_flags. 87 bytes.
     """
 
     __slots__ = (
@@ -47,12 +46,10 @@ class EstimatorStatusFlags(_cdr.Message):
         "cs_wind_dead_reckoning", "cs_rng_kin_consistent", "cs_fake_pos", "cs_fake_hgt", "cs_gravity_vector",
         "cs_mag", "cs_ev_yaw_fault", "cs_mag_heading_consistent", "cs_aux_gpos", "cs_rng_terrain",
         "cs_opt_flow_terrain", "cs_valid_fake_pos", "cs_constant_pos", "cs_baro_fault", "cs_gnss_vel",
-        "cs_gnss_fault", "cs_yaw_manual", "cs_gnss_hgt_fault", "fault_status_changes", "fs_bad_mag_x",
-        "fs_bad_mag_y", "fs_bad_mag_z", "fs_bad_hdg", "fs_bad_mag_decl", "fs_bad_airspeed", "fs_bad_sideslip",
-        "fs_bad_optflow_x", "fs_bad_optflow_y", "fs_bad_acc_vertical", "fs_bad_acc_clipping",
-        "innovation_fault_status_changes", "reject_hor_vel", "reject_ver_vel", "reject_hor_pos",
-        "reject_ver_pos", "reject_yaw", "reject_airspeed", "reject_sideslip", "reject_hagl",
-        "reject_optflow_x", "reject_optflow_y",
+        "cs_gnss_fault", "cs_yaw_manual", "cs_gnss_hgt_fault", "cs_in_transition", "cs_heading_observable",
+        "fault_status_changes", "fs_bad_mag_x", "fs_bad_mag_y", "fs_bad_mag_z", "fs_bad_hdg",
+        "fs_bad_mag_decl", "fs_bad_airspeed", "fs_bad_sideslip", "fs_bad_optflow_x", "fs_bad_optflow_y",
+        "fs_bad_acc_vertical", "fs_bad_acc_clipping",
     )
     __match_args__ = (
         "timestamp", "timestamp_sample", "control_status_changes", "cs_tilt_align", "cs_yaw_align",
@@ -64,12 +61,10 @@ class EstimatorStatusFlags(_cdr.Message):
         "cs_wind_dead_reckoning", "cs_rng_kin_consistent", "cs_fake_pos", "cs_fake_hgt", "cs_gravity_vector",
         "cs_mag", "cs_ev_yaw_fault", "cs_mag_heading_consistent", "cs_aux_gpos", "cs_rng_terrain",
         "cs_opt_flow_terrain", "cs_valid_fake_pos", "cs_constant_pos", "cs_baro_fault", "cs_gnss_vel",
-        "cs_gnss_fault", "cs_yaw_manual", "cs_gnss_hgt_fault", "fault_status_changes", "fs_bad_mag_x",
-        "fs_bad_mag_y", "fs_bad_mag_z", "fs_bad_hdg", "fs_bad_mag_decl", "fs_bad_airspeed", "fs_bad_sideslip",
-        "fs_bad_optflow_x", "fs_bad_optflow_y", "fs_bad_acc_vertical", "fs_bad_acc_clipping",
-        "innovation_fault_status_changes", "reject_hor_vel", "reject_ver_vel", "reject_hor_pos",
-        "reject_ver_pos", "reject_yaw", "reject_airspeed", "reject_sideslip", "reject_hagl",
-        "reject_optflow_x", "reject_optflow_y",
+        "cs_gnss_fault", "cs_yaw_manual", "cs_gnss_hgt_fault", "cs_in_transition", "cs_heading_observable",
+        "fault_status_changes", "fs_bad_mag_x", "fs_bad_mag_y", "fs_bad_mag_z", "fs_bad_hdg",
+        "fs_bad_mag_decl", "fs_bad_airspeed", "fs_bad_sideslip", "fs_bad_optflow_x", "fs_bad_optflow_y",
+        "fs_bad_acc_vertical", "fs_bad_acc_clipping",
     )
 
     timestamp: int
@@ -227,6 +222,12 @@ class EstimatorStatusFlags(_cdr.Message):
     cs_gnss_hgt_fault: bool
     """bool GNSS altitude is judged bad."""
 
+    cs_in_transition: bool
+    """bool A VTOL changes between hover and forward flight."""
+
+    cs_heading_observable: bool
+    """bool The motion of the vehicle reveals its heading."""
+
     fault_status_changes: int
     """uint32 Counts up whenever one of the fs_ flags changes."""
 
@@ -264,39 +265,6 @@ class EstimatorStatusFlags(_cdr.Message):
 
     fs_bad_acc_clipping: bool
     """bool Accelerometer readings hit the end of their range, unevenly on both sides."""
-
-    innovation_fault_status_changes: int
-    """uint32 Counts up whenever one of the reject_ flags changes."""
-
-    reject_hor_vel: bool
-    """bool Horizontal velocity measurement refused."""
-
-    reject_ver_vel: bool
-    """bool Vertical velocity measurement refused."""
-
-    reject_hor_pos: bool
-    """bool Horizontal position measurement refused."""
-
-    reject_ver_pos: bool
-    """bool Height measurement refused."""
-
-    reject_yaw: bool
-    """bool Heading measurement refused."""
-
-    reject_airspeed: bool
-    """bool Airspeed measurement refused."""
-
-    reject_sideslip: bool
-    """bool Zero sideslip assumption refused."""
-
-    reject_hagl: bool
-    """bool Measured height over the terrain refused."""
-
-    reject_optflow_x: bool
-    """bool Optical flow X measurement refused."""
-
-    reject_optflow_y: bool
-    """bool Optical flow Y measurement refused."""
 
     def __init__(
         self,
@@ -351,6 +319,8 @@ class EstimatorStatusFlags(_cdr.Message):
         cs_gnss_fault: bool = False,
         cs_yaw_manual: bool = False,
         cs_gnss_hgt_fault: bool = False,
+        cs_in_transition: bool = False,
+        cs_heading_observable: bool = False,
         fault_status_changes: int = 0,
         fs_bad_mag_x: bool = False,
         fs_bad_mag_y: bool = False,
@@ -363,17 +333,6 @@ class EstimatorStatusFlags(_cdr.Message):
         fs_bad_optflow_y: bool = False,
         fs_bad_acc_vertical: bool = False,
         fs_bad_acc_clipping: bool = False,
-        innovation_fault_status_changes: int = 0,
-        reject_hor_vel: bool = False,
-        reject_ver_vel: bool = False,
-        reject_hor_pos: bool = False,
-        reject_ver_pos: bool = False,
-        reject_yaw: bool = False,
-        reject_airspeed: bool = False,
-        reject_sideslip: bool = False,
-        reject_hagl: bool = False,
-        reject_optflow_x: bool = False,
-        reject_optflow_y: bool = False,
     ) -> None:
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
@@ -426,6 +385,8 @@ class EstimatorStatusFlags(_cdr.Message):
         self.cs_gnss_fault = cs_gnss_fault
         self.cs_yaw_manual = cs_yaw_manual
         self.cs_gnss_hgt_fault = cs_gnss_hgt_fault
+        self.cs_in_transition = cs_in_transition
+        self.cs_heading_observable = cs_heading_observable
         self.fault_status_changes = fault_status_changes
         self.fs_bad_mag_x = fs_bad_mag_x
         self.fs_bad_mag_y = fs_bad_mag_y
@@ -438,20 +399,9 @@ class EstimatorStatusFlags(_cdr.Message):
         self.fs_bad_optflow_y = fs_bad_optflow_y
         self.fs_bad_acc_vertical = fs_bad_acc_vertical
         self.fs_bad_acc_clipping = fs_bad_acc_clipping
-        self.innovation_fault_status_changes = innovation_fault_status_changes
-        self.reject_hor_vel = reject_hor_vel
-        self.reject_ver_vel = reject_ver_vel
-        self.reject_hor_pos = reject_hor_pos
-        self.reject_ver_pos = reject_ver_pos
-        self.reject_yaw = reject_yaw
-        self.reject_airspeed = reject_airspeed
-        self.reject_sideslip = reject_sideslip
-        self.reject_hagl = reject_hagl
-        self.reject_optflow_x = reject_optflow_x
-        self.reject_optflow_y = reject_optflow_y
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 98 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 87 of values."""
         try:
             if (
                 False | self.cs_tilt_align | self.cs_yaw_align | self.cs_gnss_pos | self.cs_opt_flow
@@ -466,13 +416,11 @@ class EstimatorStatusFlags(_cdr.Message):
                 | self.cs_ev_yaw_fault | self.cs_mag_heading_consistent | self.cs_aux_gpos
                 | self.cs_rng_terrain | self.cs_opt_flow_terrain | self.cs_valid_fake_pos
                 | self.cs_constant_pos | self.cs_baro_fault | self.cs_gnss_vel | self.cs_gnss_fault
-                | self.cs_yaw_manual | self.cs_gnss_hgt_fault | self.fs_bad_mag_x | self.fs_bad_mag_y
-                | self.fs_bad_mag_z | self.fs_bad_hdg | self.fs_bad_mag_decl | self.fs_bad_airspeed
-                | self.fs_bad_sideslip | self.fs_bad_optflow_x | self.fs_bad_optflow_y
-                | self.fs_bad_acc_vertical | self.fs_bad_acc_clipping | self.reject_hor_vel
-                | self.reject_ver_vel | self.reject_hor_pos | self.reject_ver_pos | self.reject_yaw
-                | self.reject_airspeed | self.reject_sideslip | self.reject_hagl | self.reject_optflow_x
-                | self.reject_optflow_y
+                | self.cs_yaw_manual | self.cs_gnss_hgt_fault | self.cs_in_transition
+                | self.cs_heading_observable | self.fs_bad_mag_x | self.fs_bad_mag_y | self.fs_bad_mag_z
+                | self.fs_bad_hdg | self.fs_bad_mag_decl | self.fs_bad_airspeed | self.fs_bad_sideslip
+                | self.fs_bad_optflow_x | self.fs_bad_optflow_y | self.fs_bad_acc_vertical
+                | self.fs_bad_acc_clipping
             ) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
@@ -489,13 +437,10 @@ class EstimatorStatusFlags(_cdr.Message):
                 self.cs_mag_heading_consistent, self.cs_aux_gpos, self.cs_rng_terrain,
                 self.cs_opt_flow_terrain, self.cs_valid_fake_pos, self.cs_constant_pos, self.cs_baro_fault,
                 self.cs_gnss_vel, self.cs_gnss_fault, self.cs_yaw_manual, self.cs_gnss_hgt_fault,
-                self.fault_status_changes, self.fs_bad_mag_x, self.fs_bad_mag_y, self.fs_bad_mag_z,
-                self.fs_bad_hdg, self.fs_bad_mag_decl, self.fs_bad_airspeed, self.fs_bad_sideslip,
-                self.fs_bad_optflow_x, self.fs_bad_optflow_y, self.fs_bad_acc_vertical,
-                self.fs_bad_acc_clipping, self.innovation_fault_status_changes, self.reject_hor_vel,
-                self.reject_ver_vel, self.reject_hor_pos, self.reject_ver_pos, self.reject_yaw,
-                self.reject_airspeed, self.reject_sideslip, self.reject_hagl, self.reject_optflow_x,
-                self.reject_optflow_y,
+                self.cs_in_transition, self.cs_heading_observable, self.fault_status_changes,
+                self.fs_bad_mag_x, self.fs_bad_mag_y, self.fs_bad_mag_z, self.fs_bad_hdg,
+                self.fs_bad_mag_decl, self.fs_bad_airspeed, self.fs_bad_sideslip, self.fs_bad_optflow_x,
+                self.fs_bad_optflow_y, self.fs_bad_acc_vertical, self.fs_bad_acc_clipping,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -520,18 +465,15 @@ class EstimatorStatusFlags(_cdr.Message):
                 message.cs_mag_heading_consistent, message.cs_aux_gpos, message.cs_rng_terrain,
                 message.cs_opt_flow_terrain, message.cs_valid_fake_pos, message.cs_constant_pos,
                 message.cs_baro_fault, message.cs_gnss_vel, message.cs_gnss_fault, message.cs_yaw_manual,
-                message.cs_gnss_hgt_fault, message.fault_status_changes, message.fs_bad_mag_x,
-                message.fs_bad_mag_y, message.fs_bad_mag_z, message.fs_bad_hdg, message.fs_bad_mag_decl,
-                message.fs_bad_airspeed, message.fs_bad_sideslip, message.fs_bad_optflow_x,
-                message.fs_bad_optflow_y, message.fs_bad_acc_vertical, message.fs_bad_acc_clipping,
-                message.innovation_fault_status_changes, message.reject_hor_vel, message.reject_ver_vel,
-                message.reject_hor_pos, message.reject_ver_pos, message.reject_yaw, message.reject_airspeed,
-                message.reject_sideslip, message.reject_hagl, message.reject_optflow_x,
-                message.reject_optflow_y,
+                message.cs_gnss_hgt_fault, message.cs_in_transition, message.cs_heading_observable,
+                message.fault_status_changes, message.fs_bad_mag_x, message.fs_bad_mag_y,
+                message.fs_bad_mag_z, message.fs_bad_hdg, message.fs_bad_mag_decl, message.fs_bad_airspeed,
+                message.fs_bad_sideslip, message.fs_bad_optflow_x, message.fs_bad_optflow_y,
+                message.fs_bad_acc_vertical, message.fs_bad_acc_clipping,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EstimatorStatusFlags, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (102, 103, 104, 105):
+        if header != _USUAL or len(data) not in (91, 92, 93, 94):
             return _cdr.decode_other(EstimatorStatusFlags, cls, data, allow_surplus)
         return message
 
@@ -540,10 +482,10 @@ class EstimatorStatusFlags(_cdr.Message):
         name="EstimatorStatusFlags",
         ros_type="px4_msgs/msg/EstimatorStatusFlags",
         dds_type="px4_msgs::msg::dds_::EstimatorStatusFlags_",
-        cdr_size=98,
-        struct_size=97,
-        message_hash=3697195724,
-        type_hash="RIHS01_6085264c26383783c13ec9ea0f7adfc781bd2c8088c2218e7d2f194db0c27582",
+        cdr_size=87,
+        struct_size=85,
+        message_hash=909674141,
+        type_hash="RIHS01_f6852b2f068ffab8cad3c38f46a1ecea601f925c5bc76c420ff33fc5b9ab1090",
         message_version=0,
         topics=("estimator_status_flags",),
         fields=(
@@ -598,28 +540,19 @@ class EstimatorStatusFlags(_cdr.Message):
             _cdr.Field("cs_gnss_fault", "bool", 65, 1),
             _cdr.Field("cs_yaw_manual", "bool", 66, 1),
             _cdr.Field("cs_gnss_hgt_fault", "bool", 67, 1),
-            _cdr.Field("fault_status_changes", "uint32", 68, 4),
-            _cdr.Field("fs_bad_mag_x", "bool", 72, 1),
-            _cdr.Field("fs_bad_mag_y", "bool", 73, 1),
-            _cdr.Field("fs_bad_mag_z", "bool", 74, 1),
-            _cdr.Field("fs_bad_hdg", "bool", 75, 1),
-            _cdr.Field("fs_bad_mag_decl", "bool", 76, 1),
-            _cdr.Field("fs_bad_airspeed", "bool", 77, 1),
-            _cdr.Field("fs_bad_sideslip", "bool", 78, 1),
-            _cdr.Field("fs_bad_optflow_x", "bool", 79, 1),
-            _cdr.Field("fs_bad_optflow_y", "bool", 80, 1),
-            _cdr.Field("fs_bad_acc_vertical", "bool", 81, 1),
-            _cdr.Field("fs_bad_acc_clipping", "bool", 82, 1),
-            _cdr.Field("innovation_fault_status_changes", "uint32", 84, 4),
-            _cdr.Field("reject_hor_vel", "bool", 88, 1),
-            _cdr.Field("reject_ver_vel", "bool", 89, 1),
-            _cdr.Field("reject_hor_pos", "bool", 90, 1),
-            _cdr.Field("reject_ver_pos", "bool", 91, 1),
-            _cdr.Field("reject_yaw", "bool", 92, 1),
-            _cdr.Field("reject_airspeed", "bool", 93, 1),
-            _cdr.Field("reject_sideslip", "bool", 94, 1),
-            _cdr.Field("reject_hagl", "bool", 95, 1),
-            _cdr.Field("reject_optflow_x", "bool", 96, 1),
-            _cdr.Field("reject_optflow_y", "bool", 97, 1),
+            _cdr.Field("cs_in_transition", "bool", 68, 1),
+            _cdr.Field("cs_heading_observable", "bool", 69, 1),
+            _cdr.Field("fault_status_changes", "uint32", 72, 4),
+            _cdr.Field("fs_bad_mag_x", "bool", 76, 1),
+            _cdr.Field("fs_bad_mag_y", "bool", 77, 1),
+            _cdr.Field("fs_bad_mag_z", "bool", 78, 1),
+            _cdr.Field("fs_bad_hdg", "bool", 79, 1),
+            _cdr.Field("fs_bad_mag_decl", "bool", 80, 1),
+            _cdr.Field("fs_bad_airspeed", "bool", 81, 1),
+            _cdr.Field("fs_bad_sideslip", "bool", 82, 1),
+            _cdr.Field("fs_bad_optflow_x", "bool", 83, 1),
+            _cdr.Field("fs_bad_optflow_y", "bool", 84, 1),
+            _cdr.Field("fs_bad_acc_vertical", "bool", 85, 1),
+            _cdr.Field("fs_bad_acc_clipping", "bool", 86, 1),
         ),
     ))

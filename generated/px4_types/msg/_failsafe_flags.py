@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 else:
     ClassVar = _cdr.ClassVar
 
-_LAYOUT = _cdr.Layout("Q14I13?B13?")
+_LAYOUT = _cdr.Layout("Q14I13?B17?")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -29,11 +29,12 @@ class FailsafeFlags(_cdr.Message):
     local_velocity_invalid, global_position_invalid, global_position_invalid_relaxed,
     auto_mission_missing, offboard_control_signal_lost, home_position_invalid,
     manual_control_signal_lost, gcs_connection_lost, battery_warning, battery_low_remaining_time,
-    battery_unhealthy, geofence_breached, mission_failure, vtol_fixed_wing_system_failure,
+    battery_unhealthy, fd_critical_failure, fd_esc_arming_failure, fd_imbalanced_prop, fd_motor_failure,
+    fd_alt_loss, geofence_breached, mission_failure, vtol_fixed_wing_system_failure,
     wind_limit_exceeded, flight_time_limit_exceeded, position_accuracy_low, navigator_failure,
-    fd_critical_failure, fd_esc_arming_failure, fd_imbalanced_prop, fd_motor_failure.
+    parachute_unhealthy, remote_id_unhealthy, gnss_lost.
 
-    uORB topic: failsafe_flags. 91 bytes.
+    uORB topic: failsafe_flags. 95 bytes.
     """
 
     __slots__ = (
@@ -46,9 +47,11 @@ class FailsafeFlags(_cdr.Message):
         "local_velocity_invalid", "global_position_invalid", "global_position_invalid_relaxed",
         "auto_mission_missing", "offboard_control_signal_lost", "home_position_invalid",
         "manual_control_signal_lost", "gcs_connection_lost", "battery_warning", "battery_low_remaining_time",
-        "battery_unhealthy", "geofence_breached", "mission_failure", "vtol_fixed_wing_system_failure",
-        "wind_limit_exceeded", "flight_time_limit_exceeded", "position_accuracy_low", "navigator_failure",
-        "fd_critical_failure", "fd_esc_arming_failure", "fd_imbalanced_prop", "fd_motor_failure",
+        "battery_unhealthy", "fd_critical_failure", "fd_esc_arming_failure", "fd_imbalanced_prop",
+        "fd_motor_failure", "fd_alt_loss", "geofence_breached", "mission_failure",
+        "vtol_fixed_wing_system_failure", "wind_limit_exceeded", "flight_time_limit_exceeded",
+        "position_accuracy_low", "navigator_failure", "parachute_unhealthy", "remote_id_unhealthy",
+        "gnss_lost",
     )
     __match_args__ = (
         "timestamp", "mode_req_angular_velocity", "mode_req_attitude", "mode_req_local_alt",
@@ -60,9 +63,11 @@ class FailsafeFlags(_cdr.Message):
         "local_velocity_invalid", "global_position_invalid", "global_position_invalid_relaxed",
         "auto_mission_missing", "offboard_control_signal_lost", "home_position_invalid",
         "manual_control_signal_lost", "gcs_connection_lost", "battery_warning", "battery_low_remaining_time",
-        "battery_unhealthy", "geofence_breached", "mission_failure", "vtol_fixed_wing_system_failure",
-        "wind_limit_exceeded", "flight_time_limit_exceeded", "position_accuracy_low", "navigator_failure",
-        "fd_critical_failure", "fd_esc_arming_failure", "fd_imbalanced_prop", "fd_motor_failure",
+        "battery_unhealthy", "fd_critical_failure", "fd_esc_arming_failure", "fd_imbalanced_prop",
+        "fd_motor_failure", "fd_alt_loss", "geofence_breached", "mission_failure",
+        "vtol_fixed_wing_system_failure", "wind_limit_exceeded", "flight_time_limit_exceeded",
+        "position_accuracy_low", "navigator_failure", "parachute_unhealthy", "remote_id_unhealthy",
+        "gnss_lost",
     )
 
     timestamp: int
@@ -158,6 +163,21 @@ class FailsafeFlags(_cdr.Message):
     battery_unhealthy: bool
     """bool A battery reports a fault or is missing."""
 
+    fd_critical_failure: bool
+    """bool Attitude or altitude is far out of limits, or an external termination system triggered."""
+
+    fd_esc_arming_failure: bool
+    """bool An ESC did not confirm arming."""
+
+    fd_imbalanced_prop: bool
+    """bool Vibration points to a damaged or unbalanced propeller."""
+
+    fd_motor_failure: bool
+    """bool A motor does not respond as expected."""
+
+    fd_alt_loss: bool
+    """bool The vehicle sinks although altitude control should hold it. Hover only."""
+
     geofence_breached: bool
     """bool At least one geofence is violated."""
 
@@ -179,17 +199,14 @@ class FailsafeFlags(_cdr.Message):
     navigator_failure: bool
     """bool Navigator could not carry out the current mode."""
 
-    fd_critical_failure: bool
-    """bool Attitude or altitude is far out of limits, or an external termination system triggered."""
+    parachute_unhealthy: bool
+    """bool A required parachute does not report, or is not ready."""
 
-    fd_esc_arming_failure: bool
-    """bool An ESC did not confirm arming."""
+    remote_id_unhealthy: bool
+    """bool A required Remote ID transmitter does not report, or is not ready."""
 
-    fd_imbalanced_prop: bool
-    """bool Vibration points to a damaged or unbalanced propeller."""
-
-    fd_motor_failure: bool
-    """bool A motor does not respond as expected."""
+    gnss_lost: bool
+    """bool Fewer receivers work than SYS_HAS_NUM_GNSS asks for, or two of them disagree on the position."""
 
     def __init__(
         self,
@@ -224,6 +241,11 @@ class FailsafeFlags(_cdr.Message):
         battery_warning: int = 0,
         battery_low_remaining_time: bool = False,
         battery_unhealthy: bool = False,
+        fd_critical_failure: bool = False,
+        fd_esc_arming_failure: bool = False,
+        fd_imbalanced_prop: bool = False,
+        fd_motor_failure: bool = False,
+        fd_alt_loss: bool = False,
         geofence_breached: bool = False,
         mission_failure: bool = False,
         vtol_fixed_wing_system_failure: bool = False,
@@ -231,10 +253,9 @@ class FailsafeFlags(_cdr.Message):
         flight_time_limit_exceeded: bool = False,
         position_accuracy_low: bool = False,
         navigator_failure: bool = False,
-        fd_critical_failure: bool = False,
-        fd_esc_arming_failure: bool = False,
-        fd_imbalanced_prop: bool = False,
-        fd_motor_failure: bool = False,
+        parachute_unhealthy: bool = False,
+        remote_id_unhealthy: bool = False,
+        gnss_lost: bool = False,
     ) -> None:
         self.timestamp = timestamp
         self.mode_req_angular_velocity = mode_req_angular_velocity
@@ -267,6 +288,11 @@ class FailsafeFlags(_cdr.Message):
         self.battery_warning = battery_warning
         self.battery_low_remaining_time = battery_low_remaining_time
         self.battery_unhealthy = battery_unhealthy
+        self.fd_critical_failure = fd_critical_failure
+        self.fd_esc_arming_failure = fd_esc_arming_failure
+        self.fd_imbalanced_prop = fd_imbalanced_prop
+        self.fd_motor_failure = fd_motor_failure
+        self.fd_alt_loss = fd_alt_loss
         self.geofence_breached = geofence_breached
         self.mission_failure = mission_failure
         self.vtol_fixed_wing_system_failure = vtol_fixed_wing_system_failure
@@ -274,13 +300,12 @@ class FailsafeFlags(_cdr.Message):
         self.flight_time_limit_exceeded = flight_time_limit_exceeded
         self.position_accuracy_low = position_accuracy_low
         self.navigator_failure = navigator_failure
-        self.fd_critical_failure = fd_critical_failure
-        self.fd_esc_arming_failure = fd_esc_arming_failure
-        self.fd_imbalanced_prop = fd_imbalanced_prop
-        self.fd_motor_failure = fd_motor_failure
+        self.parachute_unhealthy = parachute_unhealthy
+        self.remote_id_unhealthy = remote_id_unhealthy
+        self.gnss_lost = gnss_lost
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 91 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 95 of values."""
         try:
             if (
                 False | self.angular_velocity_invalid | self.attitude_invalid | self.local_altitude_invalid
@@ -289,11 +314,11 @@ class FailsafeFlags(_cdr.Message):
                 | self.global_position_invalid_relaxed | self.auto_mission_missing
                 | self.offboard_control_signal_lost | self.home_position_invalid
                 | self.manual_control_signal_lost | self.gcs_connection_lost | self.battery_low_remaining_time
-                | self.battery_unhealthy | self.geofence_breached | self.mission_failure
-                | self.vtol_fixed_wing_system_failure | self.wind_limit_exceeded
+                | self.battery_unhealthy | self.fd_critical_failure | self.fd_esc_arming_failure
+                | self.fd_imbalanced_prop | self.fd_motor_failure | self.fd_alt_loss | self.geofence_breached
+                | self.mission_failure | self.vtol_fixed_wing_system_failure | self.wind_limit_exceeded
                 | self.flight_time_limit_exceeded | self.position_accuracy_low | self.navigator_failure
-                | self.fd_critical_failure | self.fd_esc_arming_failure | self.fd_imbalanced_prop
-                | self.fd_motor_failure
+                | self.parachute_unhealthy | self.remote_id_unhealthy | self.gnss_lost
             ) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
@@ -308,11 +333,11 @@ class FailsafeFlags(_cdr.Message):
                 self.global_position_invalid, self.global_position_invalid_relaxed, self.auto_mission_missing,
                 self.offboard_control_signal_lost, self.home_position_invalid,
                 self.manual_control_signal_lost, self.gcs_connection_lost, self.battery_warning,
-                self.battery_low_remaining_time, self.battery_unhealthy, self.geofence_breached,
-                self.mission_failure, self.vtol_fixed_wing_system_failure, self.wind_limit_exceeded,
-                self.flight_time_limit_exceeded, self.position_accuracy_low, self.navigator_failure,
-                self.fd_critical_failure, self.fd_esc_arming_failure, self.fd_imbalanced_prop,
-                self.fd_motor_failure,
+                self.battery_low_remaining_time, self.battery_unhealthy, self.fd_critical_failure,
+                self.fd_esc_arming_failure, self.fd_imbalanced_prop, self.fd_motor_failure, self.fd_alt_loss,
+                self.geofence_breached, self.mission_failure, self.vtol_fixed_wing_system_failure,
+                self.wind_limit_exceeded, self.flight_time_limit_exceeded, self.position_accuracy_low,
+                self.navigator_failure, self.parachute_unhealthy, self.remote_id_unhealthy, self.gnss_lost,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -336,15 +361,16 @@ class FailsafeFlags(_cdr.Message):
                 message.auto_mission_missing, message.offboard_control_signal_lost,
                 message.home_position_invalid, message.manual_control_signal_lost,
                 message.gcs_connection_lost, message.battery_warning, message.battery_low_remaining_time,
-                message.battery_unhealthy, message.geofence_breached, message.mission_failure,
-                message.vtol_fixed_wing_system_failure, message.wind_limit_exceeded,
-                message.flight_time_limit_exceeded, message.position_accuracy_low, message.navigator_failure,
-                message.fd_critical_failure, message.fd_esc_arming_failure, message.fd_imbalanced_prop,
-                message.fd_motor_failure,
+                message.battery_unhealthy, message.fd_critical_failure, message.fd_esc_arming_failure,
+                message.fd_imbalanced_prop, message.fd_motor_failure, message.fd_alt_loss,
+                message.geofence_breached, message.mission_failure, message.vtol_fixed_wing_system_failure,
+                message.wind_limit_exceeded, message.flight_time_limit_exceeded,
+                message.position_accuracy_low, message.navigator_failure, message.parachute_unhealthy,
+                message.remote_id_unhealthy, message.gnss_lost,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(FailsafeFlags, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (95, 96, 97, 98):
+        if header != _USUAL or len(data) not in (99, 100, 101, 102):
             return _cdr.decode_other(FailsafeFlags, cls, data, allow_surplus)
         return message
 
@@ -353,10 +379,10 @@ class FailsafeFlags(_cdr.Message):
         name="FailsafeFlags",
         ros_type="px4_msgs/msg/FailsafeFlags",
         dds_type="px4_msgs::msg::dds_::FailsafeFlags_",
-        cdr_size=91,
-        struct_size=91,
-        message_hash=1776302583,
-        type_hash="RIHS01_ddcab52d172610c368dffcd0eb2c372dd5e64ca1b49b02afcdef19e2c494e69d",
+        cdr_size=95,
+        struct_size=95,
+        message_hash=3161191052,
+        type_hash="RIHS01_533ff98b5a3b0bb7bf8f134ad9e8751bd9b0bceec7d15c9e39bb702f1ae51537",
         message_version=0,
         topics=("failsafe_flags",),
         fields=(
@@ -391,16 +417,20 @@ class FailsafeFlags(_cdr.Message):
             _cdr.Field("battery_warning", "uint8", 77, 1),
             _cdr.Field("battery_low_remaining_time", "bool", 78, 1),
             _cdr.Field("battery_unhealthy", "bool", 79, 1),
-            _cdr.Field("geofence_breached", "bool", 80, 1),
-            _cdr.Field("mission_failure", "bool", 81, 1),
-            _cdr.Field("vtol_fixed_wing_system_failure", "bool", 82, 1),
-            _cdr.Field("wind_limit_exceeded", "bool", 83, 1),
-            _cdr.Field("flight_time_limit_exceeded", "bool", 84, 1),
-            _cdr.Field("position_accuracy_low", "bool", 85, 1),
-            _cdr.Field("navigator_failure", "bool", 86, 1),
-            _cdr.Field("fd_critical_failure", "bool", 87, 1),
-            _cdr.Field("fd_esc_arming_failure", "bool", 88, 1),
-            _cdr.Field("fd_imbalanced_prop", "bool", 89, 1),
-            _cdr.Field("fd_motor_failure", "bool", 90, 1),
+            _cdr.Field("fd_critical_failure", "bool", 80, 1),
+            _cdr.Field("fd_esc_arming_failure", "bool", 81, 1),
+            _cdr.Field("fd_imbalanced_prop", "bool", 82, 1),
+            _cdr.Field("fd_motor_failure", "bool", 83, 1),
+            _cdr.Field("fd_alt_loss", "bool", 84, 1),
+            _cdr.Field("geofence_breached", "bool", 85, 1),
+            _cdr.Field("mission_failure", "bool", 86, 1),
+            _cdr.Field("vtol_fixed_wing_system_failure", "bool", 87, 1),
+            _cdr.Field("wind_limit_exceeded", "bool", 88, 1),
+            _cdr.Field("flight_time_limit_exceeded", "bool", 89, 1),
+            _cdr.Field("position_accuracy_low", "bool", 90, 1),
+            _cdr.Field("navigator_failure", "bool", 91, 1),
+            _cdr.Field("parachute_unhealthy", "bool", 92, 1),
+            _cdr.Field("remote_id_unhealthy", "bool", 93, 1),
+            _cdr.Field("gnss_lost", "bool", 94, 1),
         ),
     ))

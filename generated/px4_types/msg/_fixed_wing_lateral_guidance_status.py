@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 else:
     ClassVar = _cdr.ClassVar
 
-_LAYOUT = _cdr.Layout("Q7fB")
+_LAYOUT = _cdr.Layout("Q8fB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -20,19 +20,19 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
     fixed-wing mode manager publishes it while it guides the plane.
 
     Fields: timestamp [us], course_setpoint [rad], lateral_acceleration_ff [m/s^2], bearing_feas,
-    bearing_feas_on_track, signed_track_error [m], track_error_bound [m], adapted_period [s],
-    wind_est_valid.
+    bearing_feas_on_track, signed_track_error [m], track_error_bound [m], switch_distance [m],
+    adapted_period [s], wind_est_valid.
 
-    uORB topic: fixed_wing_lateral_guidance_status. 37 bytes.
+    uORB topic: fixed_wing_lateral_guidance_status. 41 bytes.
     """
 
     __slots__ = (
         "timestamp", "course_setpoint", "lateral_acceleration_ff", "bearing_feas", "bearing_feas_on_track",
-        "signed_track_error", "track_error_bound", "adapted_period", "wind_est_valid",
+        "signed_track_error", "track_error_bound", "switch_distance", "adapted_period", "wind_est_valid",
     )
     __match_args__ = (
         "timestamp", "course_setpoint", "lateral_acceleration_ff", "bearing_feas", "bearing_feas_on_track",
-        "signed_track_error", "track_error_bound", "adapted_period", "wind_est_valid",
+        "signed_track_error", "track_error_bound", "switch_distance", "adapted_period", "wind_est_valid",
     )
 
     timestamp: int
@@ -56,6 +56,11 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
     track_error_bound: float
     """float32 [m] Beyond this distance the plane heads straight for the path."""
 
+    switch_distance: float
+    """float32 [m] [@range 0, INF] [@invalid NaN] Distance before a waypoint at which to turn to the next
+    one. NAV_ACC_RAD is the least.
+    """
+
     adapted_period: float
     """float32 [s] NPFG period after automatic adjustment."""
 
@@ -71,6 +76,7 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
         bearing_feas_on_track: float = 0.0,
         signed_track_error: float = 0.0,
         track_error_bound: float = 0.0,
+        switch_distance: float = 0.0,
         adapted_period: float = 0.0,
         wind_est_valid: int = 0,
     ) -> None:
@@ -81,16 +87,17 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
         self.bearing_feas_on_track = bearing_feas_on_track
         self.signed_track_error = signed_track_error
         self.track_error_bound = track_error_bound
+        self.switch_distance = switch_distance
         self.adapted_period = adapted_period
         self.wind_est_valid = wind_est_valid
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 37 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 41 of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.course_setpoint, self.lateral_acceleration_ff, self.bearing_feas,
                 self.bearing_feas_on_track, self.signed_track_error, self.track_error_bound,
-                self.adapted_period, self.wind_est_valid,
+                self.switch_distance, self.adapted_period, self.wind_est_valid,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -103,11 +110,12 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
             (
                 header, message.timestamp, message.course_setpoint, message.lateral_acceleration_ff,
                 message.bearing_feas, message.bearing_feas_on_track, message.signed_track_error,
-                message.track_error_bound, message.adapted_period, message.wind_est_valid,
+                message.track_error_bound, message.switch_distance, message.adapted_period,
+                message.wind_est_valid,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(FixedWingLateralGuidanceStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (41, 42, 43, 44):
+        if header != _USUAL or len(data) not in (45, 46, 47, 48):
             return _cdr.decode_other(FixedWingLateralGuidanceStatus, cls, data, allow_surplus)
         return message
 
@@ -116,10 +124,10 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
         name="FixedWingLateralGuidanceStatus",
         ros_type="px4_msgs/msg/FixedWingLateralGuidanceStatus",
         dds_type="px4_msgs::msg::dds_::FixedWingLateralGuidanceStatus_",
-        cdr_size=37,
-        struct_size=37,
-        message_hash=4191912726,
-        type_hash="RIHS01_3d9d9baca8163c76fda9a4e8cb614dac38f72d1ba586e54b09628a0b7ec9f14a",
+        cdr_size=41,
+        struct_size=41,
+        message_hash=100770467,
+        type_hash="RIHS01_d81d8ea10560debcf748b4f5aa5f249774078d4c2eb0c782cdbde6f26aac2d32",
         message_version=0,
         topics=("fixed_wing_lateral_guidance_status",),
         fields=(
@@ -130,7 +138,10 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
             _cdr.Field("bearing_feas_on_track", "float32", 20, 4, range="0,1"),
             _cdr.Field("signed_track_error", "float32", 24, 4, unit="m"),
             _cdr.Field("track_error_bound", "float32", 28, 4, unit="m"),
-            _cdr.Field("adapted_period", "float32", 32, 4, unit="s"),
-            _cdr.Field("wind_est_valid", "uint8", 36, 1),
+            _cdr.Field(
+                "switch_distance", "float32", 32, 4, unit="m", range="0, INF", invalid="NaN",
+            ),
+            _cdr.Field("adapted_period", "float32", 36, 4, unit="s"),
+            _cdr.Field("wind_est_valid", "uint8", 40, 1),
         ),
     ))

@@ -7,10 +7,12 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+    from typing import Final
 else:
     ClassVar = _cdr.ClassVar
+    Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("Q?3xf")
+_LAYOUT = _cdr.Layout("QB?2xf")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -19,16 +21,36 @@ class FixedWingRunwayControl(_cdr.Message):
     """Wheel steering during runway takeoff and landing, from the fixed-wing mode manager to the attitude
     controller.
 
-    Fields: timestamp [us], wheel_steering_enabled, wheel_steering_nudging_rate [norm].
+    Fields: timestamp [us], runway_takeoff_state, wheel_steering_enabled, wheel_steering_nudging_rate
+    [norm].
 
     uORB topic: fixed_wing_runway_control. 16 bytes.
     """
 
-    __slots__ = ("timestamp", "wheel_steering_enabled", "wheel_steering_nudging_rate")
-    __match_args__ = ("timestamp", "wheel_steering_enabled", "wheel_steering_nudging_rate")
+    __slots__ = (
+        "timestamp", "runway_takeoff_state", "wheel_steering_enabled", "wheel_steering_nudging_rate",
+    )
+    __match_args__ = (
+        "timestamp", "runway_takeoff_state", "wheel_steering_enabled", "wheel_steering_nudging_rate",
+    )
+
+    STATE_THROTTLE_RAMP: Final = 0
+    """Throttle rises, the aircraft still stands."""
+
+    STATE_CLAMPED_TO_RUNWAY: Final = 1
+    """On the ground, rudder or wheel keeps the direction."""
+
+    STATE_CLIMBOUT: Final = 2
+    """Climbs straight ahead to a safe height."""
+
+    STATE_FLYING: Final = 3
+    """Takeoff is done."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
+
+    runway_takeoff_state: int
+    """uint8 [@enum STATE] Phase of the takeoff."""
 
     wheel_steering_enabled: bool
     """bool"""
@@ -41,10 +63,12 @@ class FixedWingRunwayControl(_cdr.Message):
     def __init__(
         self,
         timestamp: int = 0,
+        runway_takeoff_state: int = 0,
         wheel_steering_enabled: bool = False,
         wheel_steering_nudging_rate: float = 0.0,
     ) -> None:
         self.timestamp = timestamp
+        self.runway_takeoff_state = runway_takeoff_state
         self.wheel_steering_enabled = wheel_steering_enabled
         self.wheel_steering_nudging_rate = wheel_steering_nudging_rate
 
@@ -54,7 +78,8 @@ class FixedWingRunwayControl(_cdr.Message):
             if (False | self.wheel_steering_enabled) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
-                _USUAL, self.timestamp, self.wheel_steering_enabled, self.wheel_steering_nudging_rate,
+                _USUAL, self.timestamp, self.runway_takeoff_state, self.wheel_steering_enabled,
+                self.wheel_steering_nudging_rate,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -65,7 +90,7 @@ class FixedWingRunwayControl(_cdr.Message):
         message = _new(cls)
         try:
             (
-                header, message.timestamp, message.wheel_steering_enabled,
+                header, message.timestamp, message.runway_takeoff_state, message.wheel_steering_enabled,
                 message.wheel_steering_nudging_rate,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
@@ -80,14 +105,15 @@ class FixedWingRunwayControl(_cdr.Message):
         ros_type="px4_msgs/msg/FixedWingRunwayControl",
         dds_type="px4_msgs::msg::dds_::FixedWingRunwayControl_",
         cdr_size=16,
-        struct_size=13,
-        message_hash=3380426400,
-        type_hash="RIHS01_ec4e7f52b9b7f7c38aac4bdc69f92437e7de51770db8ef9001638de21458fcb9",
+        struct_size=14,
+        message_hash=3229995131,
+        type_hash="RIHS01_c707d3ed2f08657db6eeebfc7d161e404fb232290dc3240f92651c07211195ff",
         message_version=0,
         topics=("fixed_wing_runway_control",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("wheel_steering_enabled", "bool", 8, 1),
+            _cdr.Field("runway_takeoff_state", "uint8", 8, 1, enum="STATE"),
+            _cdr.Field("wheel_steering_enabled", "bool", 9, 1),
             _cdr.Field(
                 "wheel_steering_nudging_rate", "float32", 12, 4, unit="norm", range="-1, 1", invalid="NaN",
                 frame="FRD",

@@ -45,6 +45,9 @@ class GimbalDeviceSetAttitude(_cdr.Message):
     GIMBAL_DEVICE_FLAGS_YAW_LOCK: Final = 16
     """Yaw is relative to north; without it, to the vehicle heading."""
 
+    GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME: Final = 32
+    GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME: Final = 64
+
     timestamp: int
     """uint64 [us] Time since boot."""
 

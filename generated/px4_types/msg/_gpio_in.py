@@ -7,8 +7,10 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
+    from typing import Final
 else:
     ClassVar = _cdr.ClassVar
+    Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2I")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -25,6 +27,9 @@ class GpioIn(_cdr.Message):
 
     __slots__ = ("timestamp", "device_id", "state")
     __match_args__ = ("timestamp", "device_id", "state")
+
+    MAX_INSTANCES: Final = 8
+    """Expanders that uORB has room for."""
 
     timestamp: int
     """uint64 [us] Time since boot."""

@@ -12,8 +12,8 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("Q2B79s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_LAYOUT = _cdr.Layout("QB3xIB79s")
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -21,21 +21,30 @@ class GpsDump(_cdr.Message):
     """Raw bytes exchanged with a GNSS receiver, published by the GPS driver for the log when dumping is
     enabled.
 
-    Fields: timestamp [us], instance, len, data.
+    Fields: timestamp [us], instance, device_id, len, data.
 
-    uORB topic: gps_dump. 89 bytes.
+    uORB topic: gps_dump. 96 bytes.
     """
 
-    __slots__ = ("timestamp", "instance", "len", "data")
-    __match_args__ = ("timestamp", "instance", "len", "data")
+    __slots__ = ("timestamp", "instance", "device_id", "len", "data")
+    __match_args__ = ("timestamp", "instance", "device_id", "len", "data")
 
-    ORB_QUEUE_LENGTH: Final = 8
+    INSTANCE_MAIN: Final = 0
+    """First receiver."""
+
+    INSTANCE_SECONDARY: Final = 1
+    """Second receiver."""
+
+    ORB_QUEUE_LENGTH: Final = 16
 
     timestamp: int
     """uint64 [us] Time since boot."""
 
     instance: int
     """uint8 Which receiver."""
+
+    device_id: int
+    """uint32 Receiver that the bytes come from or go to."""
 
     len: int
     """uint8 Number of bytes in the lower 7 bits. Top bit set means sent to the receiver, otherwise
@@ -49,20 +58,22 @@ class GpsDump(_cdr.Message):
         self,
         timestamp: int = 0,
         instance: int = 0,
+        device_id: int = 0,
         len: int = 0,
         data: bytes = bytes(79),
     ) -> None:
         self.timestamp = timestamp
         self.instance = instance
+        self.device_id = device_id
         self.len = len
         self.data = data
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 89 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 96 of values."""
         try:
             if len(self.data) != 79:
                 raise _cdr.Refused
-            return _pack(_USUAL, self.timestamp, self.instance, self.len, self.data)
+            return _pack(_USUAL, self.timestamp, self.instance, self.device_id, self.len, self.data)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
@@ -71,10 +82,12 @@ class GpsDump(_cdr.Message):
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.instance, message.len, message.data) = _unpack(data)
+            (
+                header, message.timestamp, message.instance, message.device_id, message.len, message.data,
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(GpsDump, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (93, 94, 95, 96):
+        if header != _USUAL:
             return _cdr.decode_other(GpsDump, cls, data, allow_surplus)
         return message
 
@@ -83,16 +96,17 @@ class GpsDump(_cdr.Message):
         name="GpsDump",
         ros_type="px4_msgs/msg/GpsDump",
         dds_type="px4_msgs::msg::dds_::GpsDump_",
-        cdr_size=89,
-        struct_size=89,
-        message_hash=3619803417,
-        type_hash="RIHS01_fa283529d7fa0191b84ecbb48d20e85092e060959ed4be610d3ed2bcfdeb0455",
+        cdr_size=96,
+        struct_size=93,
+        message_hash=2924935400,
+        type_hash="RIHS01_527cfa701f518b3e25d8227337a9ddb6a1c2880e95b446b8d7427092fc4b6298",
         message_version=0,
         topics=("gps_dump",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("instance", "uint8", 8, 1),
-            _cdr.Field("len", "uint8", 9, 1),
-            _cdr.Field("data", "uint8[79]", 10, 79),
+            _cdr.Field("device_id", "uint32", 12, 4),
+            _cdr.Field("len", "uint8", 16, 1),
+            _cdr.Field("data", "uint8[79]", 17, 79),
         ),
     ))

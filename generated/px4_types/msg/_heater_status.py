@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("QI2?2x2f2I3fB")
+_LAYOUT = _cdr.Layout("QI2?2x2f2I6f2B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -22,24 +22,33 @@ class HeaterStatus(_cdr.Message):
 
     Fields: timestamp [us], device_id, heater_on, temperature_target_met, temperature_sensor [degC],
     temperature_target [degC], controller_period_usec [us], controller_time_on_usec [us],
-    proportional_value [-], integrator_value [-], feed_forward_value [-], mode.
+    proportional_value [-], integrator_value [-], feed_forward_value [-], supply_voltage [V],
+    heater_current [A], nominal_multiplier [-], mode, temperature_source.
 
-    uORB topic: heater_status. 45 bytes.
+    uORB topic: heater_status. 58 bytes.
     """
 
     __slots__ = (
         "timestamp", "device_id", "heater_on", "temperature_target_met", "temperature_sensor",
         "temperature_target", "controller_period_usec", "controller_time_on_usec", "proportional_value",
-        "integrator_value", "feed_forward_value", "mode",
+        "integrator_value", "feed_forward_value", "supply_voltage", "heater_current", "nominal_multiplier",
+        "mode", "temperature_source",
     )
     __match_args__ = (
         "timestamp", "device_id", "heater_on", "temperature_target_met", "temperature_sensor",
         "temperature_target", "controller_period_usec", "controller_time_on_usec", "proportional_value",
-        "integrator_value", "feed_forward_value", "mode",
+        "integrator_value", "feed_forward_value", "supply_voltage", "heater_current", "nominal_multiplier",
+        "mode", "temperature_source",
     )
 
     MODE_GPIO: Final = 1
     MODE_PX4IO: Final = 2
+
+    TEMPERATURE_SOURCE_IMU: Final = 0
+    """Sensor inside the IMU."""
+
+    TEMPERATURE_SOURCE_HYGRO: Final = 1
+    """Separate hygrometer."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -74,8 +83,20 @@ class HeaterStatus(_cdr.Message):
     feed_forward_value: float
     """float32 [-] Share of the period."""
 
+    supply_voltage: float
+    """float32 [V] Voltage that feeds the heater."""
+
+    heater_current: float
+    """float32 [A] Current through the heater."""
+
+    nominal_multiplier: float
+    """float32 [-] Factor that adapts the heater's power to the measured supply."""
+
     mode: int
     """uint8 [@enum MODE] Who switches the heater."""
+
+    temperature_source: int
+    """uint8 [@enum TEMPERATURE_SOURCE] What measures the temperature that is controlled."""
 
     def __init__(
         self,
@@ -90,7 +111,11 @@ class HeaterStatus(_cdr.Message):
         proportional_value: float = 0.0,
         integrator_value: float = 0.0,
         feed_forward_value: float = 0.0,
+        supply_voltage: float = 0.0,
+        heater_current: float = 0.0,
+        nominal_multiplier: float = 0.0,
         mode: int = 0,
+        temperature_source: int = 0,
     ) -> None:
         self.timestamp = timestamp
         self.device_id = device_id
@@ -103,10 +128,14 @@ class HeaterStatus(_cdr.Message):
         self.proportional_value = proportional_value
         self.integrator_value = integrator_value
         self.feed_forward_value = feed_forward_value
+        self.supply_voltage = supply_voltage
+        self.heater_current = heater_current
+        self.nominal_multiplier = nominal_multiplier
         self.mode = mode
+        self.temperature_source = temperature_source
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 45 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 58 of values."""
         try:
             if (False | self.heater_on | self.temperature_target_met) not in (0, 1):
                 raise _cdr.Refused
@@ -114,7 +143,8 @@ class HeaterStatus(_cdr.Message):
                 _USUAL, self.timestamp, self.device_id, self.heater_on, self.temperature_target_met,
                 self.temperature_sensor, self.temperature_target, self.controller_period_usec,
                 self.controller_time_on_usec, self.proportional_value, self.integrator_value,
-                self.feed_forward_value, self.mode,
+                self.feed_forward_value, self.supply_voltage, self.heater_current, self.nominal_multiplier,
+                self.mode, self.temperature_source,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -128,11 +158,12 @@ class HeaterStatus(_cdr.Message):
                 header, message.timestamp, message.device_id, message.heater_on,
                 message.temperature_target_met, message.temperature_sensor, message.temperature_target,
                 message.controller_period_usec, message.controller_time_on_usec, message.proportional_value,
-                message.integrator_value, message.feed_forward_value, message.mode,
+                message.integrator_value, message.feed_forward_value, message.supply_voltage,
+                message.heater_current, message.nominal_multiplier, message.mode, message.temperature_source,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(HeaterStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (49, 50, 51, 52):
+        if header != _USUAL or len(data) not in (62, 63, 64, 65):
             return _cdr.decode_other(HeaterStatus, cls, data, allow_surplus)
         return message
 
@@ -141,10 +172,10 @@ class HeaterStatus(_cdr.Message):
         name="HeaterStatus",
         ros_type="px4_msgs/msg/HeaterStatus",
         dds_type="px4_msgs::msg::dds_::HeaterStatus_",
-        cdr_size=45,
-        struct_size=43,
-        message_hash=963952777,
-        type_hash="RIHS01_4d801ea3fdf8e93bbc2cd0417a75ced11087eaca8fe5f6ebabd9ad294e050a63",
+        cdr_size=58,
+        struct_size=56,
+        message_hash=1147168559,
+        type_hash="RIHS01_e766578c0205d19d427cfe6031b2e1a12528c2b8fe380e5ca1d06f402aa0b465",
         message_version=0,
         topics=("heater_status",),
         fields=(
@@ -159,6 +190,10 @@ class HeaterStatus(_cdr.Message):
             _cdr.Field("proportional_value", "float32", 32, 4, unit="-"),
             _cdr.Field("integrator_value", "float32", 36, 4, unit="-"),
             _cdr.Field("feed_forward_value", "float32", 40, 4, unit="-"),
-            _cdr.Field("mode", "uint8", 44, 1, enum="MODE"),
+            _cdr.Field("supply_voltage", "float32", 44, 4, unit="V"),
+            _cdr.Field("heater_current", "float32", 48, 4, unit="A"),
+            _cdr.Field("nominal_multiplier", "float32", 52, 4, unit="-"),
+            _cdr.Field("mode", "uint8", 56, 1, enum="MODE"),
+            _cdr.Field("temperature_source", "uint8", 57, 1, enum="TEMPERATURE_SOURCE"),
         ),
     ))

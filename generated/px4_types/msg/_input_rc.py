@@ -13,8 +13,8 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("2QB3xi2?3HBx36sbxf", words="2QB3xI2B3HBx18HBxI")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_LAYOUT = _cdr.Layout("2QB3xi2?4HBx36sb3xfb", words="2QB3xI2B4HBx18HB3xIB")
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 _from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
@@ -24,21 +24,21 @@ class InputRc(_cdr.Message):
     rc_update module turns them into calibrated channels and switches.
 
     Fields: timestamp [us], timestamp_last_signal [us], channel_count, rssi, rc_failsafe, rc_lost,
-    rc_lost_frame_count, rc_total_frame_count, rc_ppm_frame_length [us], input_source, values [us],
-    link_quality [%], rssi_dbm [dBm].
+    rc_lost_frame_count, rc_total_frame_count, rc_ppm_frame_length [us], rc_frame_rate [Hz],
+    input_source, values [us], link_quality [%], rssi_dbm [dBm], link_snr [dB].
 
-    uORB topic: input_rc. 76 bytes.
+    uORB topic: input_rc. 81 bytes.
     """
 
     __slots__ = (
         "timestamp", "timestamp_last_signal", "channel_count", "rssi", "rc_failsafe", "rc_lost",
-        "rc_lost_frame_count", "rc_total_frame_count", "rc_ppm_frame_length", "input_source", "values",
-        "link_quality", "rssi_dbm",
+        "rc_lost_frame_count", "rc_total_frame_count", "rc_ppm_frame_length", "rc_frame_rate", "input_source",
+        "values", "link_quality", "rssi_dbm", "link_snr",
     )
     __match_args__ = (
         "timestamp", "timestamp_last_signal", "channel_count", "rssi", "rc_failsafe", "rc_lost",
-        "rc_lost_frame_count", "rc_total_frame_count", "rc_ppm_frame_length", "input_source", "values",
-        "link_quality", "rssi_dbm",
+        "rc_lost_frame_count", "rc_total_frame_count", "rc_ppm_frame_length", "rc_frame_rate", "input_source",
+        "values", "link_quality", "rssi_dbm", "link_snr",
     )
 
     RC_INPUT_SOURCE_UNKNOWN: Final = 0
@@ -90,17 +90,23 @@ class InputRc(_cdr.Message):
     rc_ppm_frame_length: int
     """uint16 [us] [@invalid 0] PPM only."""
 
+    rc_frame_rate: int
+    """uint16 [Hz] Frames received per second, 0 if not known."""
+
     input_source: int
-    """uint8 [@enum RC_INPUT_SOURCE]"""
+    """uint8 [@enum RC_INPUT_SOURCE] What the channels were read from."""
 
     values: _arrays.Sequence[int]
     """uint16[18] [us] Pulse width per channel."""
 
     link_quality: int
-    """int8 [%] [@range 0, 100] [@invalid -1]"""
+    """int8 [%] [@range 0, 100] [@invalid -1] Share of frames that arrive."""
 
     rssi_dbm: float
-    """float32 [dBm] [@invalid NaN]"""
+    """float32 [dBm] [@invalid NaN] Received power."""
+
+    link_snr: int
+    """int8 [dB] Signal over noise as the receiver measures it, -1 if not known."""
 
     def __init__(
         self,
@@ -113,10 +119,12 @@ class InputRc(_cdr.Message):
         rc_lost_frame_count: int = 0,
         rc_total_frame_count: int = 0,
         rc_ppm_frame_length: int = 0,
+        rc_frame_rate: int = 0,
         input_source: int = 0,
         values: _arrays.Sequence[int] | None = None,
         link_quality: int = 0,
         rssi_dbm: float = 0.0,
+        link_snr: int = 0,
     ) -> None:
         self.timestamp = timestamp
         self.timestamp_last_signal = timestamp_last_signal
@@ -127,21 +135,23 @@ class InputRc(_cdr.Message):
         self.rc_lost_frame_count = rc_lost_frame_count
         self.rc_total_frame_count = rc_total_frame_count
         self.rc_ppm_frame_length = rc_ppm_frame_length
+        self.rc_frame_rate = rc_frame_rate
         self.input_source = input_source
         self.values = _arrays.zeros("H", 18) if values is None else values
         self.link_quality = link_quality
         self.rssi_dbm = rssi_dbm
+        self.link_snr = link_snr
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 81 of values."""
         try:
             if (False | self.rc_failsafe | self.rc_lost) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_last_signal, self.channel_count, self.rssi,
                 self.rc_failsafe, self.rc_lost, self.rc_lost_frame_count, self.rc_total_frame_count,
-                self.rc_ppm_frame_length, self.input_source, _to_raw("H", 18, self.values), self.link_quality,
-                self.rssi_dbm,
+                self.rc_ppm_frame_length, self.rc_frame_rate, self.input_source,
+                _to_raw("H", 18, self.values), self.link_quality, self.rssi_dbm, self.link_snr,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -154,12 +164,12 @@ class InputRc(_cdr.Message):
             (
                 header, message.timestamp, message.timestamp_last_signal, message.channel_count, message.rssi,
                 message.rc_failsafe, message.rc_lost, message.rc_lost_frame_count,
-                message.rc_total_frame_count, message.rc_ppm_frame_length, message.input_source, values_raw,
-                message.link_quality, message.rssi_dbm,
+                message.rc_total_frame_count, message.rc_ppm_frame_length, message.rc_frame_rate,
+                message.input_source, values_raw, message.link_quality, message.rssi_dbm, message.link_snr,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(InputRc, cls, data, allow_surplus)
-        if header != _USUAL:
+        if header != _USUAL or len(data) not in (85, 86, 87, 88):
             return _cdr.decode_other(InputRc, cls, data, allow_surplus)
         message.values = _from_raw("H", values_raw)
         return message
@@ -169,10 +179,10 @@ class InputRc(_cdr.Message):
         name="InputRc",
         ros_type="px4_msgs/msg/InputRc",
         dds_type="px4_msgs::msg::dds_::InputRc_",
-        cdr_size=76,
-        struct_size=71,
-        message_hash=503689854,
-        type_hash="RIHS01_5cb672e658949509f22647573c13139bb0c22d7043cea416e0ad71606ae31dac",
+        cdr_size=81,
+        struct_size=74,
+        message_hash=3054728076,
+        type_hash="RIHS01_219fc041323d7a72cff4aa13d29947be788db45a28d1b1c52600ea81e430d20c",
         message_version=0,
         topics=("input_rc",),
         fields=(
@@ -185,9 +195,11 @@ class InputRc(_cdr.Message):
             _cdr.Field("rc_lost_frame_count", "uint16", 26, 2),
             _cdr.Field("rc_total_frame_count", "uint16", 28, 2),
             _cdr.Field("rc_ppm_frame_length", "uint16", 30, 2, unit="us", invalid="0"),
-            _cdr.Field("input_source", "uint8", 32, 1, enum="RC_INPUT_SOURCE"),
-            _cdr.Field("values", "uint16[18]", 34, 36, unit="us"),
-            _cdr.Field("link_quality", "int8", 70, 1, unit="%", range="0, 100", invalid="-1"),
-            _cdr.Field("rssi_dbm", "float32", 72, 4, unit="dBm", invalid="NaN"),
+            _cdr.Field("rc_frame_rate", "uint16", 32, 2, unit="Hz"),
+            _cdr.Field("input_source", "uint8", 34, 1, enum="RC_INPUT_SOURCE"),
+            _cdr.Field("values", "uint16[18]", 36, 36, unit="us"),
+            _cdr.Field("link_quality", "int8", 72, 1, unit="%", range="0, 100", invalid="-1"),
+            _cdr.Field("rssi_dbm", "float32", 76, 4, unit="dBm", invalid="NaN"),
+            _cdr.Field("link_snr", "int8", 80, 1, unit="dB"),
         ),
     ))

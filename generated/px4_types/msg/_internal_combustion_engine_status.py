@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("QB3xIB3xI10f3Bx5f")
+_LAYOUT = _cdr.Layout("Q2B2xIB3xI10f3Bx6f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -21,32 +21,34 @@ class InternalCombustionEngineStatus(_cdr.Message):
     """State and measurements of a combustion engine, from a DroneCAN engine controller or from the engine
     control module, which fills in `state` only. Goes out as MAVLink EFI_STATUS.
 
-    Fields: timestamp [us], state, flags, engine_load_percent [%], engine_speed_rpm [rpm],
+    Fields: timestamp [us], state, substate, flags, engine_load_percent [%], engine_speed_rpm [rpm],
     spark_dwell_time_ms [ms], atmospheric_pressure_kpa [kPa], intake_manifold_pressure_kpa [kPa],
     intake_manifold_temperature [K], coolant_temperature [K], oil_pressure [kPa], oil_temperature [K],
     fuel_pressure [kPa], fuel_consumption_rate_cm3pm [cm^3/min], estimated_consumed_fuel_volume_cm3
-    [cm^3], throttle_position_percent [%], ecu_index, spark_plug_usage, ignition_timing_deg [deg],
+    [cm^3], throttle_position_percent [%], ecu_index [-], spark_plug_usage, ignition_timing_deg [deg],
     injection_time_ms [ms], cylinder_head_temperature [K], exhaust_gas_temperature [K],
-    lambda_coefficient [-].
+    lambda_coefficient [-], pid_idle_rpm_integral [-].
 
-    uORB topic: internal_combustion_engine_status. 88 bytes.
+    uORB topic: internal_combustion_engine_status. 92 bytes.
     """
 
     __slots__ = (
-        "timestamp", "state", "flags", "engine_load_percent", "engine_speed_rpm", "spark_dwell_time_ms",
-        "atmospheric_pressure_kpa", "intake_manifold_pressure_kpa", "intake_manifold_temperature",
-        "coolant_temperature", "oil_pressure", "oil_temperature", "fuel_pressure",
-        "fuel_consumption_rate_cm3pm", "estimated_consumed_fuel_volume_cm3", "throttle_position_percent",
-        "ecu_index", "spark_plug_usage", "ignition_timing_deg", "injection_time_ms",
-        "cylinder_head_temperature", "exhaust_gas_temperature", "lambda_coefficient",
+        "timestamp", "state", "substate", "flags", "engine_load_percent", "engine_speed_rpm",
+        "spark_dwell_time_ms", "atmospheric_pressure_kpa", "intake_manifold_pressure_kpa",
+        "intake_manifold_temperature", "coolant_temperature", "oil_pressure", "oil_temperature",
+        "fuel_pressure", "fuel_consumption_rate_cm3pm", "estimated_consumed_fuel_volume_cm3",
+        "throttle_position_percent", "ecu_index", "spark_plug_usage", "ignition_timing_deg",
+        "injection_time_ms", "cylinder_head_temperature", "exhaust_gas_temperature", "lambda_coefficient",
+        "pid_idle_rpm_integral",
     )
     __match_args__ = (
-        "timestamp", "state", "flags", "engine_load_percent", "engine_speed_rpm", "spark_dwell_time_ms",
-        "atmospheric_pressure_kpa", "intake_manifold_pressure_kpa", "intake_manifold_temperature",
-        "coolant_temperature", "oil_pressure", "oil_temperature", "fuel_pressure",
-        "fuel_consumption_rate_cm3pm", "estimated_consumed_fuel_volume_cm3", "throttle_position_percent",
-        "ecu_index", "spark_plug_usage", "ignition_timing_deg", "injection_time_ms",
-        "cylinder_head_temperature", "exhaust_gas_temperature", "lambda_coefficient",
+        "timestamp", "state", "substate", "flags", "engine_load_percent", "engine_speed_rpm",
+        "spark_dwell_time_ms", "atmospheric_pressure_kpa", "intake_manifold_pressure_kpa",
+        "intake_manifold_temperature", "coolant_temperature", "oil_pressure", "oil_temperature",
+        "fuel_pressure", "fuel_consumption_rate_cm3pm", "estimated_consumed_fuel_volume_cm3",
+        "throttle_position_percent", "ecu_index", "spark_plug_usage", "ignition_timing_deg",
+        "injection_time_ms", "cylinder_head_temperature", "exhaust_gas_temperature", "lambda_coefficient",
+        "pid_idle_rpm_integral",
     )
 
     STATE_STOPPED: Final = 0
@@ -58,6 +60,15 @@ class InternalCombustionEngineStatus(_cdr.Message):
 
     STATE_FAULT: Final = 3
     """The engine cannot go on."""
+
+    SUBSTATE_RUN: Final = 0
+    """Normal operation."""
+
+    SUBSTATE_IDLE: Final = 1
+    """The idle speed controller is in charge."""
+
+    SUBSTATE_REST: Final = 2
+    """Stands still."""
 
     FLAG_GENERAL_ERROR: Final = 1
     FLAG_CRANKSHAFT_SENSOR_ERROR_SUPPORTED: Final = 2
@@ -93,6 +104,9 @@ class InternalCombustionEngineStatus(_cdr.Message):
     state: int
     """uint8 [@enum STATE]"""
 
+    substate: int
+    """uint8 [@enum SUBSTATE] What the engine does within `state`."""
+
     flags: int
     """uint32 [@enum FLAG] Bitmask. A *_SUPPORTED bit says that the related bits carry information."""
 
@@ -100,66 +114,70 @@ class InternalCombustionEngineStatus(_cdr.Message):
     """uint8 [%] [@range 0, 127]"""
 
     engine_speed_rpm: int
-    """uint32 [rpm]"""
+    """uint32 [rpm] [@range 0, inf]"""
 
     spark_dwell_time_ms: float
-    """float32 [ms]"""
+    """float32 [ms] [@range 0, inf]"""
 
     atmospheric_pressure_kpa: float
-    """float32 [kPa]"""
+    """float32 [kPa] [@range 0, inf]"""
 
     intake_manifold_pressure_kpa: float
-    """float32 [kPa]"""
+    """float32 [kPa] [@range 0, inf]"""
 
     intake_manifold_temperature: float
-    """float32 [K]"""
+    """float32 [K] [@range 0, inf]"""
 
     coolant_temperature: float
-    """float32 [K]"""
+    """float32 [K] [@range 0, inf]"""
 
     oil_pressure: float
-    """float32 [kPa]"""
+    """float32 [kPa] [@range 0, inf]"""
 
     oil_temperature: float
-    """float32 [K]"""
+    """float32 [K] [@range 0, inf]"""
 
     fuel_pressure: float
-    """float32 [kPa]"""
+    """float32 [kPa] [@range 0, inf]"""
 
     fuel_consumption_rate_cm3pm: float
-    """float32 [cm^3/min]"""
+    """float32 [cm^3/min] [@range 0, inf]"""
 
     estimated_consumed_fuel_volume_cm3: float
-    """float32 [cm^3] Since the engine was started."""
+    """float32 [cm^3] [@range 0, inf] Since the engine was started."""
 
     throttle_position_percent: int
-    """uint8 [%]"""
+    """uint8 [%] [@range 0, 100]"""
 
     ecu_index: int
-    """uint8 Tells several engine controllers apart."""
+    """uint8 [-] [@range 0, 255] Tells several engine controllers apart."""
 
     spark_plug_usage: int
     """uint8 [@enum SPARK_PLUG]"""
 
     ignition_timing_deg: float
-    """float32 [deg] Crankshaft angle."""
+    """float32 [deg] [@range -inf, inf] Crankshaft angle."""
 
     injection_time_ms: float
-    """float32 [ms]"""
+    """float32 [ms] [@range 0, inf]"""
 
     cylinder_head_temperature: float
-    """float32 [K]"""
+    """float32 [K] [@range 0, inf]"""
 
     exhaust_gas_temperature: float
-    """float32 [K]"""
+    """float32 [K] [@range 0, inf]"""
 
     lambda_coefficient: float
-    """float32 [-] Air to fuel, relative to a complete burn."""
+    """float32 [-] [@range 0, inf] Air to fuel, relative to a complete burn."""
+
+    pid_idle_rpm_integral: float
+    """float32 [-] [@range -1, 1] Integrator of the idle speed controller."""
 
     def __init__(
         self,
         timestamp: int = 0,
         state: int = 0,
+        substate: int = 0,
         flags: int = 0,
         engine_load_percent: int = 0,
         engine_speed_rpm: int = 0,
@@ -181,9 +199,11 @@ class InternalCombustionEngineStatus(_cdr.Message):
         cylinder_head_temperature: float = 0.0,
         exhaust_gas_temperature: float = 0.0,
         lambda_coefficient: float = 0.0,
+        pid_idle_rpm_integral: float = 0.0,
     ) -> None:
         self.timestamp = timestamp
         self.state = state
+        self.substate = substate
         self.flags = flags
         self.engine_load_percent = engine_load_percent
         self.engine_speed_rpm = engine_speed_rpm
@@ -205,18 +225,20 @@ class InternalCombustionEngineStatus(_cdr.Message):
         self.cylinder_head_temperature = cylinder_head_temperature
         self.exhaust_gas_temperature = exhaust_gas_temperature
         self.lambda_coefficient = lambda_coefficient
+        self.pid_idle_rpm_integral = pid_idle_rpm_integral
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 88 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 92 of values."""
         try:
             return _pack(
-                _USUAL, self.timestamp, self.state, self.flags, self.engine_load_percent,
+                _USUAL, self.timestamp, self.state, self.substate, self.flags, self.engine_load_percent,
                 self.engine_speed_rpm, self.spark_dwell_time_ms, self.atmospheric_pressure_kpa,
                 self.intake_manifold_pressure_kpa, self.intake_manifold_temperature, self.coolant_temperature,
                 self.oil_pressure, self.oil_temperature, self.fuel_pressure, self.fuel_consumption_rate_cm3pm,
                 self.estimated_consumed_fuel_volume_cm3, self.throttle_position_percent, self.ecu_index,
                 self.spark_plug_usage, self.ignition_timing_deg, self.injection_time_ms,
                 self.cylinder_head_temperature, self.exhaust_gas_temperature, self.lambda_coefficient,
+                self.pid_idle_rpm_integral,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -227,15 +249,15 @@ class InternalCombustionEngineStatus(_cdr.Message):
         message = _new(cls)
         try:
             (
-                header, message.timestamp, message.state, message.flags, message.engine_load_percent,
-                message.engine_speed_rpm, message.spark_dwell_time_ms, message.atmospheric_pressure_kpa,
-                message.intake_manifold_pressure_kpa, message.intake_manifold_temperature,
-                message.coolant_temperature, message.oil_pressure, message.oil_temperature,
-                message.fuel_pressure, message.fuel_consumption_rate_cm3pm,
+                header, message.timestamp, message.state, message.substate, message.flags,
+                message.engine_load_percent, message.engine_speed_rpm, message.spark_dwell_time_ms,
+                message.atmospheric_pressure_kpa, message.intake_manifold_pressure_kpa,
+                message.intake_manifold_temperature, message.coolant_temperature, message.oil_pressure,
+                message.oil_temperature, message.fuel_pressure, message.fuel_consumption_rate_cm3pm,
                 message.estimated_consumed_fuel_volume_cm3, message.throttle_position_percent,
                 message.ecu_index, message.spark_plug_usage, message.ignition_timing_deg,
                 message.injection_time_ms, message.cylinder_head_temperature, message.exhaust_gas_temperature,
-                message.lambda_coefficient,
+                message.lambda_coefficient, message.pid_idle_rpm_integral,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(InternalCombustionEngineStatus, cls, data, allow_surplus)
@@ -248,35 +270,43 @@ class InternalCombustionEngineStatus(_cdr.Message):
         name="InternalCombustionEngineStatus",
         ros_type="px4_msgs/msg/InternalCombustionEngineStatus",
         dds_type="px4_msgs::msg::dds_::InternalCombustionEngineStatus_",
-        cdr_size=88,
-        struct_size=81,
-        message_hash=1778630730,
-        type_hash="RIHS01_09187f7f1c5f9a08d35f47dfe2b3444b3f967affa006328ef8468086ff44d657",
+        cdr_size=92,
+        struct_size=86,
+        message_hash=4065076193,
+        type_hash="RIHS01_ae59bb9ef2ce74bb3461f43a1b7a5a5d51c43e4905764a03b39989b3a851203d",
         message_version=0,
         topics=("internal_combustion_engine_status",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("state", "uint8", 8, 1, enum="STATE"),
+            _cdr.Field("substate", "uint8", 9, 1, enum="SUBSTATE"),
             _cdr.Field("flags", "uint32", 12, 4, enum="FLAG"),
             _cdr.Field("engine_load_percent", "uint8", 16, 1, unit="%", range="0, 127"),
-            _cdr.Field("engine_speed_rpm", "uint32", 20, 4, unit="rpm"),
-            _cdr.Field("spark_dwell_time_ms", "float32", 24, 4, unit="ms"),
-            _cdr.Field("atmospheric_pressure_kpa", "float32", 28, 4, unit="kPa"),
-            _cdr.Field("intake_manifold_pressure_kpa", "float32", 32, 4, unit="kPa"),
-            _cdr.Field("intake_manifold_temperature", "float32", 36, 4, unit="K"),
-            _cdr.Field("coolant_temperature", "float32", 40, 4, unit="K"),
-            _cdr.Field("oil_pressure", "float32", 44, 4, unit="kPa"),
-            _cdr.Field("oil_temperature", "float32", 48, 4, unit="K"),
-            _cdr.Field("fuel_pressure", "float32", 52, 4, unit="kPa"),
-            _cdr.Field("fuel_consumption_rate_cm3pm", "float32", 56, 4, unit="cm^3/min"),
-            _cdr.Field("estimated_consumed_fuel_volume_cm3", "float32", 60, 4, unit="cm^3"),
-            _cdr.Field("throttle_position_percent", "uint8", 64, 1, unit="%"),
-            _cdr.Field("ecu_index", "uint8", 65, 1),
+            _cdr.Field("engine_speed_rpm", "uint32", 20, 4, unit="rpm", range="0, inf"),
+            _cdr.Field("spark_dwell_time_ms", "float32", 24, 4, unit="ms", range="0, inf"),
+            _cdr.Field("atmospheric_pressure_kpa", "float32", 28, 4, unit="kPa", range="0, inf"),
+            _cdr.Field(
+                "intake_manifold_pressure_kpa", "float32", 32, 4, unit="kPa", range="0, inf",
+            ),
+            _cdr.Field("intake_manifold_temperature", "float32", 36, 4, unit="K", range="0, inf"),
+            _cdr.Field("coolant_temperature", "float32", 40, 4, unit="K", range="0, inf"),
+            _cdr.Field("oil_pressure", "float32", 44, 4, unit="kPa", range="0, inf"),
+            _cdr.Field("oil_temperature", "float32", 48, 4, unit="K", range="0, inf"),
+            _cdr.Field("fuel_pressure", "float32", 52, 4, unit="kPa", range="0, inf"),
+            _cdr.Field(
+                "fuel_consumption_rate_cm3pm", "float32", 56, 4, unit="cm^3/min", range="0, inf",
+            ),
+            _cdr.Field(
+                "estimated_consumed_fuel_volume_cm3", "float32", 60, 4, unit="cm^3", range="0, inf",
+            ),
+            _cdr.Field("throttle_position_percent", "uint8", 64, 1, unit="%", range="0, 100"),
+            _cdr.Field("ecu_index", "uint8", 65, 1, unit="-", range="0, 255"),
             _cdr.Field("spark_plug_usage", "uint8", 66, 1, enum="SPARK_PLUG"),
-            _cdr.Field("ignition_timing_deg", "float32", 68, 4, unit="deg"),
-            _cdr.Field("injection_time_ms", "float32", 72, 4, unit="ms"),
-            _cdr.Field("cylinder_head_temperature", "float32", 76, 4, unit="K"),
-            _cdr.Field("exhaust_gas_temperature", "float32", 80, 4, unit="K"),
-            _cdr.Field("lambda_coefficient", "float32", 84, 4, unit="-"),
+            _cdr.Field("ignition_timing_deg", "float32", 68, 4, unit="deg", range="-inf, inf"),
+            _cdr.Field("injection_time_ms", "float32", 72, 4, unit="ms", range="0, inf"),
+            _cdr.Field("cylinder_head_temperature", "float32", 76, 4, unit="K", range="0, inf"),
+            _cdr.Field("exhaust_gas_temperature", "float32", 80, 4, unit="K", range="0, inf"),
+            _cdr.Field("lambda_coefficient", "float32", 84, 4, unit="-", range="0, inf"),
+            _cdr.Field("pid_idle_rpm_integral", "float32", 88, 4, unit="-", range="-1, 1"),
         ),
     ))

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 else:
     ClassVar = _cdr.ClassVar
 
-_LAYOUT = _cdr.Layout("Q3?x9f?3x3f")
+_LAYOUT = _cdr.Layout("Q4?12f?3x3f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -19,35 +19,39 @@ class LandingTargetPose(_cdr.Message):
     """Where the precision landing target is, relative to the vehicle and to the local origin. Published by
     the landing target estimator or from MAVLink; used by precision landing.
 
-    Fields: timestamp [us], is_static, rel_pos_valid, rel_vel_valid, x_rel [m], y_rel [m], z_rel [m],
-    vx_rel [m/s], vy_rel [m/s], cov_x_rel [m^2], cov_y_rel [m^2], cov_vx_rel [m^2/s^2], cov_vy_rel
-    [m^2/s^2], abs_pos_valid, x_abs [m], y_abs [m], z_abs [m].
+    Fields: timestamp [us], is_static [-], rel_pos_valid [-], rel_vel_valid [-], rel_vel_ekf2_valid [-],
+    x_rel [m], y_rel [m], z_rel [m], vx_rel [m/s], vy_rel [m/s], vz_rel [m/s], cov_x_rel [m^2],
+    cov_y_rel [m^2], cov_z_rel [m^2], cov_vx_rel [(m/s)^2], cov_vy_rel [(m/s)^2], cov_vz_rel [(m/s)^2],
+    abs_pos_valid [-], x_abs [m], y_abs [m], z_abs [m].
 
-    uORB topic: landing_target_pose. 64 bytes.
+    uORB topic: landing_target_pose. 76 bytes.
     """
 
     __slots__ = (
-        "timestamp", "is_static", "rel_pos_valid", "rel_vel_valid", "x_rel", "y_rel", "z_rel", "vx_rel",
-        "vy_rel", "cov_x_rel", "cov_y_rel", "cov_vx_rel", "cov_vy_rel", "abs_pos_valid", "x_abs", "y_abs",
-        "z_abs",
+        "timestamp", "is_static", "rel_pos_valid", "rel_vel_valid", "rel_vel_ekf2_valid", "x_rel", "y_rel",
+        "z_rel", "vx_rel", "vy_rel", "vz_rel", "cov_x_rel", "cov_y_rel", "cov_z_rel", "cov_vx_rel",
+        "cov_vy_rel", "cov_vz_rel", "abs_pos_valid", "x_abs", "y_abs", "z_abs",
     )
     __match_args__ = (
-        "timestamp", "is_static", "rel_pos_valid", "rel_vel_valid", "x_rel", "y_rel", "z_rel", "vx_rel",
-        "vy_rel", "cov_x_rel", "cov_y_rel", "cov_vx_rel", "cov_vy_rel", "abs_pos_valid", "x_abs", "y_abs",
-        "z_abs",
+        "timestamp", "is_static", "rel_pos_valid", "rel_vel_valid", "rel_vel_ekf2_valid", "x_rel", "y_rel",
+        "z_rel", "vx_rel", "vy_rel", "vz_rel", "cov_x_rel", "cov_y_rel", "cov_z_rel", "cov_vx_rel",
+        "cov_vy_rel", "cov_vz_rel", "abs_pos_valid", "x_abs", "y_abs", "z_abs",
     )
 
     timestamp: int
     """uint64 [us] Time since boot."""
 
     is_static: bool
-    """bool Target does not move over ground."""
+    """bool [-] Target does not move over ground."""
 
     rel_pos_valid: bool
-    """bool"""
+    """bool [-]"""
 
     rel_vel_valid: bool
-    """bool"""
+    """bool [-]"""
+
+    rel_vel_ekf2_valid: bool
+    """bool [-] True if EKF2 may fuse the relative velocity."""
 
     x_rel: float
     """float32 [m] [@frame NED]"""
@@ -64,20 +68,29 @@ class LandingTargetPose(_cdr.Message):
     vy_rel: float
     """float32 [m/s] [@frame NED]"""
 
+    vz_rel: float
+    """float32 [m/s] Positive while the target sinks faster than the vehicle."""
+
     cov_x_rel: float
     """float32 [m^2]"""
 
     cov_y_rel: float
     """float32 [m^2]"""
 
+    cov_z_rel: float
+    """float32 [m^2] Variance of the vertical distance."""
+
     cov_vx_rel: float
-    """float32 [m^2/s^2]"""
+    """float32 [(m/s)^2]"""
 
     cov_vy_rel: float
-    """float32 [m^2/s^2]"""
+    """float32 [(m/s)^2]"""
+
+    cov_vz_rel: float
+    """float32 [(m/s)^2] Variance of vz_rel."""
 
     abs_pos_valid: bool
-    """bool"""
+    """bool [-]"""
 
     x_abs: float
     """float32 [m] [@frame NED]"""
@@ -94,15 +107,19 @@ class LandingTargetPose(_cdr.Message):
         is_static: bool = False,
         rel_pos_valid: bool = False,
         rel_vel_valid: bool = False,
+        rel_vel_ekf2_valid: bool = False,
         x_rel: float = 0.0,
         y_rel: float = 0.0,
         z_rel: float = 0.0,
         vx_rel: float = 0.0,
         vy_rel: float = 0.0,
+        vz_rel: float = 0.0,
         cov_x_rel: float = 0.0,
         cov_y_rel: float = 0.0,
+        cov_z_rel: float = 0.0,
         cov_vx_rel: float = 0.0,
         cov_vy_rel: float = 0.0,
+        cov_vz_rel: float = 0.0,
         abs_pos_valid: bool = False,
         x_abs: float = 0.0,
         y_abs: float = 0.0,
@@ -112,29 +129,37 @@ class LandingTargetPose(_cdr.Message):
         self.is_static = is_static
         self.rel_pos_valid = rel_pos_valid
         self.rel_vel_valid = rel_vel_valid
+        self.rel_vel_ekf2_valid = rel_vel_ekf2_valid
         self.x_rel = x_rel
         self.y_rel = y_rel
         self.z_rel = z_rel
         self.vx_rel = vx_rel
         self.vy_rel = vy_rel
+        self.vz_rel = vz_rel
         self.cov_x_rel = cov_x_rel
         self.cov_y_rel = cov_y_rel
+        self.cov_z_rel = cov_z_rel
         self.cov_vx_rel = cov_vx_rel
         self.cov_vy_rel = cov_vy_rel
+        self.cov_vz_rel = cov_vz_rel
         self.abs_pos_valid = abs_pos_valid
         self.x_abs = x_abs
         self.y_abs = y_abs
         self.z_abs = z_abs
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 64 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
         try:
-            if (False | self.is_static | self.rel_pos_valid | self.rel_vel_valid | self.abs_pos_valid) not in (0, 1):
+            if (
+                False | self.is_static | self.rel_pos_valid | self.rel_vel_valid | self.rel_vel_ekf2_valid
+                | self.abs_pos_valid
+            ) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
-                _USUAL, self.timestamp, self.is_static, self.rel_pos_valid, self.rel_vel_valid, self.x_rel,
-                self.y_rel, self.z_rel, self.vx_rel, self.vy_rel, self.cov_x_rel, self.cov_y_rel,
-                self.cov_vx_rel, self.cov_vy_rel, self.abs_pos_valid, self.x_abs, self.y_abs, self.z_abs,
+                _USUAL, self.timestamp, self.is_static, self.rel_pos_valid, self.rel_vel_valid,
+                self.rel_vel_ekf2_valid, self.x_rel, self.y_rel, self.z_rel, self.vx_rel, self.vy_rel,
+                self.vz_rel, self.cov_x_rel, self.cov_y_rel, self.cov_z_rel, self.cov_vx_rel, self.cov_vy_rel,
+                self.cov_vz_rel, self.abs_pos_valid, self.x_abs, self.y_abs, self.z_abs,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -146,9 +171,10 @@ class LandingTargetPose(_cdr.Message):
         try:
             (
                 header, message.timestamp, message.is_static, message.rel_pos_valid, message.rel_vel_valid,
-                message.x_rel, message.y_rel, message.z_rel, message.vx_rel, message.vy_rel,
-                message.cov_x_rel, message.cov_y_rel, message.cov_vx_rel, message.cov_vy_rel,
-                message.abs_pos_valid, message.x_abs, message.y_abs, message.z_abs,
+                message.rel_vel_ekf2_valid, message.x_rel, message.y_rel, message.z_rel, message.vx_rel,
+                message.vy_rel, message.vz_rel, message.cov_x_rel, message.cov_y_rel, message.cov_z_rel,
+                message.cov_vx_rel, message.cov_vy_rel, message.cov_vz_rel, message.abs_pos_valid,
+                message.x_abs, message.y_abs, message.z_abs,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(LandingTargetPose, cls, data, allow_surplus)
@@ -161,29 +187,33 @@ class LandingTargetPose(_cdr.Message):
         name="LandingTargetPose",
         ros_type="px4_msgs/msg/LandingTargetPose",
         dds_type="px4_msgs::msg::dds_::LandingTargetPose_",
-        cdr_size=64,
-        struct_size=60,
-        message_hash=1713886655,
-        type_hash="RIHS01_e764aab088722a4b9dff7600123cce8ad6dc192249f0b56ed658726177171c79",
+        cdr_size=76,
+        struct_size=73,
+        message_hash=2459263275,
+        type_hash="RIHS01_591546a7f5429d64febc6ed8fe478544aa4b2f537fb6b91f7bda35cbc82eec17",
         message_version=0,
         topics=("landing_target_pose",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("is_static", "bool", 8, 1),
-            _cdr.Field("rel_pos_valid", "bool", 9, 1),
-            _cdr.Field("rel_vel_valid", "bool", 10, 1),
+            _cdr.Field("is_static", "bool", 8, 1, unit="-"),
+            _cdr.Field("rel_pos_valid", "bool", 9, 1, unit="-"),
+            _cdr.Field("rel_vel_valid", "bool", 10, 1, unit="-"),
+            _cdr.Field("rel_vel_ekf2_valid", "bool", 11, 1, unit="-"),
             _cdr.Field("x_rel", "float32", 12, 4, unit="m", frame="NED"),
             _cdr.Field("y_rel", "float32", 16, 4, unit="m", frame="NED"),
             _cdr.Field("z_rel", "float32", 20, 4, unit="m", frame="NED"),
             _cdr.Field("vx_rel", "float32", 24, 4, unit="m/s", frame="NED"),
             _cdr.Field("vy_rel", "float32", 28, 4, unit="m/s", frame="NED"),
-            _cdr.Field("cov_x_rel", "float32", 32, 4, unit="m^2"),
-            _cdr.Field("cov_y_rel", "float32", 36, 4, unit="m^2"),
-            _cdr.Field("cov_vx_rel", "float32", 40, 4, unit="m^2/s^2"),
-            _cdr.Field("cov_vy_rel", "float32", 44, 4, unit="m^2/s^2"),
-            _cdr.Field("abs_pos_valid", "bool", 48, 1),
-            _cdr.Field("x_abs", "float32", 52, 4, unit="m", frame="NED"),
-            _cdr.Field("y_abs", "float32", 56, 4, unit="m", frame="NED"),
-            _cdr.Field("z_abs", "float32", 60, 4, unit="m", frame="NED"),
+            _cdr.Field("vz_rel", "float32", 32, 4, unit="m/s"),
+            _cdr.Field("cov_x_rel", "float32", 36, 4, unit="m^2"),
+            _cdr.Field("cov_y_rel", "float32", 40, 4, unit="m^2"),
+            _cdr.Field("cov_z_rel", "float32", 44, 4, unit="m^2"),
+            _cdr.Field("cov_vx_rel", "float32", 48, 4, unit="(m/s)^2"),
+            _cdr.Field("cov_vy_rel", "float32", 52, 4, unit="(m/s)^2"),
+            _cdr.Field("cov_vz_rel", "float32", 56, 4, unit="(m/s)^2"),
+            _cdr.Field("abs_pos_valid", "bool", 60, 1, unit="-"),
+            _cdr.Field("x_abs", "float32", 64, 4, unit="m", frame="NED"),
+            _cdr.Field("y_abs", "float32", 68, 4, unit="m", frame="NED"),
+            _cdr.Field("z_abs", "float32", 72, 4, unit="m", frame="NED"),
         ),
     ))

@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("QB")
+_LAYOUT = _cdr.Layout("QB?")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -21,13 +21,13 @@ class LaunchDetectionStatus(_cdr.Message):
     """Tells how far a hand or catapult launch of a fixed-wing has come. The fixed-wing mode manager
     publishes it; controllers, EKF2 and the land detector go by it.
 
-    Fields: timestamp [us], launch_detection_state.
+    Fields: timestamp [us], launch_detection_state, selected_control_surface_disarmed [-].
 
-    uORB topic: launch_detection_status. 9 bytes.
+    uORB topic: launch_detection_status. 10 bytes.
     """
 
-    __slots__ = ("timestamp", "launch_detection_state")
-    __match_args__ = ("timestamp", "launch_detection_state")
+    __slots__ = ("timestamp", "launch_detection_state", "selected_control_surface_disarmed")
+    __match_args__ = ("timestamp", "launch_detection_state", "selected_control_surface_disarmed")
 
     STATE_WAITING_FOR_LAUNCH: Final = 0
 
@@ -42,18 +42,27 @@ class LaunchDetectionStatus(_cdr.Message):
     launch_detection_state: int
     """uint8 [@enum STATE]"""
 
+    selected_control_surface_disarmed: bool
+    """bool [-] True while surfaces chosen in the control allocation stay disarmed until the launch."""
+
     def __init__(
         self,
         timestamp: int = 0,
         launch_detection_state: int = 0,
+        selected_control_surface_disarmed: bool = False,
     ) -> None:
         self.timestamp = timestamp
         self.launch_detection_state = launch_detection_state
+        self.selected_control_surface_disarmed = selected_control_surface_disarmed
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 9 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 10 of values."""
         try:
-            return _pack(_USUAL, self.timestamp, self.launch_detection_state)
+            if (False | self.selected_control_surface_disarmed) not in (0, 1):
+                raise _cdr.Refused
+            return _pack(
+                _USUAL, self.timestamp, self.launch_detection_state, self.selected_control_surface_disarmed,
+            )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
 
@@ -62,10 +71,13 @@ class LaunchDetectionStatus(_cdr.Message):
         """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.launch_detection_state) = _unpack(data)
+            (
+                header, message.timestamp, message.launch_detection_state,
+                message.selected_control_surface_disarmed,
+            ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(LaunchDetectionStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (13, 14, 15, 16):
+        if header != _USUAL or len(data) not in (14, 15, 16, 17):
             return _cdr.decode_other(LaunchDetectionStatus, cls, data, allow_surplus)
         return message
 
@@ -74,14 +86,15 @@ class LaunchDetectionStatus(_cdr.Message):
         name="LaunchDetectionStatus",
         ros_type="px4_msgs/msg/LaunchDetectionStatus",
         dds_type="px4_msgs::msg::dds_::LaunchDetectionStatus_",
-        cdr_size=9,
-        struct_size=9,
-        message_hash=3011445680,
-        type_hash="RIHS01_eb00b44a7dde3812fcf296babfa1f2626c55660d43bdbe4924e3b61c1738f302",
+        cdr_size=10,
+        struct_size=10,
+        message_hash=2464420587,
+        type_hash="RIHS01_40516c896d72b7c5fff13e690772aafb925d6515a31d01164989552d81ee787c",
         message_version=0,
         topics=("launch_detection_status",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("launch_detection_state", "uint8", 8, 1, enum="STATE"),
+            _cdr.Field("selected_control_surface_disarmed", "bool", 9, 1, unit="-"),
         ),
     ))

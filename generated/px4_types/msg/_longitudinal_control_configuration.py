@@ -23,7 +23,7 @@ class LongitudinalControlConfiguration(_cdr.Message):
     fw_lateral_longitudinal_control.
 
     Fields: timestamp [us], pitch_min [rad], pitch_max [rad], throttle_min [norm], throttle_max [norm],
-    climb_rate_target [m/s], sink_rate_target [m/s], speed_weight, enforce_low_height_condition,
+    climb_rate_target [m/s], sink_rate_target [m/s], speed_weight [-], enforce_low_height_condition,
     disable_underspeed_protection.
 
     uORB topic: longitudinal_control_configuration. 38 bytes.
@@ -66,8 +66,8 @@ class LongitudinalControlConfiguration(_cdr.Message):
     """
 
     speed_weight: float
-    """float32 [@range 0,2] [@invalid NaN Uses FW_T_SPDWEIGHT] What pitch controls: 0 is height alone, 2 is
-    airspeed alone.
+    """float32 [-] [@range 0,2] [@invalid NaN Uses FW_T_SPDWEIGHT] What pitch controls: 0 is height alone,
+    2 is airspeed alone.
     """
 
     enforce_low_height_condition: bool
@@ -162,7 +162,7 @@ class LongitudinalControlConfiguration(_cdr.Message):
                 "sink_rate_target", "float32", 28, 4, unit="m/s", invalid="NaN Uses FW_T_SINK_R_SP",
             ),
             _cdr.Field(
-                "speed_weight", "float32", 32, 4, range="0,2", invalid="NaN Uses FW_T_SPDWEIGHT",
+                "speed_weight", "float32", 32, 4, unit="-", range="0,2", invalid="NaN Uses FW_T_SPDWEIGHT",
             ),
             _cdr.Field("enforce_low_height_condition", "bool", 36, 1),
             _cdr.Field("disable_underspeed_protection", "bool", 37, 1),

@@ -24,7 +24,7 @@ class MavlinkTunnel(_cdr.Message):
     Fields: timestamp [us], payload_type, target_system, target_component, payload_length [bytes],
     payload.
 
-    uORB topics: mavlink_tunnel, esc_serial_passthru. 141 bytes.
+    uORB topics: mavlink_tunnel, esc_serial_passthru, io_serial_passthru. 141 bytes.
     """
 
     __slots__ = (
@@ -119,7 +119,7 @@ class MavlinkTunnel(_cdr.Message):
         message_hash=1911737803,
         type_hash="RIHS01_875dc00a96958bb001b66a6c4d91e103a0a07cf21a4399e290a87f454331f491",
         message_version=0,
-        topics=("mavlink_tunnel", "esc_serial_passthru"),
+        topics=("mavlink_tunnel", "esc_serial_passthru", "io_serial_passthru"),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("payload_type", "uint16", 8, 2, enum="MAV_TUNNEL_PAYLOAD_TYPE"),

@@ -29,6 +29,18 @@ class OrbitStatus(_cdr.Message):
     __slots__ = ("timestamp", "radius", "frame", "x", "y", "z", "yaw_behaviour")
     __match_args__ = ("timestamp", "radius", "frame", "x", "y", "z", "yaw_behaviour")
 
+    FRAME_GLOBAL: Final = 0
+    """x and y are degrees times 1e7, z is the altitude AMSL."""
+
+    FRAME_LOCAL_NED: Final = 1
+    """x and y are meters to north and east times 1e4."""
+
+    FRAME_GLOBAL_RELATIVE_ALT: Final = 3
+    """x and y are degrees times 1e7, z is the height above home."""
+
+    FRAME_GLOBAL_TERRAIN_ALT: Final = 10
+    """x and y are degrees times 1e7, z is the height above ground."""
+
     ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TO_CIRCLE_CENTER: Final = 0
     ORBIT_YAW_BEHAVIOUR_HOLD_INITIAL_HEADING: Final = 1
     ORBIT_YAW_BEHAVIOUR_UNCONTROLLED: Final = 2
@@ -43,16 +55,16 @@ class OrbitStatus(_cdr.Message):
     """float32 [m] Positive clockwise, negative the other way round."""
 
     frame: int
-    """uint8 MAVLink MAV_FRAME number, 0 for global."""
+    """uint8 [@enum FRAME] MAVLink MAV_FRAME number, 0 for global."""
 
     x: float
-    """float64 Centre: latitude in degrees in the global frame."""
+    """float64 Centre: latitude or distance to north, as `frame` says."""
 
     y: float
-    """float64 Centre: longitude in degrees in the global frame."""
+    """float64 Centre: longitude or distance to east, as `frame` says."""
 
     z: float
-    """float32 [m] Centre: altitude, above sea level in the global frame."""
+    """float32 [m] Centre: altitude or height, as `frame` says."""
 
     yaw_behaviour: int
     """uint8 [@enum ORBIT_YAW_BEHAVIOUR]"""
@@ -113,7 +125,7 @@ class OrbitStatus(_cdr.Message):
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("radius", "float32", 8, 4, unit="m"),
-            _cdr.Field("frame", "uint8", 12, 1),
+            _cdr.Field("frame", "uint8", 12, 1, enum="FRAME"),
             _cdr.Field("x", "float64", 16, 8),
             _cdr.Field("y", "float64", 24, 8),
             _cdr.Field("z", "float32", 32, 4, unit="m"),

@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("Q?B2x3f2d4f?3xfB3x3f?3xf")
+_LAYOUT = _cdr.Layout("Q?B2x3f2d4f?3xfB3x4f?3xf")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -22,22 +22,22 @@ class PositionSetpoint(_cdr.Message):
 
     Fields: timestamp [us], valid, type, vx [m/s], vy [m/s], vz [m/s], lat [deg], lon [deg], alt [m],
     yaw [rad], loiter_radius [m], loiter_minor_radius [m], loiter_direction_counter_clockwise,
-    loiter_orientation [rad], loiter_pattern, acceptance_radius [m], alt_acceptance_radius [m],
-    cruising_speed [m/s], gliding_enabled, cruising_throttle [-].
+    loiter_orientation [rad], loiter_pattern, acceptance_radius [m], alt_acceptance_radius [m], course
+    [rad], cruising_speed [m/s], gliding_enabled, cruising_throttle [-].
 
-    uORB topic: position_setpoint. 88 bytes.
+    uORB topic: position_setpoint. 92 bytes.
     """
 
     __slots__ = (
         "timestamp", "valid", "type", "vx", "vy", "vz", "lat", "lon", "alt", "yaw", "loiter_radius",
         "loiter_minor_radius", "loiter_direction_counter_clockwise", "loiter_orientation", "loiter_pattern",
-        "acceptance_radius", "alt_acceptance_radius", "cruising_speed", "gliding_enabled",
+        "acceptance_radius", "alt_acceptance_radius", "course", "cruising_speed", "gliding_enabled",
         "cruising_throttle",
     )
     __match_args__ = (
         "timestamp", "valid", "type", "vx", "vy", "vz", "lat", "lon", "alt", "yaw", "loiter_radius",
         "loiter_minor_radius", "loiter_direction_counter_clockwise", "loiter_orientation", "loiter_pattern",
-        "acceptance_radius", "alt_acceptance_radius", "cruising_speed", "gliding_enabled",
+        "acceptance_radius", "alt_acceptance_radius", "course", "cruising_speed", "gliding_enabled",
         "cruising_throttle",
     )
 
@@ -122,6 +122,9 @@ class PositionSetpoint(_cdr.Message):
     wings.
     """
 
+    course: float
+    """float32 [rad] [@invalid NaN] Direction of flight over ground to hold."""
+
     cruising_speed: float
     """float32 [m/s] Preferred speed on the way, which the controllers may deviate from."""
 
@@ -150,6 +153,7 @@ class PositionSetpoint(_cdr.Message):
         loiter_pattern: int = 0,
         acceptance_radius: float = 0.0,
         alt_acceptance_radius: float = 0.0,
+        course: float = 0.0,
         cruising_speed: float = 0.0,
         gliding_enabled: bool = False,
         cruising_throttle: float = 0.0,
@@ -171,12 +175,13 @@ class PositionSetpoint(_cdr.Message):
         self.loiter_pattern = loiter_pattern
         self.acceptance_radius = acceptance_radius
         self.alt_acceptance_radius = alt_acceptance_radius
+        self.course = course
         self.cruising_speed = cruising_speed
         self.gliding_enabled = gliding_enabled
         self.cruising_throttle = cruising_throttle
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 88 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 92 of values."""
         try:
             if (False | self.valid | self.loiter_direction_counter_clockwise | self.gliding_enabled) not in (0, 1):
                 raise _cdr.Refused
@@ -184,8 +189,8 @@ class PositionSetpoint(_cdr.Message):
                 _USUAL, self.timestamp, self.valid, self.type, self.vx, self.vy, self.vz, self.lat, self.lon,
                 self.alt, self.yaw, self.loiter_radius, self.loiter_minor_radius,
                 self.loiter_direction_counter_clockwise, self.loiter_orientation, self.loiter_pattern,
-                self.acceptance_radius, self.alt_acceptance_radius, self.cruising_speed, self.gliding_enabled,
-                self.cruising_throttle,
+                self.acceptance_radius, self.alt_acceptance_radius, self.course, self.cruising_speed,
+                self.gliding_enabled, self.cruising_throttle,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -200,8 +205,8 @@ class PositionSetpoint(_cdr.Message):
                 message.lat, message.lon, message.alt, message.yaw, message.loiter_radius,
                 message.loiter_minor_radius, message.loiter_direction_counter_clockwise,
                 message.loiter_orientation, message.loiter_pattern, message.acceptance_radius,
-                message.alt_acceptance_radius, message.cruising_speed, message.gliding_enabled,
-                message.cruising_throttle,
+                message.alt_acceptance_radius, message.course, message.cruising_speed,
+                message.gliding_enabled, message.cruising_throttle,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(PositionSetpoint, cls, data, allow_surplus)
@@ -214,10 +219,10 @@ class PositionSetpoint(_cdr.Message):
         name="PositionSetpoint",
         ros_type="px4_msgs/msg/PositionSetpoint",
         dds_type="px4_msgs::msg::dds_::PositionSetpoint_",
-        cdr_size=88,
-        struct_size=77,
-        message_hash=1638133026,
-        type_hash="RIHS01_8b5fb0081530df315497749dcf536df93ee7f1bfbbfd3747eba627b3e05db54f",
+        cdr_size=92,
+        struct_size=81,
+        message_hash=2151992778,
+        type_hash="RIHS01_7a6896da8f9f8a5767f89b89ade788fc24d17dd1f46f69ff9368bbdc8c8b9968",
         message_version=0,
         topics=("position_setpoint",),
         fields=(
@@ -242,8 +247,9 @@ class PositionSetpoint(_cdr.Message):
             _cdr.Field(
                 "alt_acceptance_radius", "float32", 72, 4, unit="m", invalid="NaN Guidance picks one",
             ),
-            _cdr.Field("cruising_speed", "float32", 76, 4, unit="m/s"),
-            _cdr.Field("gliding_enabled", "bool", 80, 1),
-            _cdr.Field("cruising_throttle", "float32", 84, 4, unit="-"),
+            _cdr.Field("course", "float32", 76, 4, unit="rad", invalid="NaN"),
+            _cdr.Field("cruising_speed", "float32", 80, 4, unit="m/s"),
+            _cdr.Field("gliding_enabled", "bool", 84, 1),
+            _cdr.Field("cruising_throttle", "float32", 88, 4, unit="-"),
         ),
     ))

@@ -11,7 +11,10 @@ if TYPE_CHECKING:
 else:
     ClassVar = _cdr.ClassVar
 
-_LAYOUT = _cdr.Layout("2Q?B2x3f2d4f?3xfB3x3f?3xfQ?B2x3f2d4f?3xfB3x3f?3xfQ?B2x3f2d4f?3xfB3x3f?3xf")
+_LAYOUT = _cdr.Layout(
+    "2Q?B2x3f2d4f?3xfB3x4f?3xf4xQ?B2x3f2d4f?3xfB3x4f?3xf4xQ?B2x3f2d4f?3xfB3x4f?3xf",
+    xcdr2="2Q2B2x3I2Q4IB3xIB3x4IB3xIQ2B2x3I2Q4IB3xIB3x4IB3xIQ2B2x3I2Q4IB3xIB3x4IB3xI",
+)
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -22,7 +25,7 @@ class PositionSetpointTriplet(_cdr.Message):
 
     Fields: timestamp [us], previous, current, next.
 
-    uORB topic: position_setpoint_triplet. 272 bytes.
+    uORB topic: position_setpoint_triplet. 292 bytes.
     """
 
     __slots__ = ("timestamp", "previous", "current", "next")
@@ -53,7 +56,7 @@ class PositionSetpointTriplet(_cdr.Message):
         self.next = PositionSetpoint() if next is None else next
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 272 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 292 of values."""
         try:
             previous = self.previous
             current = self.current
@@ -71,17 +74,18 @@ class PositionSetpointTriplet(_cdr.Message):
                 previous.loiter_radius, previous.loiter_minor_radius,
                 previous.loiter_direction_counter_clockwise, previous.loiter_orientation,
                 previous.loiter_pattern, previous.acceptance_radius, previous.alt_acceptance_radius,
-                previous.cruising_speed, previous.gliding_enabled, previous.cruising_throttle,
-                current.timestamp, current.valid, current.type, current.vx, current.vy, current.vz,
-                current.lat, current.lon, current.alt, current.yaw, current.loiter_radius,
-                current.loiter_minor_radius, current.loiter_direction_counter_clockwise,
-                current.loiter_orientation, current.loiter_pattern, current.acceptance_radius,
-                current.alt_acceptance_radius, current.cruising_speed, current.gliding_enabled,
-                current.cruising_throttle, next.timestamp, next.valid, next.type, next.vx, next.vy, next.vz,
-                next.lat, next.lon, next.alt, next.yaw, next.loiter_radius, next.loiter_minor_radius,
+                previous.course, previous.cruising_speed, previous.gliding_enabled,
+                previous.cruising_throttle, current.timestamp, current.valid, current.type, current.vx,
+                current.vy, current.vz, current.lat, current.lon, current.alt, current.yaw,
+                current.loiter_radius, current.loiter_minor_radius,
+                current.loiter_direction_counter_clockwise, current.loiter_orientation,
+                current.loiter_pattern, current.acceptance_radius, current.alt_acceptance_radius,
+                current.course, current.cruising_speed, current.gliding_enabled, current.cruising_throttle,
+                next.timestamp, next.valid, next.type, next.vx, next.vy, next.vz, next.lat, next.lon,
+                next.alt, next.yaw, next.loiter_radius, next.loiter_minor_radius,
                 next.loiter_direction_counter_clockwise, next.loiter_orientation, next.loiter_pattern,
-                next.acceptance_radius, next.alt_acceptance_radius, next.cruising_speed, next.gliding_enabled,
-                next.cruising_throttle,
+                next.acceptance_radius, next.alt_acceptance_radius, next.course, next.cruising_speed,
+                next.gliding_enabled, next.cruising_throttle,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -100,17 +104,18 @@ class PositionSetpointTriplet(_cdr.Message):
                 previous.loiter_radius, previous.loiter_minor_radius,
                 previous.loiter_direction_counter_clockwise, previous.loiter_orientation,
                 previous.loiter_pattern, previous.acceptance_radius, previous.alt_acceptance_radius,
-                previous.cruising_speed, previous.gliding_enabled, previous.cruising_throttle,
-                current.timestamp, current.valid, current.type, current.vx, current.vy, current.vz,
-                current.lat, current.lon, current.alt, current.yaw, current.loiter_radius,
-                current.loiter_minor_radius, current.loiter_direction_counter_clockwise,
-                current.loiter_orientation, current.loiter_pattern, current.acceptance_radius,
-                current.alt_acceptance_radius, current.cruising_speed, current.gliding_enabled,
-                current.cruising_throttle, next.timestamp, next.valid, next.type, next.vx, next.vy, next.vz,
-                next.lat, next.lon, next.alt, next.yaw, next.loiter_radius, next.loiter_minor_radius,
+                previous.course, previous.cruising_speed, previous.gliding_enabled,
+                previous.cruising_throttle, current.timestamp, current.valid, current.type, current.vx,
+                current.vy, current.vz, current.lat, current.lon, current.alt, current.yaw,
+                current.loiter_radius, current.loiter_minor_radius,
+                current.loiter_direction_counter_clockwise, current.loiter_orientation,
+                current.loiter_pattern, current.acceptance_radius, current.alt_acceptance_radius,
+                current.course, current.cruising_speed, current.gliding_enabled, current.cruising_throttle,
+                next.timestamp, next.valid, next.type, next.vx, next.vy, next.vz, next.lat, next.lon,
+                next.alt, next.yaw, next.loiter_radius, next.loiter_minor_radius,
                 next.loiter_direction_counter_clockwise, next.loiter_orientation, next.loiter_pattern,
-                next.acceptance_radius, next.alt_acceptance_radius, next.cruising_speed, next.gliding_enabled,
-                next.cruising_throttle,
+                next.acceptance_radius, next.alt_acceptance_radius, next.course, next.cruising_speed,
+                next.gliding_enabled, next.cruising_throttle,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(PositionSetpointTriplet, cls, data, allow_surplus)
@@ -126,16 +131,16 @@ class PositionSetpointTriplet(_cdr.Message):
         name="PositionSetpointTriplet",
         ros_type="px4_msgs/msg/PositionSetpointTriplet",
         dds_type="px4_msgs::msg::dds_::PositionSetpointTriplet_",
-        cdr_size=272,
-        struct_size=248,
-        message_hash=3586463142,
-        type_hash="RIHS01_e05aa5eb29374ce845899062b5810cc8487743bb95a976094821c1d0312e45aa",
+        cdr_size=292,
+        struct_size=272,
+        message_hash=818054768,
+        type_hash="RIHS01_6cbd0d55437720abf41b195b27a32941b22d7f971706a69455110818e3fcb7d2",
         message_version=0,
         topics=("position_setpoint_triplet",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("previous", "PositionSetpoint", 8, 88),
-            _cdr.Field("current", "PositionSetpoint", 96, 88),
-            _cdr.Field("next", "PositionSetpoint", 184, 88),
+            _cdr.Field("previous", "PositionSetpoint", 8, 92),
+            _cdr.Field("current", "PositionSetpoint", 104, 92),
+            _cdr.Field("next", "PositionSetpoint", 200, 92),
         ),
     ))

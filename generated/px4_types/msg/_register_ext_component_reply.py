@@ -12,8 +12,8 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("2Q25sxH?3b")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_LAYOUT = _cdr.Layout("2Q25sxH?3b?")
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -22,21 +22,21 @@ class RegisterExtComponentReply(_cdr.Message):
     external component is now known. Read them only when success is true.
 
     Fields: timestamp [us], request_id, name, px4_ros2_api_version, success, arming_check_id, mode_id,
-    mode_executor_id.
+    mode_executor_id, not_user_selectable.
 
-    uORB topic: register_ext_component_reply. 48 bytes.
+    uORB topic: register_ext_component_reply. Version 1, 49 bytes.
     """
 
     __slots__ = (
         "timestamp", "request_id", "name", "px4_ros2_api_version", "success", "arming_check_id", "mode_id",
-        "mode_executor_id",
+        "mode_executor_id", "not_user_selectable",
     )
     __match_args__ = (
         "timestamp", "request_id", "name", "px4_ros2_api_version", "success", "arming_check_id", "mode_id",
-        "mode_executor_id",
+        "mode_executor_id", "not_user_selectable",
     )
 
-    MESSAGE_VERSION: Final = 0
+    MESSAGE_VERSION: Final = 1
     ORB_QUEUE_LENGTH: Final = 2
 
     timestamp: int
@@ -65,6 +65,9 @@ class RegisterExtComponentReply(_cdr.Message):
     mode_executor_id: int
     """int8 [@invalid -1] Id of the executor, as seen in executor_in_charge of VehicleStatus."""
 
+    not_user_selectable: bool
+    """bool True if users are not offered the mode."""
+
     def __init__(
         self,
         timestamp: int = 0,
@@ -75,6 +78,7 @@ class RegisterExtComponentReply(_cdr.Message):
         arming_check_id: int = 0,
         mode_id: int = 0,
         mode_executor_id: int = 0,
+        not_user_selectable: bool = False,
     ) -> None:
         self.timestamp = timestamp
         self.request_id = request_id
@@ -84,17 +88,18 @@ class RegisterExtComponentReply(_cdr.Message):
         self.arming_check_id = arming_check_id
         self.mode_id = mode_id
         self.mode_executor_id = mode_executor_id
+        self.not_user_selectable = not_user_selectable
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 48 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 49 of values."""
         try:
             if len(self.name) != 25:
                 raise _cdr.Refused
-            if (False | self.success) not in (0, 1):
+            if (False | self.success | self.not_user_selectable) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.request_id, self.name, self.px4_ros2_api_version, self.success,
-                self.arming_check_id, self.mode_id, self.mode_executor_id,
+                self.arming_check_id, self.mode_id, self.mode_executor_id, self.not_user_selectable,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -107,10 +112,11 @@ class RegisterExtComponentReply(_cdr.Message):
             (
                 header, message.timestamp, message.request_id, message.name, message.px4_ros2_api_version,
                 message.success, message.arming_check_id, message.mode_id, message.mode_executor_id,
+                message.not_user_selectable,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(RegisterExtComponentReply, cls, data, allow_surplus)
-        if header != _USUAL:
+        if header != _USUAL or len(data) not in (53, 54, 55, 56):
             return _cdr.decode_other(RegisterExtComponentReply, cls, data, allow_surplus)
         return message
 
@@ -119,11 +125,11 @@ class RegisterExtComponentReply(_cdr.Message):
         name="RegisterExtComponentReply",
         ros_type="px4_msgs/msg/RegisterExtComponentReply",
         dds_type="px4_msgs::msg::dds_::RegisterExtComponentReply_",
-        cdr_size=48,
-        struct_size=47,
-        message_hash=1062872879,
-        type_hash="RIHS01_cc8fe5e12b0cc58c2c976a5bcdfac5af3fa39f1b0b74c8073285dcbe6e62ed90",
-        message_version=0,
+        cdr_size=49,
+        struct_size=48,
+        message_hash=1247045045,
+        type_hash="RIHS01_3fb5af55d05063d8e1c297e7c821a07b0daac928d2a306746de379ca32cf450b",
+        message_version=1,
         topics=("register_ext_component_reply",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
@@ -134,5 +140,6 @@ class RegisterExtComponentReply(_cdr.Message):
             _cdr.Field("arming_check_id", "int8", 45, 1, invalid="-1"),
             _cdr.Field("mode_id", "int8", 46, 1, invalid="-1"),
             _cdr.Field("mode_executor_id", "int8", 47, 1, invalid="-1"),
+            _cdr.Field("not_user_selectable", "bool", 48, 1),
         ),
     ))

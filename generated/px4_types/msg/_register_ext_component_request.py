@@ -12,8 +12,8 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("2Q25sxH4?B?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_LAYOUT = _cdr.Layout("2Q25sxH4?B3?")
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -23,25 +23,25 @@ class RegisterExtComponentRequest(_cdr.Message):
 
     Fields: timestamp [us], request_id, name, px4_ros2_api_version, register_arming_check,
     register_mode, register_mode_executor, enable_replace_internal_mode, replace_internal_mode,
-    activate_mode_immediately.
+    activate_mode_immediately, not_user_selectable, request_offboard_setpoints.
 
-    uORB topic: register_ext_component_request. 50 bytes.
+    uORB topic: register_ext_component_request. Version 2, 52 bytes.
     """
 
     __slots__ = (
         "timestamp", "request_id", "name", "px4_ros2_api_version", "register_arming_check", "register_mode",
         "register_mode_executor", "enable_replace_internal_mode", "replace_internal_mode",
-        "activate_mode_immediately",
+        "activate_mode_immediately", "not_user_selectable", "request_offboard_setpoints",
     )
     __match_args__ = (
         "timestamp", "request_id", "name", "px4_ros2_api_version", "register_arming_check", "register_mode",
         "register_mode_executor", "enable_replace_internal_mode", "replace_internal_mode",
-        "activate_mode_immediately",
+        "activate_mode_immediately", "not_user_selectable", "request_offboard_setpoints",
     )
 
-    MESSAGE_VERSION: Final = 0
+    MESSAGE_VERSION: Final = 2
 
-    LATEST_PX4_ROS2_API_VERSION: Final = 1
+    LATEST_PX4_ROS2_API_VERSION: Final = 2
     """Raised when meaning changes incompatibly. Differing field layouts are found by MessageFormatRequest."""
 
     ORB_QUEUE_LENGTH: Final = 2
@@ -78,6 +78,12 @@ class RegisterExtComponentRequest(_cdr.Message):
     activate_mode_immediately: bool
     """bool True to select the new mode as soon as it is registered. Needs register_mode_executor."""
 
+    not_user_selectable: bool
+    """bool True keeps the mode from being offered to users."""
+
+    request_offboard_setpoints: bool
+    """bool True if setpoints that arrive over MAVLink should reach the mode."""
+
     def __init__(
         self,
         timestamp: int = 0,
@@ -90,6 +96,8 @@ class RegisterExtComponentRequest(_cdr.Message):
         enable_replace_internal_mode: bool = False,
         replace_internal_mode: int = 0,
         activate_mode_immediately: bool = False,
+        not_user_selectable: bool = False,
+        request_offboard_setpoints: bool = False,
     ) -> None:
         self.timestamp = timestamp
         self.request_id = request_id
@@ -101,21 +109,25 @@ class RegisterExtComponentRequest(_cdr.Message):
         self.enable_replace_internal_mode = enable_replace_internal_mode
         self.replace_internal_mode = replace_internal_mode
         self.activate_mode_immediately = activate_mode_immediately
+        self.not_user_selectable = not_user_selectable
+        self.request_offboard_setpoints = request_offboard_setpoints
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 50 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 52 of values."""
         try:
             if len(self.name) != 25:
                 raise _cdr.Refused
             if (
                 False | self.register_arming_check | self.register_mode | self.register_mode_executor
                 | self.enable_replace_internal_mode | self.activate_mode_immediately
+                | self.not_user_selectable | self.request_offboard_setpoints
             ) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.request_id, self.name, self.px4_ros2_api_version,
                 self.register_arming_check, self.register_mode, self.register_mode_executor,
                 self.enable_replace_internal_mode, self.replace_internal_mode, self.activate_mode_immediately,
+                self.not_user_selectable, self.request_offboard_setpoints,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -129,11 +141,12 @@ class RegisterExtComponentRequest(_cdr.Message):
                 header, message.timestamp, message.request_id, message.name, message.px4_ros2_api_version,
                 message.register_arming_check, message.register_mode, message.register_mode_executor,
                 message.enable_replace_internal_mode, message.replace_internal_mode,
-                message.activate_mode_immediately,
+                message.activate_mode_immediately, message.not_user_selectable,
+                message.request_offboard_setpoints,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(RegisterExtComponentRequest, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (54, 55, 56, 57):
+        if header != _USUAL:
             return _cdr.decode_other(RegisterExtComponentRequest, cls, data, allow_surplus)
         return message
 
@@ -142,11 +155,11 @@ class RegisterExtComponentRequest(_cdr.Message):
         name="RegisterExtComponentRequest",
         ros_type="px4_msgs/msg/RegisterExtComponentRequest",
         dds_type="px4_msgs::msg::dds_::RegisterExtComponentRequest_",
-        cdr_size=50,
-        struct_size=49,
-        message_hash=902686241,
-        type_hash="RIHS01_dc16364abd320fd4faa00f7cb9fe239f324a7c0f9e2d71f9ed6083afe3b5de2b",
-        message_version=0,
+        cdr_size=52,
+        struct_size=51,
+        message_hash=672566742,
+        type_hash="RIHS01_8ad8899b6f85e8ba0173a50b1afbf28f96e46ca6c4478d49db43e22d01a6a652",
+        message_version=2,
         topics=("register_ext_component_request",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
@@ -159,5 +172,7 @@ class RegisterExtComponentRequest(_cdr.Message):
             _cdr.Field("enable_replace_internal_mode", "bool", 47, 1),
             _cdr.Field("replace_internal_mode", "uint8", 48, 1),
             _cdr.Field("activate_mode_immediately", "bool", 49, 1),
+            _cdr.Field("not_user_selectable", "bool", 50, 1),
+            _cdr.Field("request_offboard_setpoints", "bool", 51, 1),
         ),
     ))

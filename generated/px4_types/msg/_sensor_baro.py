@@ -21,8 +21,8 @@ class SensorBaro(_cdr.Message):
     """Gives the static air pressure as measured by one barometer. Barometer drivers publish it; the
     sensors module corrects it and derives altitude for EKF2.
 
-    Fields: timestamp [us], timestamp_sample [us], device_id, pressure [Pa], temperature [degC],
-    error_count.
+    Fields: timestamp [us], timestamp_sample [us], device_id [-], pressure [Pa], temperature [°C],
+    error_count [-].
 
     uORB topic: sensor_baro. 32 bytes.
     """
@@ -43,16 +43,16 @@ class SensorBaro(_cdr.Message):
     """uint64 [us]"""
 
     device_id: int
-    """uint32 Stays the same across reboots."""
+    """uint32 [-] Stays the same across reboots."""
 
     pressure: float
     """float32 [Pa]"""
 
     temperature: float
-    """float32 [degC]"""
+    """float32 [°C]"""
 
     error_count: int
-    """uint32"""
+    """uint32 [-]"""
 
     def __init__(
         self,
@@ -109,9 +109,9 @@ class SensorBaro(_cdr.Message):
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
+            _cdr.Field("device_id", "uint32", 16, 4, unit="-"),
             _cdr.Field("pressure", "float32", 20, 4, unit="Pa"),
-            _cdr.Field("temperature", "float32", 24, 4, unit="degC"),
-            _cdr.Field("error_count", "uint32", 28, 4),
+            _cdr.Field("temperature", "float32", 24, 4, unit="°C"),
+            _cdr.Field("error_count", "uint32", 28, 4, unit="-"),
         ),
     ))

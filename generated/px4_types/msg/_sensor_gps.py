@@ -12,8 +12,10 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("2QI4x4d2fB3x4fiHBxi2B2x5f?3xiQB3xI4fB?B", xcdr2="2QI4Q2IB3x5IHBxI2B2x5IB3xIQB3x5I3B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_LAYOUT = _cdr.Layout(
+    "2QI4x4d2fB3x4fiHBxi2B2x5f?3xiQB3xI4fB?Bx3f", xcdr2="2QI4Q2IB3x5IHBxI2B2x5IB3xIQB3x5I3Bx3I",
+)
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -27,9 +29,10 @@ class SensorGps(_cdr.Message):
     jamming_indicator, spoofing_state, authentication_state, vel_m_s [m/s], vel_n_m_s [m/s], vel_e_m_s
     [m/s], vel_d_m_s [m/s], cog_rad [rad], vel_ned_valid, timestamp_time_relative [us], time_utc_usec
     [us], satellites_used, system_error, heading [rad], heading_offset [rad], heading_accuracy [rad],
-    rtcm_injection_rate [Hz], selected_rtcm_instance, rtcm_crc_failed, rtcm_msg_used.
+    rtcm_injection_rate [Hz], selected_rtcm_instance, rtcm_crc_failed, rtcm_msg_used, antenna_offset_x
+    [m], antenna_offset_y [m], antenna_offset_z [m].
 
-    uORB topics: sensor_gps, vehicle_gps_position. 163 bytes.
+    uORB topics: sensor_gps, vehicle_gps_position. 176 bytes.
     """
 
     __slots__ = (
@@ -39,7 +42,7 @@ class SensorGps(_cdr.Message):
         "authentication_state", "vel_m_s", "vel_n_m_s", "vel_e_m_s", "vel_d_m_s", "cog_rad", "vel_ned_valid",
         "timestamp_time_relative", "time_utc_usec", "satellites_used", "system_error", "heading",
         "heading_offset", "heading_accuracy", "rtcm_injection_rate", "selected_rtcm_instance",
-        "rtcm_crc_failed", "rtcm_msg_used",
+        "rtcm_crc_failed", "rtcm_msg_used", "antenna_offset_x", "antenna_offset_y", "antenna_offset_z",
     )
     __match_args__ = (
         "timestamp", "timestamp_sample", "device_id", "latitude_deg", "longitude_deg", "altitude_msl_m",
@@ -48,7 +51,7 @@ class SensorGps(_cdr.Message):
         "authentication_state", "vel_m_s", "vel_n_m_s", "vel_e_m_s", "vel_d_m_s", "cog_rad", "vel_ned_valid",
         "timestamp_time_relative", "time_utc_usec", "satellites_used", "system_error", "heading",
         "heading_offset", "heading_accuracy", "rtcm_injection_rate", "selected_rtcm_instance",
-        "rtcm_crc_failed", "rtcm_msg_used",
+        "rtcm_crc_failed", "rtcm_msg_used", "antenna_offset_x", "antenna_offset_y", "antenna_offset_z",
     )
 
     FIX_TYPE_NONE: Final = 1
@@ -218,6 +221,15 @@ class SensorGps(_cdr.Message):
     rtcm_msg_used: int
     """uint8 [@enum RTCM_MSG_USED] Whether the receiver applies the RTCM corrections it gets."""
 
+    antenna_offset_x: float
+    """float32 [m] [@frame body frame FRD] How far the antenna lies to the front."""
+
+    antenna_offset_y: float
+    """float32 [m] [@frame body frame FRD] How far the antenna lies to the right."""
+
+    antenna_offset_z: float
+    """float32 [m] [@frame body frame FRD] How far the antenna lies below."""
+
     def __init__(
         self,
         timestamp: int = 0,
@@ -257,6 +269,9 @@ class SensorGps(_cdr.Message):
         selected_rtcm_instance: int = 0,
         rtcm_crc_failed: bool = False,
         rtcm_msg_used: int = 0,
+        antenna_offset_x: float = 0.0,
+        antenna_offset_y: float = 0.0,
+        antenna_offset_z: float = 0.0,
     ) -> None:
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
@@ -295,9 +310,12 @@ class SensorGps(_cdr.Message):
         self.selected_rtcm_instance = selected_rtcm_instance
         self.rtcm_crc_failed = rtcm_crc_failed
         self.rtcm_msg_used = rtcm_msg_used
+        self.antenna_offset_x = antenna_offset_x
+        self.antenna_offset_y = antenna_offset_y
+        self.antenna_offset_z = antenna_offset_z
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 163 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 176 of values."""
         try:
             if (False | self.vel_ned_valid | self.rtcm_crc_failed) not in (0, 1):
                 raise _cdr.Refused
@@ -310,7 +328,8 @@ class SensorGps(_cdr.Message):
                 self.vel_d_m_s, self.cog_rad, self.vel_ned_valid, self.timestamp_time_relative,
                 self.time_utc_usec, self.satellites_used, self.system_error, self.heading,
                 self.heading_offset, self.heading_accuracy, self.rtcm_injection_rate,
-                self.selected_rtcm_instance, self.rtcm_crc_failed, self.rtcm_msg_used,
+                self.selected_rtcm_instance, self.rtcm_crc_failed, self.rtcm_msg_used, self.antenna_offset_x,
+                self.antenna_offset_y, self.antenna_offset_z,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -331,10 +350,11 @@ class SensorGps(_cdr.Message):
                 message.time_utc_usec, message.satellites_used, message.system_error, message.heading,
                 message.heading_offset, message.heading_accuracy, message.rtcm_injection_rate,
                 message.selected_rtcm_instance, message.rtcm_crc_failed, message.rtcm_msg_used,
+                message.antenna_offset_x, message.antenna_offset_y, message.antenna_offset_z,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(SensorGps, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (167, 168, 169, 170):
+        if header != _USUAL:
             return _cdr.decode_other(SensorGps, cls, data, allow_surplus)
         return message
 
@@ -343,10 +363,10 @@ class SensorGps(_cdr.Message):
         name="SensorGps",
         ros_type="px4_msgs/msg/SensorGps",
         dds_type="px4_msgs::msg::dds_::SensorGps_",
-        cdr_size=163,
-        struct_size=147,
-        message_hash=298903452,
-        type_hash="RIHS01_0b0f92e680bbcad0c9d0e651868c0443b9d38fb8d50c21d4a8a532d3e90cf21a",
+        cdr_size=176,
+        struct_size=159,
+        message_hash=739083050,
+        type_hash="RIHS01_fbef1acd7734fab29377906ae90f6493e9a07724a6a21997fb8fd51d6771b958",
         message_version=0,
         topics=("sensor_gps", "vehicle_gps_position"),
         fields=(
@@ -391,5 +411,8 @@ class SensorGps(_cdr.Message):
             _cdr.Field("selected_rtcm_instance", "uint8", 160, 1),
             _cdr.Field("rtcm_crc_failed", "bool", 161, 1),
             _cdr.Field("rtcm_msg_used", "uint8", 162, 1, enum="RTCM_MSG_USED"),
+            _cdr.Field("antenna_offset_x", "float32", 164, 4, unit="m", frame="body frame FRD"),
+            _cdr.Field("antenna_offset_y", "float32", 168, 4, unit="m", frame="body frame FRD"),
+            _cdr.Field("antenna_offset_z", "float32", 172, 4, unit="m", frame="body frame FRD"),
         ),
     ))

@@ -21,8 +21,8 @@ class SensorMag(_cdr.Message):
     """One magnetometer sample before calibration, from each driver; the sensors module makes
     vehicle_magnetometer of it.
 
-    Fields: timestamp [us], timestamp_sample [us], device_id, x [Gs], y [Gs], z [Gs], temperature
-    [degC], error_count.
+    Fields: timestamp [us], timestamp_sample [us], device_id, x [Gauss], y [Gauss], z [Gauss],
+    temperature [°C], error_count.
 
     uORB topic: sensor_mag. 40 bytes.
     """
@@ -46,16 +46,16 @@ class SensorMag(_cdr.Message):
     """uint32 Stays the same across power cycles."""
 
     x: float
-    """float32 [Gs] [@frame FRD] In board axes."""
+    """float32 [Gauss] [@frame FRD] In board axes."""
 
     y: float
-    """float32 [Gs] [@frame FRD] In board axes."""
+    """float32 [Gauss] [@frame FRD] In board axes."""
 
     z: float
-    """float32 [Gs] [@frame FRD] In board axes."""
+    """float32 [Gauss] [@frame FRD] In board axes."""
 
     temperature: float
-    """float32 [degC]"""
+    """float32 [°C]"""
 
     error_count: int
     """uint32"""
@@ -120,10 +120,10 @@ class SensorMag(_cdr.Message):
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
             _cdr.Field("device_id", "uint32", 16, 4),
-            _cdr.Field("x", "float32", 20, 4, unit="Gs", frame="FRD"),
-            _cdr.Field("y", "float32", 24, 4, unit="Gs", frame="FRD"),
-            _cdr.Field("z", "float32", 28, 4, unit="Gs", frame="FRD"),
-            _cdr.Field("temperature", "float32", 32, 4, unit="degC"),
+            _cdr.Field("x", "float32", 20, 4, unit="Gauss", frame="FRD"),
+            _cdr.Field("y", "float32", 24, 4, unit="Gauss", frame="FRD"),
+            _cdr.Field("z", "float32", 28, 4, unit="Gauss", frame="FRD"),
+            _cdr.Field("temperature", "float32", 32, 4, unit="°C"),
             _cdr.Field("error_count", "uint32", 36, 4),
         ),
     ))

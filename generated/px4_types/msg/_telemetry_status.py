@@ -12,7 +12,7 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("Q2B4?Bx4f2If5If17?")
+_LAYOUT = _cdr.Layout("Q2B4?Bx4f2If5If18?")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
@@ -26,13 +26,13 @@ class TelemetryStatus(_cdr.Message):
     tx_message_count, tx_buffer_overruns, rx_rate_avg [bytes/s], rx_message_count,
     rx_message_lost_count, rx_buffer_overruns, rx_parse_errors, rx_packet_drop_count,
     rx_message_lost_rate [%], heartbeat_type_antenna_tracker, heartbeat_type_gcs,
-    heartbeat_type_onboard_controller, heartbeat_type_gimbal, heartbeat_type_adsb,
+    heartbeat_type_onboard_controller, heartbeat_type_gimbal, heartbeat_type_adsb, heartbeat_type_flarm,
     heartbeat_type_camera, heartbeat_type_parachute, heartbeat_type_open_drone_id,
     heartbeat_component_telemetry_radio, heartbeat_component_log, heartbeat_component_osd,
     heartbeat_component_vio, heartbeat_component_pairing_manager, heartbeat_component_udp_bridge,
     heartbeat_component_uart_bridge, open_drone_id_system_healthy, parachute_system_healthy.
 
-    uORB topic: telemetry_status. 85 bytes.
+    uORB topic: telemetry_status. 86 bytes.
     """
 
     __slots__ = (
@@ -41,11 +41,11 @@ class TelemetryStatus(_cdr.Message):
         "tx_buffer_overruns", "rx_rate_avg", "rx_message_count", "rx_message_lost_count",
         "rx_buffer_overruns", "rx_parse_errors", "rx_packet_drop_count", "rx_message_lost_rate",
         "heartbeat_type_antenna_tracker", "heartbeat_type_gcs", "heartbeat_type_onboard_controller",
-        "heartbeat_type_gimbal", "heartbeat_type_adsb", "heartbeat_type_camera", "heartbeat_type_parachute",
-        "heartbeat_type_open_drone_id", "heartbeat_component_telemetry_radio", "heartbeat_component_log",
-        "heartbeat_component_osd", "heartbeat_component_vio", "heartbeat_component_pairing_manager",
-        "heartbeat_component_udp_bridge", "heartbeat_component_uart_bridge", "open_drone_id_system_healthy",
-        "parachute_system_healthy",
+        "heartbeat_type_gimbal", "heartbeat_type_adsb", "heartbeat_type_flarm", "heartbeat_type_camera",
+        "heartbeat_type_parachute", "heartbeat_type_open_drone_id", "heartbeat_component_telemetry_radio",
+        "heartbeat_component_log", "heartbeat_component_osd", "heartbeat_component_vio",
+        "heartbeat_component_pairing_manager", "heartbeat_component_udp_bridge",
+        "heartbeat_component_uart_bridge", "open_drone_id_system_healthy", "parachute_system_healthy",
     )
     __match_args__ = (
         "timestamp", "type", "mode", "flow_control", "forwarding", "mavlink_v2", "ftp", "streams",
@@ -53,11 +53,11 @@ class TelemetryStatus(_cdr.Message):
         "tx_buffer_overruns", "rx_rate_avg", "rx_message_count", "rx_message_lost_count",
         "rx_buffer_overruns", "rx_parse_errors", "rx_packet_drop_count", "rx_message_lost_rate",
         "heartbeat_type_antenna_tracker", "heartbeat_type_gcs", "heartbeat_type_onboard_controller",
-        "heartbeat_type_gimbal", "heartbeat_type_adsb", "heartbeat_type_camera", "heartbeat_type_parachute",
-        "heartbeat_type_open_drone_id", "heartbeat_component_telemetry_radio", "heartbeat_component_log",
-        "heartbeat_component_osd", "heartbeat_component_vio", "heartbeat_component_pairing_manager",
-        "heartbeat_component_udp_bridge", "heartbeat_component_uart_bridge", "open_drone_id_system_healthy",
-        "parachute_system_healthy",
+        "heartbeat_type_gimbal", "heartbeat_type_adsb", "heartbeat_type_flarm", "heartbeat_type_camera",
+        "heartbeat_type_parachute", "heartbeat_type_open_drone_id", "heartbeat_component_telemetry_radio",
+        "heartbeat_component_log", "heartbeat_component_osd", "heartbeat_component_vio",
+        "heartbeat_component_pairing_manager", "heartbeat_component_udp_bridge",
+        "heartbeat_component_uart_bridge", "open_drone_id_system_healthy", "parachute_system_healthy",
     )
 
     LINK_TYPE_GENERIC: Final = 0
@@ -147,6 +147,9 @@ class TelemetryStatus(_cdr.Message):
     heartbeat_type_adsb: bool
     """bool ADS-B receiver heard within HEARTBEAT_TIMEOUT_US."""
 
+    heartbeat_type_flarm: bool
+    """bool FLARM transponder heard within HEARTBEAT_TIMEOUT_US."""
+
     heartbeat_type_camera: bool
     """bool Camera heard within HEARTBEAT_TIMEOUT_US."""
 
@@ -211,6 +214,7 @@ class TelemetryStatus(_cdr.Message):
         heartbeat_type_onboard_controller: bool = False,
         heartbeat_type_gimbal: bool = False,
         heartbeat_type_adsb: bool = False,
+        heartbeat_type_flarm: bool = False,
         heartbeat_type_camera: bool = False,
         heartbeat_type_parachute: bool = False,
         heartbeat_type_open_drone_id: bool = False,
@@ -250,6 +254,7 @@ class TelemetryStatus(_cdr.Message):
         self.heartbeat_type_onboard_controller = heartbeat_type_onboard_controller
         self.heartbeat_type_gimbal = heartbeat_type_gimbal
         self.heartbeat_type_adsb = heartbeat_type_adsb
+        self.heartbeat_type_flarm = heartbeat_type_flarm
         self.heartbeat_type_camera = heartbeat_type_camera
         self.heartbeat_type_parachute = heartbeat_type_parachute
         self.heartbeat_type_open_drone_id = heartbeat_type_open_drone_id
@@ -264,15 +269,16 @@ class TelemetryStatus(_cdr.Message):
         self.parachute_system_healthy = parachute_system_healthy
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 85 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 86 of values."""
         try:
             if (
                 False | self.flow_control | self.forwarding | self.mavlink_v2 | self.ftp
                 | self.heartbeat_type_antenna_tracker | self.heartbeat_type_gcs
                 | self.heartbeat_type_onboard_controller | self.heartbeat_type_gimbal
-                | self.heartbeat_type_adsb | self.heartbeat_type_camera | self.heartbeat_type_parachute
-                | self.heartbeat_type_open_drone_id | self.heartbeat_component_telemetry_radio
-                | self.heartbeat_component_log | self.heartbeat_component_osd | self.heartbeat_component_vio
+                | self.heartbeat_type_adsb | self.heartbeat_type_flarm | self.heartbeat_type_camera
+                | self.heartbeat_type_parachute | self.heartbeat_type_open_drone_id
+                | self.heartbeat_component_telemetry_radio | self.heartbeat_component_log
+                | self.heartbeat_component_osd | self.heartbeat_component_vio
                 | self.heartbeat_component_pairing_manager | self.heartbeat_component_udp_bridge
                 | self.heartbeat_component_uart_bridge | self.open_drone_id_system_healthy
                 | self.parachute_system_healthy
@@ -286,9 +292,9 @@ class TelemetryStatus(_cdr.Message):
                 self.rx_parse_errors, self.rx_packet_drop_count, self.rx_message_lost_rate,
                 self.heartbeat_type_antenna_tracker, self.heartbeat_type_gcs,
                 self.heartbeat_type_onboard_controller, self.heartbeat_type_gimbal, self.heartbeat_type_adsb,
-                self.heartbeat_type_camera, self.heartbeat_type_parachute, self.heartbeat_type_open_drone_id,
-                self.heartbeat_component_telemetry_radio, self.heartbeat_component_log,
-                self.heartbeat_component_osd, self.heartbeat_component_vio,
+                self.heartbeat_type_flarm, self.heartbeat_type_camera, self.heartbeat_type_parachute,
+                self.heartbeat_type_open_drone_id, self.heartbeat_component_telemetry_radio,
+                self.heartbeat_component_log, self.heartbeat_component_osd, self.heartbeat_component_vio,
                 self.heartbeat_component_pairing_manager, self.heartbeat_component_udp_bridge,
                 self.heartbeat_component_uart_bridge, self.open_drone_id_system_healthy,
                 self.parachute_system_healthy,
@@ -310,16 +316,17 @@ class TelemetryStatus(_cdr.Message):
                 message.rx_parse_errors, message.rx_packet_drop_count, message.rx_message_lost_rate,
                 message.heartbeat_type_antenna_tracker, message.heartbeat_type_gcs,
                 message.heartbeat_type_onboard_controller, message.heartbeat_type_gimbal,
-                message.heartbeat_type_adsb, message.heartbeat_type_camera, message.heartbeat_type_parachute,
-                message.heartbeat_type_open_drone_id, message.heartbeat_component_telemetry_radio,
-                message.heartbeat_component_log, message.heartbeat_component_osd,
-                message.heartbeat_component_vio, message.heartbeat_component_pairing_manager,
-                message.heartbeat_component_udp_bridge, message.heartbeat_component_uart_bridge,
-                message.open_drone_id_system_healthy, message.parachute_system_healthy,
+                message.heartbeat_type_adsb, message.heartbeat_type_flarm, message.heartbeat_type_camera,
+                message.heartbeat_type_parachute, message.heartbeat_type_open_drone_id,
+                message.heartbeat_component_telemetry_radio, message.heartbeat_component_log,
+                message.heartbeat_component_osd, message.heartbeat_component_vio,
+                message.heartbeat_component_pairing_manager, message.heartbeat_component_udp_bridge,
+                message.heartbeat_component_uart_bridge, message.open_drone_id_system_healthy,
+                message.parachute_system_healthy,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(TelemetryStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (89, 90, 91, 92):
+        if header != _USUAL or len(data) not in (90, 91, 92, 93):
             return _cdr.decode_other(TelemetryStatus, cls, data, allow_surplus)
         return message
 
@@ -328,10 +335,10 @@ class TelemetryStatus(_cdr.Message):
         name="TelemetryStatus",
         ros_type="px4_msgs/msg/TelemetryStatus",
         dds_type="px4_msgs::msg::dds_::TelemetryStatus_",
-        cdr_size=85,
-        struct_size=84,
-        message_hash=87176653,
-        type_hash="RIHS01_499c3aca7b084d83b7d5bb8ba9c2b175f542104465bd4d3eb40dd821b49fde23",
+        cdr_size=86,
+        struct_size=85,
+        message_hash=1773025505,
+        type_hash="RIHS01_77d798a5411b69e89619f9fd90d580822994f12c587b4eed10cdf2cb69c88c11",
         message_version=0,
         topics=("telemetry_status",),
         fields=(
@@ -361,17 +368,18 @@ class TelemetryStatus(_cdr.Message):
             _cdr.Field("heartbeat_type_onboard_controller", "bool", 70, 1),
             _cdr.Field("heartbeat_type_gimbal", "bool", 71, 1),
             _cdr.Field("heartbeat_type_adsb", "bool", 72, 1),
-            _cdr.Field("heartbeat_type_camera", "bool", 73, 1),
-            _cdr.Field("heartbeat_type_parachute", "bool", 74, 1),
-            _cdr.Field("heartbeat_type_open_drone_id", "bool", 75, 1),
-            _cdr.Field("heartbeat_component_telemetry_radio", "bool", 76, 1),
-            _cdr.Field("heartbeat_component_log", "bool", 77, 1),
-            _cdr.Field("heartbeat_component_osd", "bool", 78, 1),
-            _cdr.Field("heartbeat_component_vio", "bool", 79, 1),
-            _cdr.Field("heartbeat_component_pairing_manager", "bool", 80, 1),
-            _cdr.Field("heartbeat_component_udp_bridge", "bool", 81, 1),
-            _cdr.Field("heartbeat_component_uart_bridge", "bool", 82, 1),
-            _cdr.Field("open_drone_id_system_healthy", "bool", 83, 1),
-            _cdr.Field("parachute_system_healthy", "bool", 84, 1),
+            _cdr.Field("heartbeat_type_flarm", "bool", 73, 1),
+            _cdr.Field("heartbeat_type_camera", "bool", 74, 1),
+            _cdr.Field("heartbeat_type_parachute", "bool", 75, 1),
+            _cdr.Field("heartbeat_type_open_drone_id", "bool", 76, 1),
+            _cdr.Field("heartbeat_component_telemetry_radio", "bool", 77, 1),
+            _cdr.Field("heartbeat_component_log", "bool", 78, 1),
+            _cdr.Field("heartbeat_component_osd", "bool", 79, 1),
+            _cdr.Field("heartbeat_component_vio", "bool", 80, 1),
+            _cdr.Field("heartbeat_component_pairing_manager", "bool", 81, 1),
+            _cdr.Field("heartbeat_component_udp_bridge", "bool", 82, 1),
+            _cdr.Field("heartbeat_component_uart_bridge", "bool", 83, 1),
+            _cdr.Field("open_drone_id_system_healthy", "bool", 84, 1),
+            _cdr.Field("parachute_system_healthy", "bool", 85, 1),
         ),
     ))

@@ -320,6 +320,9 @@ class VehicleCommand(_cdr.Message):
     VEHICLE_CMD_DO_GRIPPER: Final = 211
     """[@enum GRIPPER_ACTION] Open or close a gripper. |Which gripper| What to do|"""
 
+    VEHICLE_CMD_DO_AUTOTUNE_ENABLE: Final = 212
+    """Start tuning the controllers in flight. |1: start|Unused|Unused|Unused|Unused|Unused|Unused|"""
+
     VEHICLE_CMD_DO_SET_CAM_TRIGG_INTERVAL: Final = 214
     """Take pictures at equal intervals. |[m] Declared as a distance, but the camera driver reads
     milliseconds between pictures|[ms] Exposure|Unused|Unused|Unused|Unused|Unused|
@@ -388,6 +391,11 @@ class VehicleCommand(_cdr.Message):
     after|
     """
 
+    VEHICLE_CMD_ACTUATOR_GROUP_TEST: Final = 309
+    """[@range -1,1] [@enum ACTUATOR_TEST_GROUP] Move all actuators that act together, on the ground. |
+    Which ones| How far|Unused|Unused|Unused|Unused|Unused|
+    """
+
     VEHICLE_CMD_ACTUATOR_TEST: Final = 310
     """[@range -1,1] Drive one output while disarmed; PX4 stops it after 3 s at the latest. | Output
     level|[s] Duration|Unused|Unused|Output function|
@@ -396,6 +404,11 @@ class VehicleCommand(_cdr.Message):
     VEHICLE_CMD_CONFIGURE_ACTUATOR: Final = 311
     """Change a setting of one output, such as the spin direction of an ESC. |ACTUATOR_CONFIGURATION
     value|Unused|Unused|Unused|Output function|
+    """
+
+    VEHICLE_CMD_ESC_REQUEST_EEPROM: Final = 312
+    """Read the settings of an ESC, published as EscEepromRead. |Which ESC|Kind of its
+    firmware|Unused|Unused|Unused|
     """
 
     VEHICLE_CMD_COMPONENT_ARM_DISARM: Final = 400
@@ -470,6 +483,11 @@ class VehicleCommand(_cdr.Message):
     at once, without the usual transition|
     """
 
+    VEHICLE_CMD_DO_SET_SAFETY_SWITCH_STATE: Final = 5300
+    """Operate the safety switch remotely. |1: safe, 0: actuators may
+    move|Unused|Unused|Unused|Unused|Unused|Unused|
+    """
+
     VEHICLE_CMD_ARM_AUTHORIZATION_REQUEST: Final = 3001
     """Ask an external authority for permission to arm."""
 
@@ -499,6 +517,36 @@ class VehicleCommand(_cdr.Message):
     wind comes from|[deg] Accuracy of the direction|
     """
 
+    VEHICLE_CMD_ESTIMATOR_SENSOR_ENABLE: Final = 43006
+    """Allow or forbid the estimator one of its sources. |Which source, FUSION_SOURCE constants|Which of
+    several, from 0|1: allow, 0: forbid|Which estimator, NaN: not used|Empty|Empty|Empty|
+    """
+
+    FUSION_SOURCE_GPS: Final = 0
+    """GNSS, param2 tells the receiver."""
+
+    FUSION_SOURCE_OF: Final = 1
+    """Optical flow."""
+
+    FUSION_SOURCE_EV: Final = 2
+    """External vision."""
+
+    FUSION_SOURCE_AGP: Final = 3
+    """Auxiliary global position, param2 tells the source."""
+
+    FUSION_SOURCE_BARO: Final = 4
+
+    FUSION_SOURCE_RNG: Final = 5
+    """Range finder."""
+
+    FUSION_SOURCE_MAG: Final = 6
+
+    FUSION_SOURCE_ASPD: Final = 7
+    """Airspeed."""
+
+    FUSION_SOURCE_RNGBCN: Final = 8
+    """Ranging beacons."""
+
     VEHICLE_CMD_PX4_INTERNAL_START: Final = 65537
     """Not a command: from here on PX4's own, too large for the 16 bits of MAVLink."""
 
@@ -510,6 +558,17 @@ class VehicleCommand(_cdr.Message):
     VEHICLE_CMD_SET_NAV_STATE: Final = 100001
     """Switch the flight mode directly; the way for ROS 2 modes. |NAVIGATION_STATE value of
     VehicleStatus|Unused|Unused|Unused|Unused|Unused|Unused|
+    """
+
+    VEHICLE_CMD_DO_SET_GLOBAL_ORIGIN: Final = 611
+    """Place the origin of the local frame on the globe; sent as MAVLink's COMMAND_INT in
+    MAV_FRAME_GLOBAL_INT. |Unused|Unused|Unused|Unused|Latitude, WGS84|Longitude, WGS84|[m] Altitude
+    AMSL|
+    """
+
+    VEHICLE_CMD_GUIDED_CHANGE_HEADING: Final = 43002
+    """Turn to another heading or course. |0: course over ground, 1: heading (HEADING_TYPE)|[deg] Direction
+    from north, 0 to 360|[deg/s] Turn rate limit|Unused|Unused|Unused|Unused|
     """
 
     VEHICLE_MOUNT_MODE_RETRACT: Final = 0
@@ -547,6 +606,24 @@ class VehicleCommand(_cdr.Message):
 
     VEHICLE_ROI_ENUM_END: Final = 5
     """Number of modes."""
+
+    ACTUATOR_CONFIGURATION_NONE: Final = 0
+    """Change nothing."""
+
+    ACTUATOR_CONFIGURATION_BEEP: Final = 1
+    """Beep once."""
+
+    ACTUATOR_CONFIGURATION_3D_MODE_ON: Final = 2
+    """Store in the ESC that thrust can be reversed."""
+
+    ACTUATOR_CONFIGURATION_3D_MODE_OFF: Final = 3
+    """Store in the ESC that thrust has one direction."""
+
+    ACTUATOR_CONFIGURATION_SPIN_DIRECTION1: Final = 4
+    """Store in the ESC one sense of rotation; the motor's wiring decides which."""
+
+    ACTUATOR_CONFIGURATION_SPIN_DIRECTION2: Final = 5
+    """Store in the ESC the opposite sense of rotation."""
 
     PARACHUTE_ACTION_DISABLE: Final = 0
     PARACHUTE_ACTION_ENABLE: Final = 1
@@ -601,10 +678,24 @@ class VehicleCommand(_cdr.Message):
     ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE: Final = 3
     ORBIT_YAW_BEHAVIOUR_RC_CONTROLLED: Final = 4
     ORBIT_YAW_BEHAVIOUR_UNCHANGED: Final = 5
+    RC_TYPE_SPEKTRUM: Final = 0
+    RC_TYPE_CRSF: Final = 1
+    RC_SUB_TYPE_SPEKTRUM_DSM2: Final = 0
+    RC_SUB_TYPE_SPEKTRUM_DSMX: Final = 1
+    RC_SUB_TYPE_SPEKTRUM_DSMX8: Final = 2
     ARMING_ACTION_DISARM: Final = 0
     ARMING_ACTION_ARM: Final = 1
     GRIPPER_ACTION_RELEASE: Final = 0
     GRIPPER_ACTION_GRAB: Final = 1
+    SAFETY_OFF: Final = 0
+    SAFETY_ON: Final = 1
+    ACTUATOR_TEST_GROUP_ROLL_TORQUE: Final = 0
+    ACTUATOR_TEST_GROUP_PITCH_TORQUE: Final = 1
+    ACTUATOR_TEST_GROUP_YAW_TORQUE: Final = 2
+    ACTUATOR_TEST_GROUP_COLLECTIVE_TILT: Final = 3
+    ACTUATOR_TEST_GROUP_X_THRUST: Final = 4
+    ACTUATOR_TEST_GROUP_Y_THRUST: Final = 5
+    ACTUATOR_TEST_GROUP_Z_THRUST: Final = 6
     ORB_QUEUE_LENGTH: Final = 8
 
     COMPONENT_MODE_EXECUTOR_START: Final = 1000

@@ -21,10 +21,10 @@ class VehicleCommandAck(_cdr.Message):
     """Answer to a VehicleCommand, from the module that handled it or a remote system. MAVLink passes it on
     as COMMAND_ACK.
 
-    Fields: timestamp [us], command, result, result_param1, result_param2, target_system,
+    Fields: timestamp [us], command [-], result, result_param1 [-], result_param2, target_system [-],
     target_component, from_external.
 
-    uORB topic: vehicle_command_ack. 25 bytes.
+    uORB topic: vehicle_command_ack. Version 1, 25 bytes.
     """
 
     __slots__ = (
@@ -36,7 +36,8 @@ class VehicleCommandAck(_cdr.Message):
         "target_component", "from_external",
     )
 
-    MESSAGE_VERSION: Final = 0
+    MESSAGE_VERSION: Final = 1
+    ORB_QUEUE_LENGTH: Final = 8
 
     VEHICLE_CMD_RESULT_ACCEPTED: Final = 0
     """Valid and carried out or started."""
@@ -59,25 +60,33 @@ class VehicleCommandAck(_cdr.Message):
     VEHICLE_CMD_RESULT_CANCELLED: Final = 6
     """Stopped before completion."""
 
+    VEHICLE_CMD_RESULT_COMMAND_LONG_ONLY: Final = 7
+    """Send it again as COMMAND_LONG."""
+
+    VEHICLE_CMD_RESULT_COMMAND_INT_ONLY: Final = 8
+    """Send it again as COMMAND_INT."""
+
+    VEHICLE_CMD_RESULT_UNSUPPORTED_MAV_FRAME: Final = 9
+    """Not in this coordinate frame."""
+
     ARM_AUTH_DENIED_REASON_GENERIC: Final = 0
     ARM_AUTH_DENIED_REASON_NONE: Final = 1
     ARM_AUTH_DENIED_REASON_INVALID_WAYPOINT: Final = 2
     ARM_AUTH_DENIED_REASON_TIMEOUT: Final = 3
     ARM_AUTH_DENIED_REASON_AIRSPACE_IN_USE: Final = 4
     ARM_AUTH_DENIED_REASON_BAD_WEATHER: Final = 5
-    ORB_QUEUE_LENGTH: Final = 4
 
     timestamp: int
     """uint64 [us] Time since boot."""
 
     command: int
-    """uint32 Number of the command answered, a VEHICLE_CMD_* value of VehicleCommand."""
+    """uint32 [-] Number of the command answered, a VEHICLE_CMD_* value of VehicleCommand."""
 
     result: int
     """uint8 [@enum VEHICLE_CMD_RESULT] Outcome."""
 
     result_param1: int
-    """uint8 Progress in percent with IN_PROGRESS. When arming is refused by an authorizer, an
+    """uint8 [-] Progress in percent with IN_PROGRESS. When arming is refused by an authorizer, an
     ARM_AUTH_DENIED_REASON_* value.
     """
 
@@ -85,7 +94,7 @@ class VehicleCommandAck(_cdr.Message):
     """int32 Detail depending on the command, such as the number of the faulty waypoint."""
 
     target_system: int
-    """uint8 MAVLink system id of the one who sent the command."""
+    """uint8 [-] MAVLink system id of the one who sent the command."""
 
     target_component: int
     """uint16 MAVLink component id of the one who sent it. From 1000 on it denotes a mode executor."""
@@ -149,15 +158,15 @@ class VehicleCommandAck(_cdr.Message):
         struct_size=22,
         message_hash=2759281150,
         type_hash="RIHS01_36038d69f9db90980fb8fe154f27f22dffed0c35e530b32413cf0456aa8a29e2",
-        message_version=0,
+        message_version=1,
         topics=("vehicle_command_ack",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("command", "uint32", 8, 4),
+            _cdr.Field("command", "uint32", 8, 4, unit="-"),
             _cdr.Field("result", "uint8", 12, 1, enum="VEHICLE_CMD_RESULT"),
-            _cdr.Field("result_param1", "uint8", 13, 1),
+            _cdr.Field("result_param1", "uint8", 13, 1, unit="-"),
             _cdr.Field("result_param2", "int32", 16, 4),
-            _cdr.Field("target_system", "uint8", 20, 1),
+            _cdr.Field("target_system", "uint8", 20, 1, unit="-"),
             _cdr.Field("target_component", "uint16", 22, 2),
             _cdr.Field("from_external", "bool", 24, 1),
         ),

@@ -7,46 +7,38 @@ from .. import cdr as _cdr
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import ClassVar
-    from typing import Final
 else:
     ClassVar = _cdr.ClassVar
-    Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("Q14?B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_LAYOUT = _cdr.Layout("Q12?")
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
 class VehicleControlMode(_cdr.Message):
-    """Which control loops run in the current mode. The commander publishes vehicle_control_mode for the
-    controllers; external modes send config_control_setpoints to say which loops their setpoints need.
+    """Which control loops run in the current mode, published by the commander for the controllers.
 
     Fields: timestamp [us], flag_armed, flag_multicopter_position_control_enabled,
     flag_control_manual_enabled, flag_control_auto_enabled, flag_control_offboard_enabled,
     flag_control_position_enabled, flag_control_velocity_enabled, flag_control_altitude_enabled,
-    flag_control_climb_rate_enabled, flag_control_acceleration_enabled, flag_control_attitude_enabled,
-    flag_control_rates_enabled, flag_control_allocation_enabled, flag_control_termination_enabled,
-    source_id.
+    flag_control_climb_rate_enabled, flag_control_attitude_enabled, flag_control_rates_enabled,
+    flag_control_allocation_enabled.
 
-    uORB topics: vehicle_control_mode, config_control_setpoints. 23 bytes.
+    uORB topic: vehicle_control_mode. 20 bytes.
     """
 
     __slots__ = (
         "timestamp", "flag_armed", "flag_multicopter_position_control_enabled", "flag_control_manual_enabled",
         "flag_control_auto_enabled", "flag_control_offboard_enabled", "flag_control_position_enabled",
         "flag_control_velocity_enabled", "flag_control_altitude_enabled", "flag_control_climb_rate_enabled",
-        "flag_control_acceleration_enabled", "flag_control_attitude_enabled", "flag_control_rates_enabled",
-        "flag_control_allocation_enabled", "flag_control_termination_enabled", "source_id",
+        "flag_control_attitude_enabled", "flag_control_rates_enabled", "flag_control_allocation_enabled",
     )
     __match_args__ = (
         "timestamp", "flag_armed", "flag_multicopter_position_control_enabled", "flag_control_manual_enabled",
         "flag_control_auto_enabled", "flag_control_offboard_enabled", "flag_control_position_enabled",
         "flag_control_velocity_enabled", "flag_control_altitude_enabled", "flag_control_climb_rate_enabled",
-        "flag_control_acceleration_enabled", "flag_control_attitude_enabled", "flag_control_rates_enabled",
-        "flag_control_allocation_enabled", "flag_control_termination_enabled", "source_id",
+        "flag_control_attitude_enabled", "flag_control_rates_enabled", "flag_control_allocation_enabled",
     )
-
-    MESSAGE_VERSION: Final = 0
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -78,9 +70,6 @@ class VehicleControlMode(_cdr.Message):
     flag_control_climb_rate_enabled: bool
     """bool Vertical speed loop runs."""
 
-    flag_control_acceleration_enabled: bool
-    """bool Acceleration setpoints are followed."""
-
     flag_control_attitude_enabled: bool
     """bool Attitude loop runs."""
 
@@ -89,12 +78,6 @@ class VehicleControlMode(_cdr.Message):
 
     flag_control_allocation_enabled: bool
     """bool Thrust and torque are spread to the actuators. False when these are commanded directly."""
-
-    flag_control_termination_enabled: bool
-    """bool Flight is terminated."""
-
-    source_id: int
-    """uint8 Mode this belongs to, as a nav_state of VehicleStatus."""
 
     def __init__(
         self,
@@ -108,12 +91,9 @@ class VehicleControlMode(_cdr.Message):
         flag_control_velocity_enabled: bool = False,
         flag_control_altitude_enabled: bool = False,
         flag_control_climb_rate_enabled: bool = False,
-        flag_control_acceleration_enabled: bool = False,
         flag_control_attitude_enabled: bool = False,
         flag_control_rates_enabled: bool = False,
         flag_control_allocation_enabled: bool = False,
-        flag_control_termination_enabled: bool = False,
-        source_id: int = 0,
     ) -> None:
         self.timestamp = timestamp
         self.flag_armed = flag_armed
@@ -125,24 +105,20 @@ class VehicleControlMode(_cdr.Message):
         self.flag_control_velocity_enabled = flag_control_velocity_enabled
         self.flag_control_altitude_enabled = flag_control_altitude_enabled
         self.flag_control_climb_rate_enabled = flag_control_climb_rate_enabled
-        self.flag_control_acceleration_enabled = flag_control_acceleration_enabled
         self.flag_control_attitude_enabled = flag_control_attitude_enabled
         self.flag_control_rates_enabled = flag_control_rates_enabled
         self.flag_control_allocation_enabled = flag_control_allocation_enabled
-        self.flag_control_termination_enabled = flag_control_termination_enabled
-        self.source_id = source_id
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 23 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
         try:
             if (
                 False | self.flag_armed | self.flag_multicopter_position_control_enabled
                 | self.flag_control_manual_enabled | self.flag_control_auto_enabled
                 | self.flag_control_offboard_enabled | self.flag_control_position_enabled
                 | self.flag_control_velocity_enabled | self.flag_control_altitude_enabled
-                | self.flag_control_climb_rate_enabled | self.flag_control_acceleration_enabled
-                | self.flag_control_attitude_enabled | self.flag_control_rates_enabled
-                | self.flag_control_allocation_enabled | self.flag_control_termination_enabled
+                | self.flag_control_climb_rate_enabled | self.flag_control_attitude_enabled
+                | self.flag_control_rates_enabled | self.flag_control_allocation_enabled
             ) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
@@ -150,9 +126,8 @@ class VehicleControlMode(_cdr.Message):
                 self.flag_control_manual_enabled, self.flag_control_auto_enabled,
                 self.flag_control_offboard_enabled, self.flag_control_position_enabled,
                 self.flag_control_velocity_enabled, self.flag_control_altitude_enabled,
-                self.flag_control_climb_rate_enabled, self.flag_control_acceleration_enabled,
-                self.flag_control_attitude_enabled, self.flag_control_rates_enabled,
-                self.flag_control_allocation_enabled, self.flag_control_termination_enabled, self.source_id,
+                self.flag_control_climb_rate_enabled, self.flag_control_attitude_enabled,
+                self.flag_control_rates_enabled, self.flag_control_allocation_enabled,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -168,13 +143,12 @@ class VehicleControlMode(_cdr.Message):
                 message.flag_control_auto_enabled, message.flag_control_offboard_enabled,
                 message.flag_control_position_enabled, message.flag_control_velocity_enabled,
                 message.flag_control_altitude_enabled, message.flag_control_climb_rate_enabled,
-                message.flag_control_acceleration_enabled, message.flag_control_attitude_enabled,
-                message.flag_control_rates_enabled, message.flag_control_allocation_enabled,
-                message.flag_control_termination_enabled, message.source_id,
+                message.flag_control_attitude_enabled, message.flag_control_rates_enabled,
+                message.flag_control_allocation_enabled,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleControlMode, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (27, 28, 29, 30):
+        if header != _USUAL:
             return _cdr.decode_other(VehicleControlMode, cls, data, allow_surplus)
         return message
 
@@ -183,12 +157,12 @@ class VehicleControlMode(_cdr.Message):
         name="VehicleControlMode",
         ros_type="px4_msgs/msg/VehicleControlMode",
         dds_type="px4_msgs::msg::dds_::VehicleControlMode_",
-        cdr_size=23,
-        struct_size=23,
-        message_hash=631834130,
-        type_hash="RIHS01_edb7e835846bc77720fa87a0fb0a150051d02f0a5fad41168031a73a49ba527c",
+        cdr_size=20,
+        struct_size=20,
+        message_hash=525093463,
+        type_hash="RIHS01_1c4f8fd70f607d5240d76a0107a47813f50bd6e85e6755b3bf46fe40f1bb9319",
         message_version=0,
-        topics=("vehicle_control_mode", "config_control_setpoints"),
+        topics=("vehicle_control_mode",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
             _cdr.Field("flag_armed", "bool", 8, 1),
@@ -200,11 +174,8 @@ class VehicleControlMode(_cdr.Message):
             _cdr.Field("flag_control_velocity_enabled", "bool", 14, 1),
             _cdr.Field("flag_control_altitude_enabled", "bool", 15, 1),
             _cdr.Field("flag_control_climb_rate_enabled", "bool", 16, 1),
-            _cdr.Field("flag_control_acceleration_enabled", "bool", 17, 1),
-            _cdr.Field("flag_control_attitude_enabled", "bool", 18, 1),
-            _cdr.Field("flag_control_rates_enabled", "bool", 19, 1),
-            _cdr.Field("flag_control_allocation_enabled", "bool", 20, 1),
-            _cdr.Field("flag_control_termination_enabled", "bool", 21, 1),
-            _cdr.Field("source_id", "uint8", 22, 1),
+            _cdr.Field("flag_control_attitude_enabled", "bool", 17, 1),
+            _cdr.Field("flag_control_rates_enabled", "bool", 18, 1),
+            _cdr.Field("flag_control_allocation_enabled", "bool", 19, 1),
         ),
     ))

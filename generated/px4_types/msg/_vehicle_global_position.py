@@ -27,7 +27,7 @@ class VehicleGlobalPosition(_cdr.Message):
     dead_reckoning.
 
     uORB topics: vehicle_global_position, vehicle_global_position_groundtruth,
-    external_ins_global_position, estimator_global_position, aux_global_position. 70 bytes.
+    external_ins_global_position, estimator_global_position. 70 bytes.
     """
 
     __slots__ = (
@@ -181,7 +181,7 @@ class VehicleGlobalPosition(_cdr.Message):
         message_version=0,
         topics=(
             "vehicle_global_position", "vehicle_global_position_groundtruth", "external_ins_global_position",
-            "estimator_global_position", "aux_global_position",
+            "estimator_global_position",
         ),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),

@@ -12,8 +12,8 @@ else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
 
-_LAYOUT = _cdr.Layout("3Q3B5xQ3Bx2IH2B2?B?B5?3B11?", xcdr2="3Q3BxQ3Bx2IH26B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_LAYOUT = _cdr.Layout("3Q3B5xQ4B?3x2I2B2?B?B5?3B12?", xcdr2="3Q3BxQ5B3x2I27B")
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -23,59 +23,58 @@ class VehicleStatus(_cdr.Message):
 
     Fields: timestamp [us], armed_time [us], takeoff_time [us], arming_state, latest_arming_reason,
     latest_disarming_reason, nav_state_timestamp [us], nav_state_user_intention, nav_state,
-    executor_in_charge, valid_nav_states_mask, can_set_nav_states_mask, failure_detector_status,
-    hil_state, vehicle_type, failsafe, failsafe_and_user_took_over, failsafe_defer_state,
-    gcs_connection_lost, gcs_connection_lost_counter, high_latency_data_link_lost, is_vtol,
-    is_vtol_tailsitter, in_transition_mode, in_transition_to_fw, system_type, system_id, component_id,
-    safety_button_available, safety_off, power_input_valid, usb_connected, open_drone_id_system_present,
-    open_drone_id_system_healthy, parachute_system_present, parachute_system_healthy,
-    rc_calibration_in_progress, calibration_enabled, pre_flight_checks_pass.
+    executor_in_charge, nav_state_display, accepts_offboard_setpoints, valid_nav_states_mask,
+    can_set_nav_states_mask, hil_state, vehicle_type, failsafe, failsafe_and_user_took_over,
+    failsafe_defer_state, gcs_connection_lost, gcs_connection_lost_counter, high_latency_data_link_lost,
+    is_vtol, is_vtol_tailsitter, in_transition_mode, in_transition_to_fw, system_type, system_id,
+    component_id, safety_button_available, safety_off, power_input_valid, usb_connected,
+    open_drone_id_system_present, open_drone_id_system_healthy, parachute_system_present,
+    parachute_system_healthy, traffic_avoidance_system_present, rc_calibration_in_progress,
+    calibration_enabled, pre_flight_checks_pass.
 
-    uORB topic: vehicle_status. Version 1, 80 bytes.
+    uORB topic: vehicle_status. Version 4, 83 bytes.
     """
 
     __slots__ = (
         "timestamp", "armed_time", "takeoff_time", "arming_state", "latest_arming_reason",
         "latest_disarming_reason", "nav_state_timestamp", "nav_state_user_intention", "nav_state",
-        "executor_in_charge", "valid_nav_states_mask", "can_set_nav_states_mask", "failure_detector_status",
-        "hil_state", "vehicle_type", "failsafe", "failsafe_and_user_took_over", "failsafe_defer_state",
-        "gcs_connection_lost", "gcs_connection_lost_counter", "high_latency_data_link_lost", "is_vtol",
-        "is_vtol_tailsitter", "in_transition_mode", "in_transition_to_fw", "system_type", "system_id",
-        "component_id", "safety_button_available", "safety_off", "power_input_valid", "usb_connected",
-        "open_drone_id_system_present", "open_drone_id_system_healthy", "parachute_system_present",
-        "parachute_system_healthy", "rc_calibration_in_progress", "calibration_enabled",
+        "executor_in_charge", "nav_state_display", "accepts_offboard_setpoints", "valid_nav_states_mask",
+        "can_set_nav_states_mask", "hil_state", "vehicle_type", "failsafe", "failsafe_and_user_took_over",
+        "failsafe_defer_state", "gcs_connection_lost", "gcs_connection_lost_counter",
+        "high_latency_data_link_lost", "is_vtol", "is_vtol_tailsitter", "in_transition_mode",
+        "in_transition_to_fw", "system_type", "system_id", "component_id", "safety_button_available",
+        "safety_off", "power_input_valid", "usb_connected", "open_drone_id_system_present",
+        "open_drone_id_system_healthy", "parachute_system_present", "parachute_system_healthy",
+        "traffic_avoidance_system_present", "rc_calibration_in_progress", "calibration_enabled",
         "pre_flight_checks_pass",
     )
     __match_args__ = (
         "timestamp", "armed_time", "takeoff_time", "arming_state", "latest_arming_reason",
         "latest_disarming_reason", "nav_state_timestamp", "nav_state_user_intention", "nav_state",
-        "executor_in_charge", "valid_nav_states_mask", "can_set_nav_states_mask", "failure_detector_status",
-        "hil_state", "vehicle_type", "failsafe", "failsafe_and_user_took_over", "failsafe_defer_state",
-        "gcs_connection_lost", "gcs_connection_lost_counter", "high_latency_data_link_lost", "is_vtol",
-        "is_vtol_tailsitter", "in_transition_mode", "in_transition_to_fw", "system_type", "system_id",
-        "component_id", "safety_button_available", "safety_off", "power_input_valid", "usb_connected",
-        "open_drone_id_system_present", "open_drone_id_system_healthy", "parachute_system_present",
-        "parachute_system_healthy", "rc_calibration_in_progress", "calibration_enabled",
+        "executor_in_charge", "nav_state_display", "accepts_offboard_setpoints", "valid_nav_states_mask",
+        "can_set_nav_states_mask", "hil_state", "vehicle_type", "failsafe", "failsafe_and_user_took_over",
+        "failsafe_defer_state", "gcs_connection_lost", "gcs_connection_lost_counter",
+        "high_latency_data_link_lost", "is_vtol", "is_vtol_tailsitter", "in_transition_mode",
+        "in_transition_to_fw", "system_type", "system_id", "component_id", "safety_button_available",
+        "safety_off", "power_input_valid", "usb_connected", "open_drone_id_system_present",
+        "open_drone_id_system_healthy", "parachute_system_present", "parachute_system_healthy",
+        "traffic_avoidance_system_present", "rc_calibration_in_progress", "calibration_enabled",
         "pre_flight_checks_pass",
     )
 
-    MESSAGE_VERSION: Final = 1
+    MESSAGE_VERSION: Final = 4
     ARMING_STATE_DISARMED: Final = 1
     ARMING_STATE_ARMED: Final = 2
-    ARM_DISARM_REASON_TRANSITION_TO_STANDBY: Final = 0
     ARM_DISARM_REASON_STICK_GESTURE: Final = 1
     ARM_DISARM_REASON_RC_SWITCH: Final = 2
     ARM_DISARM_REASON_COMMAND_INTERNAL: Final = 3
     ARM_DISARM_REASON_COMMAND_EXTERNAL: Final = 4
     ARM_DISARM_REASON_MISSION_START: Final = 5
-    ARM_DISARM_REASON_SAFETY_BUTTON: Final = 6
-    ARM_DISARM_REASON_AUTO_DISARM_LAND: Final = 7
-    ARM_DISARM_REASON_AUTO_DISARM_PREFLIGHT: Final = 8
-    ARM_DISARM_REASON_KILL_SWITCH: Final = 9
-    ARM_DISARM_REASON_LOCKDOWN: Final = 10
-    ARM_DISARM_REASON_FAILURE_DETECTOR: Final = 11
-    ARM_DISARM_REASON_SHUTDOWN: Final = 12
-    ARM_DISARM_REASON_UNIT_TEST: Final = 13
+    ARM_DISARM_REASON_LANDING: Final = 6
+    ARM_DISARM_REASON_PREFLIGHT_INACTION: Final = 7
+    ARM_DISARM_REASON_KILL_SWITCH: Final = 8
+    ARM_DISARM_REASON_RC_BUTTON: Final = 13
+    ARM_DISARM_REASON_FAILSAFE: Final = 14
     NAVIGATION_STATE_MANUAL: Final = 0
 
     NAVIGATION_STATE_ALTCTL: Final = 1
@@ -95,7 +94,9 @@ class VehicleStatus(_cdr.Message):
     NAVIGATION_STATE_POSITION_SLOW: Final = 6
     """Position with reduced speed limits."""
 
-    NAVIGATION_STATE_FREE5: Final = 7
+    NAVIGATION_STATE_GUIDED_COURSE: Final = 7
+    """Fixed wing holds course, altitude and speed as told."""
+
     NAVIGATION_STATE_ALTITUDE_CRUISE: Final = 8
     NAVIGATION_STATE_FREE3: Final = 9
 
@@ -144,30 +145,6 @@ class VehicleStatus(_cdr.Message):
     NAVIGATION_STATE_MAX: Final = 31
     """Count of states, not a mode."""
 
-    FAILURE_NONE: Final = 0
-
-    FAILURE_ROLL: Final = 1
-    """Bank angle too large."""
-
-    FAILURE_PITCH: Final = 2
-    """Pitch angle too large."""
-
-    FAILURE_ALT: Final = 4
-
-    FAILURE_EXT: Final = 8
-    """Signal from an external trigger system."""
-
-    FAILURE_ARM_ESC: Final = 16
-    """An ESC did not start after arming."""
-
-    FAILURE_BATTERY: Final = 32
-
-    FAILURE_IMBALANCED_PROP: Final = 64
-    """Vibration hints at a damaged propeller."""
-
-    FAILURE_MOTOR: Final = 128
-    """A motor or its ESC telemetry failed."""
-
     HIL_STATE_OFF: Final = 0
     HIL_STATE_ON: Final = 1
     VEHICLE_TYPE_UNSPECIFIED: Final = 0
@@ -214,6 +191,14 @@ class VehicleStatus(_cdr.Message):
     executor_in_charge: int
     """uint8 Mode executor that may switch modes now. 0 is the autopilot with its pilot."""
 
+    nav_state_display: int
+    """uint8 [@enum NAVIGATION_STATE] Mode to show to users: that of the executor in charge, else
+    nav_state.
+    """
+
+    accepts_offboard_setpoints: bool
+    """bool True if the mode follows setpoints that arrive over MAVLink."""
+
     valid_nav_states_mask: int
     """uint32 Bit n is set if NAVIGATION_STATE n exists on this vehicle. Places for external modes always
     count.
@@ -221,9 +206,6 @@ class VehicleStatus(_cdr.Message):
 
     can_set_nav_states_mask: int
     """uint32 Bit n is set if NAVIGATION_STATE n is offered for selection."""
-
-    failure_detector_status: int
-    """uint16 [@enum FAILURE] Bitmask of what the failure detector has found."""
 
     hil_state: int
     """uint8 [@enum HIL_STATE] Whether sensors are simulated (hardware in the loop). Outputs are then
@@ -296,6 +278,9 @@ class VehicleStatus(_cdr.Message):
     parachute_system_healthy: bool
     """bool True if that parachute is ready to deploy."""
 
+    traffic_avoidance_system_present: bool
+    """bool True if a receiver for other aircraft, such as ADS-B or FLARM, reports in."""
+
     rc_calibration_in_progress: bool
     """bool True during radio calibration, when stick input is ignored."""
 
@@ -317,9 +302,10 @@ class VehicleStatus(_cdr.Message):
         nav_state_user_intention: int = 0,
         nav_state: int = 0,
         executor_in_charge: int = 0,
+        nav_state_display: int = 0,
+        accepts_offboard_setpoints: bool = False,
         valid_nav_states_mask: int = 0,
         can_set_nav_states_mask: int = 0,
-        failure_detector_status: int = 0,
         hil_state: int = 0,
         vehicle_type: int = 0,
         failsafe: bool = False,
@@ -343,6 +329,7 @@ class VehicleStatus(_cdr.Message):
         open_drone_id_system_healthy: bool = False,
         parachute_system_present: bool = False,
         parachute_system_healthy: bool = False,
+        traffic_avoidance_system_present: bool = False,
         rc_calibration_in_progress: bool = False,
         calibration_enabled: bool = False,
         pre_flight_checks_pass: bool = False,
@@ -357,9 +344,10 @@ class VehicleStatus(_cdr.Message):
         self.nav_state_user_intention = nav_state_user_intention
         self.nav_state = nav_state
         self.executor_in_charge = executor_in_charge
+        self.nav_state_display = nav_state_display
+        self.accepts_offboard_setpoints = accepts_offboard_setpoints
         self.valid_nav_states_mask = valid_nav_states_mask
         self.can_set_nav_states_mask = can_set_nav_states_mask
-        self.failure_detector_status = failure_detector_status
         self.hil_state = hil_state
         self.vehicle_type = vehicle_type
         self.failsafe = failsafe
@@ -383,36 +371,39 @@ class VehicleStatus(_cdr.Message):
         self.open_drone_id_system_healthy = open_drone_id_system_healthy
         self.parachute_system_present = parachute_system_present
         self.parachute_system_healthy = parachute_system_healthy
+        self.traffic_avoidance_system_present = traffic_avoidance_system_present
         self.rc_calibration_in_progress = rc_calibration_in_progress
         self.calibration_enabled = calibration_enabled
         self.pre_flight_checks_pass = pre_flight_checks_pass
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 80 of values."""
+        """Return the message as a CDR sample: 4 bytes of header, 83 of values."""
         try:
             if (
-                False | self.failsafe | self.failsafe_and_user_took_over | self.gcs_connection_lost
-                | self.high_latency_data_link_lost | self.is_vtol | self.is_vtol_tailsitter
-                | self.in_transition_mode | self.in_transition_to_fw | self.safety_button_available
-                | self.safety_off | self.power_input_valid | self.usb_connected
+                False | self.accepts_offboard_setpoints | self.failsafe | self.failsafe_and_user_took_over
+                | self.gcs_connection_lost | self.high_latency_data_link_lost | self.is_vtol
+                | self.is_vtol_tailsitter | self.in_transition_mode | self.in_transition_to_fw
+                | self.safety_button_available | self.safety_off | self.power_input_valid | self.usb_connected
                 | self.open_drone_id_system_present | self.open_drone_id_system_healthy
                 | self.parachute_system_present | self.parachute_system_healthy
-                | self.rc_calibration_in_progress | self.calibration_enabled | self.pre_flight_checks_pass
+                | self.traffic_avoidance_system_present | self.rc_calibration_in_progress
+                | self.calibration_enabled | self.pre_flight_checks_pass
             ) not in (0, 1):
                 raise _cdr.Refused
             return _pack(
                 _USUAL, self.timestamp, self.armed_time, self.takeoff_time, self.arming_state,
                 self.latest_arming_reason, self.latest_disarming_reason, self.nav_state_timestamp,
                 self.nav_state_user_intention, self.nav_state, self.executor_in_charge,
-                self.valid_nav_states_mask, self.can_set_nav_states_mask, self.failure_detector_status,
-                self.hil_state, self.vehicle_type, self.failsafe, self.failsafe_and_user_took_over,
-                self.failsafe_defer_state, self.gcs_connection_lost, self.gcs_connection_lost_counter,
-                self.high_latency_data_link_lost, self.is_vtol, self.is_vtol_tailsitter,
-                self.in_transition_mode, self.in_transition_to_fw, self.system_type, self.system_id,
-                self.component_id, self.safety_button_available, self.safety_off, self.power_input_valid,
-                self.usb_connected, self.open_drone_id_system_present, self.open_drone_id_system_healthy,
-                self.parachute_system_present, self.parachute_system_healthy, self.rc_calibration_in_progress,
-                self.calibration_enabled, self.pre_flight_checks_pass,
+                self.nav_state_display, self.accepts_offboard_setpoints, self.valid_nav_states_mask,
+                self.can_set_nav_states_mask, self.hil_state, self.vehicle_type, self.failsafe,
+                self.failsafe_and_user_took_over, self.failsafe_defer_state, self.gcs_connection_lost,
+                self.gcs_connection_lost_counter, self.high_latency_data_link_lost, self.is_vtol,
+                self.is_vtol_tailsitter, self.in_transition_mode, self.in_transition_to_fw, self.system_type,
+                self.system_id, self.component_id, self.safety_button_available, self.safety_off,
+                self.power_input_valid, self.usb_connected, self.open_drone_id_system_present,
+                self.open_drone_id_system_healthy, self.parachute_system_present,
+                self.parachute_system_healthy, self.traffic_avoidance_system_present,
+                self.rc_calibration_in_progress, self.calibration_enabled, self.pre_flight_checks_pass,
             )
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None
@@ -426,8 +417,8 @@ class VehicleStatus(_cdr.Message):
                 header, message.timestamp, message.armed_time, message.takeoff_time, message.arming_state,
                 message.latest_arming_reason, message.latest_disarming_reason, message.nav_state_timestamp,
                 message.nav_state_user_intention, message.nav_state, message.executor_in_charge,
-                message.valid_nav_states_mask, message.can_set_nav_states_mask,
-                message.failure_detector_status, message.hil_state, message.vehicle_type, message.failsafe,
+                message.nav_state_display, message.accepts_offboard_setpoints, message.valid_nav_states_mask,
+                message.can_set_nav_states_mask, message.hil_state, message.vehicle_type, message.failsafe,
                 message.failsafe_and_user_took_over, message.failsafe_defer_state,
                 message.gcs_connection_lost, message.gcs_connection_lost_counter,
                 message.high_latency_data_link_lost, message.is_vtol, message.is_vtol_tailsitter,
@@ -435,12 +426,13 @@ class VehicleStatus(_cdr.Message):
                 message.system_id, message.component_id, message.safety_button_available, message.safety_off,
                 message.power_input_valid, message.usb_connected, message.open_drone_id_system_present,
                 message.open_drone_id_system_healthy, message.parachute_system_present,
-                message.parachute_system_healthy, message.rc_calibration_in_progress,
-                message.calibration_enabled, message.pre_flight_checks_pass,
+                message.parachute_system_healthy, message.traffic_avoidance_system_present,
+                message.rc_calibration_in_progress, message.calibration_enabled,
+                message.pre_flight_checks_pass,
             ) = _unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleStatus, cls, data, allow_surplus)
-        if header != _USUAL:
+        if header != _USUAL or len(data) not in (87, 88, 89, 90):
             return _cdr.decode_other(VehicleStatus, cls, data, allow_surplus)
         return message
 
@@ -449,11 +441,11 @@ class VehicleStatus(_cdr.Message):
         name="VehicleStatus",
         ros_type="px4_msgs/msg/VehicleStatus",
         dds_type="px4_msgs::msg::dds_::VehicleStatus_",
-        cdr_size=80,
-        struct_size=74,
-        message_hash=4151966309,
-        type_hash="RIHS01_828bddbb7d4c2aa6ad93757955f6893be1ec5d8f11885ec7715bcdd76b5226c9",
-        message_version=1,
+        cdr_size=83,
+        struct_size=75,
+        message_hash=1408120441,
+        type_hash="RIHS01_573d6f1a6c3fafbced3ec730dc37f16e96ff0596b64cc651515b31b4b3507c6f",
+        message_version=4,
         topics=("vehicle_status",),
         fields=(
             _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
@@ -466,34 +458,36 @@ class VehicleStatus(_cdr.Message):
             _cdr.Field("nav_state_user_intention", "uint8", 40, 1, enum="NAVIGATION_STATE"),
             _cdr.Field("nav_state", "uint8", 41, 1, enum="NAVIGATION_STATE"),
             _cdr.Field("executor_in_charge", "uint8", 42, 1),
-            _cdr.Field("valid_nav_states_mask", "uint32", 44, 4),
-            _cdr.Field("can_set_nav_states_mask", "uint32", 48, 4),
-            _cdr.Field("failure_detector_status", "uint16", 52, 2, enum="FAILURE"),
-            _cdr.Field("hil_state", "uint8", 54, 1, enum="HIL_STATE"),
-            _cdr.Field("vehicle_type", "uint8", 55, 1, enum="VEHICLE_TYPE"),
-            _cdr.Field("failsafe", "bool", 56, 1),
-            _cdr.Field("failsafe_and_user_took_over", "bool", 57, 1),
-            _cdr.Field("failsafe_defer_state", "uint8", 58, 1, enum="FAILSAFE_DEFER_STATE"),
-            _cdr.Field("gcs_connection_lost", "bool", 59, 1),
-            _cdr.Field("gcs_connection_lost_counter", "uint8", 60, 1),
-            _cdr.Field("high_latency_data_link_lost", "bool", 61, 1),
-            _cdr.Field("is_vtol", "bool", 62, 1),
-            _cdr.Field("is_vtol_tailsitter", "bool", 63, 1),
-            _cdr.Field("in_transition_mode", "bool", 64, 1),
-            _cdr.Field("in_transition_to_fw", "bool", 65, 1),
-            _cdr.Field("system_type", "uint8", 66, 1),
-            _cdr.Field("system_id", "uint8", 67, 1),
-            _cdr.Field("component_id", "uint8", 68, 1),
-            _cdr.Field("safety_button_available", "bool", 69, 1),
-            _cdr.Field("safety_off", "bool", 70, 1),
-            _cdr.Field("power_input_valid", "bool", 71, 1),
-            _cdr.Field("usb_connected", "bool", 72, 1),
-            _cdr.Field("open_drone_id_system_present", "bool", 73, 1),
-            _cdr.Field("open_drone_id_system_healthy", "bool", 74, 1),
-            _cdr.Field("parachute_system_present", "bool", 75, 1),
-            _cdr.Field("parachute_system_healthy", "bool", 76, 1),
-            _cdr.Field("rc_calibration_in_progress", "bool", 77, 1),
-            _cdr.Field("calibration_enabled", "bool", 78, 1),
-            _cdr.Field("pre_flight_checks_pass", "bool", 79, 1),
+            _cdr.Field("nav_state_display", "uint8", 43, 1, enum="NAVIGATION_STATE"),
+            _cdr.Field("accepts_offboard_setpoints", "bool", 44, 1),
+            _cdr.Field("valid_nav_states_mask", "uint32", 48, 4),
+            _cdr.Field("can_set_nav_states_mask", "uint32", 52, 4),
+            _cdr.Field("hil_state", "uint8", 56, 1, enum="HIL_STATE"),
+            _cdr.Field("vehicle_type", "uint8", 57, 1, enum="VEHICLE_TYPE"),
+            _cdr.Field("failsafe", "bool", 58, 1),
+            _cdr.Field("failsafe_and_user_took_over", "bool", 59, 1),
+            _cdr.Field("failsafe_defer_state", "uint8", 60, 1, enum="FAILSAFE_DEFER_STATE"),
+            _cdr.Field("gcs_connection_lost", "bool", 61, 1),
+            _cdr.Field("gcs_connection_lost_counter", "uint8", 62, 1),
+            _cdr.Field("high_latency_data_link_lost", "bool", 63, 1),
+            _cdr.Field("is_vtol", "bool", 64, 1),
+            _cdr.Field("is_vtol_tailsitter", "bool", 65, 1),
+            _cdr.Field("in_transition_mode", "bool", 66, 1),
+            _cdr.Field("in_transition_to_fw", "bool", 67, 1),
+            _cdr.Field("system_type", "uint8", 68, 1),
+            _cdr.Field("system_id", "uint8", 69, 1),
+            _cdr.Field("component_id", "uint8", 70, 1),
+            _cdr.Field("safety_button_available", "bool", 71, 1),
+            _cdr.Field("safety_off", "bool", 72, 1),
+            _cdr.Field("power_input_valid", "bool", 73, 1),
+            _cdr.Field("usb_connected", "bool", 74, 1),
+            _cdr.Field("open_drone_id_system_present", "bool", 75, 1),
+            _cdr.Field("open_drone_id_system_healthy", "bool", 76, 1),
+            _cdr.Field("parachute_system_present", "bool", 77, 1),
+            _cdr.Field("parachute_system_healthy", "bool", 78, 1),
+            _cdr.Field("traffic_avoidance_system_present", "bool", 79, 1),
+            _cdr.Field("rc_calibration_in_progress", "bool", 80, 1),
+            _cdr.Field("calibration_enabled", "bool", 81, 1),
+            _cdr.Field("pre_flight_checks_pass", "bool", 82, 1),
         ),
     ))

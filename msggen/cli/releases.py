@@ -1,0 +1,42 @@
+"""`msggen releases`: the releases of PX4 whose definitions are embedded."""
+
+from __future__ import annotations
+
+import argparse
+
+from msggen.cli.common import DONE, Commands, add_command
+
+_HEADINGS = ("release", "messages", "services", "topics", "endpoints")
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    add_command(
+        commands,
+        "releases",
+        _releases,
+        help="list the embedded releases of PX4",
+        description="List the releases of PX4 whose definitions are embedded: `--px4 v1.16` stands for one of them.",
+    )
+
+
+def _releases(_: argparse.Namespace) -> int:
+    from msggen.firmware.embedded import EMBEDDED
+
+    print("  ".join(_HEADINGS))
+    for release in EMBEDDED:
+        numbers = zip(_counts(release), _HEADINGS[1:], strict=True)
+        row = "  ".join([release.ljust(len(_HEADINGS[0])), *(f"{number:{len(name)}}" for number, name in numbers)])
+        print(f"{row}  default" if release == EMBEDDED[0] else row)
+    return DONE
+
+
+def _counts(release: str) -> tuple[int, ...]:
+    """Return the numbers that stand below the headings."""
+    from msggen.firmware.catalog import read_catalog
+    from msggen.firmware.embedded import PREFIX
+    from msggen.firmware.source import find_sources
+
+    catalog = read_catalog(find_sources(PREFIX + release))
+    topics = sum(len(message.topic_names) for message in catalog.uorb_messages)
+    return len(catalog.uorb_messages), len(catalog.own_services), topics, len(catalog.bridge)
