@@ -15,6 +15,8 @@ from msggen.location import Location
 
 if TYPE_CHECKING:
     from msggen.firmware.board import Board
+else:
+    Board = object  # a name in quotes would be compiled, which takes longer than the rest of the class
 
 RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main")
 """The releases whose conventions are known (`release` has them)."""
@@ -107,7 +109,7 @@ class Sources(NamedTuple):
     strict: bool = False
     notices: tuple[Diagnostic, ...] = ()
     lists: File | None = None
-    board: "Board | None" = None
+    board: Board | None = None
     unbuilt: Mapping[File, str] = MappingProxyType({})
 
     @property
