@@ -36,7 +36,8 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
     files |= {f"{file.stem}.msg" for file in previous.unbuilt}
     extra = () if topics_only else tuple(_extra(current, files))
     comparison = Comparison(
-        Side(previous.label, _place(previous), before), Side(current.label, _place(current), after, extra=extra)
+        Side(previous.label, _place(previous), before, previous.bridge is not None),
+        Side(current.label, _place(current), after, current.bridge is not None, extra=extra),
     )
     report = _report(comparison, CHECKED, list(find(comparison, CHECKED)), ("matches", "differs from"))
     return replace(report, notices=(*before.notices, *after.notices))

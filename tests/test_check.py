@@ -585,3 +585,19 @@ def test_nothing_is_written_anywhere(tmp_path: Path) -> None:
             assert check("--px4", source, "px4_msgs", "--output-format", output_format) == FINDINGS
     assert check("--px4", "firmware", "nowhere") == FAILED
     assert content(tmp_path) == before
+
+
+# --- Topics, where both sides have a bridge
+
+
+def test_two_firmwares_that_bridge_differently_differ(capsys: pytest.CaptureFixture[str]) -> None:
+    entry = "publications:\n  - topic: /fmu/out/aim\n    type: px4_msgs::msg::Aim\n"
+    bridges = {"one": entry, "faster": f"{entry}    rate_limit: 500\n", "none": "publications:\n"}
+    for name, text in bridges.items():
+        write_definitions(Path(name), {"msg/Aim.msg": "uint64 timestamp\n", "dds_topics.yaml": text})
+    assert main(["check", "one", "faster", "--output-format", "concise"]) == DONE
+    assert "RATE_LIMIT_CHANGED warning: '/fmu/out/aim' is sent with at most 500 Hz" in capsys.readouterr().out
+    assert main(["check", "one", "none", "--output-format", "concise"]) == FINDINGS
+    assert "TOPIC_REMOVED '/fmu/out/aim' of one is no longer bridged" in capsys.readouterr().out
+    write_definitions(Path("package"), {"msg/Aim.msg": "uint64 timestamp\n"})
+    assert main(["check", "one", "package"]) == DONE

@@ -15,7 +15,7 @@ def add_to(commands: Commands) -> None:
         "rules",
         _rules,
         help="list the rules of check and breaking",
-        description="List the rules: check asks WIRE, HASH, SOURCE and DRIFT, breaking all but DRIFT.",
+        description="List the rules: check asks all but VERSION, breaking all but DRIFT.",
     )
     explain = add_command(
         commands,
