@@ -216,7 +216,10 @@ def test_comments_and_white_space_never_count(edited: dict[str, str], tmp_path_f
 
 
 class Edited(NamedTuple):
-    """Definitions after some edits, and the old names of the fields whose new names are near, by message."""
+    """Definitions after some edits, and the old names of the fields whose new names are near, by message.
+
+    A field whose type is another now is no longer the same by another name.
+    """
 
     files: dict[str, str]
     names: slow.Names
@@ -251,7 +254,14 @@ def edits(draw: st.DrawFn) -> Edited:
             lines[place] = f"{draw(st.sampled_from(list(slow.SIZES)))} {name}"
         elif kind == "resize":
             lines[place] = f"{type_.partition('[')[0]}[{draw(st.integers(1, 9))}] {name}"
-    return Edited({f"msg/{name}.msg": "\n".join(lines) + "\n" for name, lines in texts.items()}, names)
+    types = {(name, line.split()[1]): line.split()[0] for name, lines in lines_of.items() for line in lines if line}
+    now = {(name, line.split()[1]): line.split()[0] for name, lines in texts.items() for line in lines}
+    kept = {
+        (message, new): old
+        for (message, new), old in names.items()
+        if now.get((message, new)) == types.get((message, old))
+    }
+    return Edited({f"msg/{name}.msg": "\n".join(lines) + "\n" for name, lines in texts.items()}, kept)
 
 
 @settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))

@@ -15,8 +15,8 @@ KNOWN_TAGS = ("range", "enum", "invalid", "frame", "uncontrolled")
 
 _TAG = re.compile(r" ?\[@(\w+)\b\s*([^\]]*)\]")
 _UNIT = re.compile(r"\s*\[(?![-+\d., ]*\d[-+\d., ]*\])([^@\]\[]{1,24})\]")
-_BOUND = r"[-+]?(?:\d+(?:\.\d*)?|(?:\d+(?:\.\d*)?\s*\*?\s*)?(?:[Pp][Ii]|π)(?:/\d+)?|(?i:inf|infinity))"
-_RANGE = re.compile(rf"\s*\[\s*({_BOUND}\s*(?:,|\.\.+|\bto\b|-)\s*{_BOUND})\s*\]")
+_BOUND = r"[-+]?(?:\d[\d.]*|(?:\d[\d.]* ?\*? ?)?(?:pi|Pi|PI|π)(?:/\d+)?|inf|INF|Inf|infinity)"
+_RANGE = re.compile(rf"\s*\[ *({_BOUND} *(?:, *|\.\.+ *|to +|- *){_BOUND}) *\]")
 """Two bounds in brackets where a unit would stand: `[-pi, pi]`."""
 
 
