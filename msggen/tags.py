@@ -10,7 +10,6 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from msggen.model import Comment, Field
-from msggen.unit import normalized_range, normalized_unit
 
 
 def _without_spaces(tag: str) -> str:
@@ -26,9 +25,21 @@ def _value(tag: str) -> str:
         return first if first.isupper() else tag.lower()
 
 
+def _unit(tag: str) -> str:
+    from msggen.unit import normalized_unit
+
+    return normalized_unit(tag)
+
+
+def _range(tag: str) -> str:
+    from msggen.unit import normalized_range
+
+    return normalized_range(tag)
+
+
 _TAGS: Mapping[str, tuple[Callable[[Comment], str], Callable[[str], str]]] = {
-    "unit": (attrgetter("unit"), normalized_unit),
-    "range": (attrgetter("range"), normalized_range),
+    "unit": (attrgetter("unit"), _unit),
+    "range": (attrgetter("range"), _range),
     "frame": (attrgetter("frame"), _without_spaces),
     "enum": (attrgetter("enum"), _without_spaces),
     "invalid value": (attrgetter("invalid"), _value),

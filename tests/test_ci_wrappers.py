@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 import yaml
-from conftest import ROOT, write_definitions
+from conftest import DEFINITIONS, ROOT, write_definitions
 
 from msggen.cli import main
 
@@ -266,8 +266,8 @@ def documented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("msg", "srv"):
         shutil.copytree(ROOT / name, firmware / name)
         (package / name).mkdir(parents=True)
-        for path in (ROOT / name).rglob("*.[ms][sr][gv]"):
-            shutil.copy(path, package / name)
+    for path in (*DEFINITIONS, *(ROOT / "srv").glob("*.srv")):
+        shutil.copy(path, package / path.suffix[1:])
     commit_all(firmware)
     run(firmware, "git", "tag", "v1.17.0")
     setpoint, armed = (firmware / "msg" / name for name in ("versioned/TrajectorySetpoint.msg", "ActuatorArmed.msg"))

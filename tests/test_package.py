@@ -860,8 +860,13 @@ def test_endpoints_are_those_of_the_bridge(px4_types: Any, embedded: Catalog) ->
         assert endpoint.dds_name == f"rt{endpoint.ros_name}"
         assert endpoint.message is getattr(px4_types, entry.message_name)
         assert (endpoint.rate_limit_hz, endpoint.instance) == (entry.rate_limit_hz, entry.instance)
+        assert endpoint.uorb_topic == entry.uorb_topic
+        assert endpoint.format_request_name == entry.topic
         version = endpoint.message.__msg__.message_version
         assert endpoint.ros_name == entry.topic + (f"_v{version}" if version else "")
+    assert [each.format_request_name for each in px4_types.topics.namespaced("uav_1")] == [
+        entry.topic for entry in embedded.bridge
+    ]
     last = endpoints[-1]
     assert (last.ros_name, last.message) == ("/fmu/in/aux_global_position_v1", px4_types.AuxGlobalPosition)
 

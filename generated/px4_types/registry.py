@@ -106,6 +106,7 @@ class Endpoint(Frozen):
     __slots__ = (
         "direction",
         "ros_name",
+        "uorb_topic",
         "message_name",
         "object_id",
         "rate_limit_hz",
@@ -120,6 +121,8 @@ class Endpoint(Frozen):
     direction: Literal["in", "out"]
     ros_name: str
     """As `ros2 topic list` shows it: `/fmu/out/vehicle_status_v1`."""
+    uorb_topic: str
+    """The uORB topic behind it: `vehicle_status`."""
     message_name: str
     object_id: int
     """The XRCE client's id of the topic."""
@@ -142,6 +145,7 @@ class Endpoint(Frozen):
         self,
         direction: Literal["in", "out"],
         ros_name: str,
+        uorb_topic: str,
         message_name: str,
         object_id: int,
         rate_limit_hz: float | None,
@@ -155,6 +159,7 @@ class Endpoint(Frozen):
         put = object.__setattr__
         put(self, "direction", direction)
         put(self, "ros_name", ros_name)
+        put(self, "uorb_topic", uorb_topic)
         put(self, "message_name", message_name)
         put(self, "object_id", object_id)
         put(self, "rate_limit_hz", rate_limit_hz)
@@ -169,6 +174,14 @@ class Endpoint(Frozen):
     def dds_name(self) -> str:
         """As DDS knows it: `rt/fmu/out/vehicle_status_v1`."""
         return f"rt{self.ros_name}"
+
+    @property
+    def format_request_name(self) -> str:
+        """The `topic_name` of a MessageFormatRequest: `/fmu/out/vehicle_status`, without the version of the message.
+
+        PX4 looks up what follows the last `/` among its uORB topics, so it does not know `vehicle_status_v1`.
+        """
+        return f"/fmu/{self.direction}/{self.uorb_topic}"
 
     @property
     def message(self) -> type[Message]:
@@ -201,6 +214,7 @@ def renamed(endpoint: Endpoint, ros_name: str, message_name: str) -> Endpoint:
     return Endpoint(
         endpoint.direction,
         ros_name,
+        endpoint.uorb_topic,
         message_name,
         object_id=endpoint.object_id,
         rate_limit_hz=endpoint.rate_limit_hz,

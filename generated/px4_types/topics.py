@@ -401,6 +401,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/register_ext_component_reply_v1",
+        "register_ext_component_reply",
         "RegisterExtComponentReply",
         object_id=219,
         rate_limit_hz=None,
@@ -414,6 +415,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/arming_check_request_v1",
+        "arming_check_request",
         "ArmingCheckRequest",
         object_id=16,
         rate_limit_hz=None,
@@ -427,6 +429,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/setpoint_config_reply",
+        "setpoint_config_reply",
         "SetpointConfigReply",
         object_id=260,
         rate_limit_hz=None,
@@ -440,6 +443,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/mode_completed",
+        "mode_completed",
         "ModeCompleted",
         object_id=166,
         rate_limit_hz=50.0,
@@ -453,6 +457,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/battery_status_v1",
+        "battery_status",
         "BatteryStatus",
         object_id=20,
         rate_limit_hz=1.0,
@@ -466,6 +471,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/collision_constraints",
+        "collision_constraints",
         "CollisionConstraints",
         object_id=27,
         rate_limit_hz=50.0,
@@ -479,6 +485,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/estimator_status_flags",
+        "estimator_status_flags",
         "EstimatorStatusFlags",
         object_id=90,
         rate_limit_hz=5.0,
@@ -492,6 +499,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/failsafe_flags",
+        "failsafe_flags",
         "FailsafeFlags",
         object_id=96,
         rate_limit_hz=5.0,
@@ -505,6 +513,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/manual_control_setpoint",
+        "manual_control_setpoint",
         "ManualControlSetpoint",
         object_id=157,
         rate_limit_hz=25.0,
@@ -518,6 +527,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/message_format_response",
+        "message_format_response",
         "MessageFormatResponse",
         object_id=163,
         rate_limit_hz=None,
@@ -531,6 +541,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/position_setpoint_triplet",
+        "position_setpoint_triplet",
         "PositionSetpointTriplet",
         object_id=202,
         rate_limit_hz=5.0,
@@ -544,6 +555,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/sensor_combined",
+        "sensor_combined",
         "SensorCombined",
         object_id=241,
         rate_limit_hz=None,
@@ -557,6 +569,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/timesync_status",
+        "timesync_status",
         "TimesyncStatus",
         object_id=269,
         rate_limit_hz=10.0,
@@ -570,6 +583,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/transponder_report",
+        "transponder_report",
         "TransponderReport",
         object_id=272,
         rate_limit_hz=None,
@@ -583,6 +597,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/vehicle_land_detected",
+        "vehicle_land_detected",
         "VehicleLandDetected",
         object_id=296,
         rate_limit_hz=5.0,
@@ -596,6 +611,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/vehicle_attitude",
+        "vehicle_attitude",
         "VehicleAttitude",
         object_id=283,
         rate_limit_hz=50.0,
@@ -609,6 +625,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/vehicle_control_mode",
+        "vehicle_control_mode",
         "VehicleControlMode",
         object_id=290,
         rate_limit_hz=50.0,
@@ -622,6 +639,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/vehicle_command_ack_v1",
+        "vehicle_command_ack",
         "VehicleCommandAck",
         object_id=287,
         rate_limit_hz=None,
@@ -635,6 +653,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/vehicle_global_position",
+        "vehicle_global_position",
         "VehicleGlobalPosition",
         object_id=291,
         rate_limit_hz=50.0,
@@ -648,6 +667,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/vehicle_gps_position",
+        "vehicle_gps_position",
         "SensorGps",
         object_id=293,
         rate_limit_hz=50.0,
@@ -661,6 +681,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/vehicle_local_position_v1",
+        "vehicle_local_position",
         "VehicleLocalPosition",
         object_id=297,
         rate_limit_hz=50.0,
@@ -674,6 +695,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/vehicle_odometry",
+        "vehicle_odometry",
         "VehicleOdometry",
         object_id=302,
         rate_limit_hz=100.0,
@@ -687,6 +709,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/vehicle_status_v4",
+        "vehicle_status",
         "VehicleStatus",
         object_id=307,
         rate_limit_hz=5.0,
@@ -700,6 +723,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/airspeed_validated_v1",
+        "airspeed_validated",
         "AirspeedValidated",
         object_id=13,
         rate_limit_hz=50.0,
@@ -713,6 +737,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/vtol_vehicle_status",
+        "vtol_vehicle_status",
         "VtolVehicleStatus",
         object_id=326,
         rate_limit_hz=None,
@@ -726,6 +751,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/home_position_v1",
+        "home_position",
         "HomePosition",
         object_id=136,
         rate_limit_hz=5.0,
@@ -739,6 +765,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/wind",
+        "wind",
         "Wind",
         object_id=329,
         rate_limit_hz=1.0,
@@ -752,6 +779,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/gimbal_device_attitude_status",
+        "gimbal_device_attitude_status",
         "GimbalDeviceAttitudeStatus",
         object_id=119,
         rate_limit_hz=20.0,
@@ -765,6 +793,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/config_overrides_confirm_v1",
+        "config_overrides_confirm",
         "ConfigOverrides",
         object_id=29,
         rate_limit_hz=None,
@@ -778,6 +807,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/vtx",
+        "vtx",
         "Vtx",
         object_id=327,
         rate_limit_hz=1.0,
@@ -791,6 +821,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "out",
         "/fmu/out/input_rc",
+        "input_rc",
         "InputRc",
         object_id=138,
         rate_limit_hz=10.0,
@@ -804,6 +835,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/register_ext_component_request_v2",
+        "register_ext_component_request",
         "RegisterExtComponentRequest",
         object_id=2048,
         rate_limit_hz=None,
@@ -817,6 +849,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/unregister_ext_component",
+        "unregister_ext_component",
         "UnregisterExtComponent",
         object_id=2049,
         rate_limit_hz=None,
@@ -830,6 +863,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/setpoint_config",
+        "setpoint_config",
         "SetpointConfig",
         object_id=2050,
         rate_limit_hz=None,
@@ -843,6 +877,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/config_overrides_request_v1",
+        "config_overrides_request",
         "ConfigOverrides",
         object_id=2051,
         rate_limit_hz=None,
@@ -856,6 +891,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/arming_check_reply_v1",
+        "arming_check_reply",
         "ArmingCheckReply",
         object_id=2052,
         rate_limit_hz=None,
@@ -869,6 +905,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/message_format_request",
+        "message_format_request",
         "MessageFormatRequest",
         object_id=2053,
         rate_limit_hz=None,
@@ -882,6 +919,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/mode_completed",
+        "mode_completed",
         "ModeCompleted",
         object_id=2054,
         rate_limit_hz=None,
@@ -895,6 +933,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/distance_sensor",
+        "distance_sensor",
         "DistanceSensor",
         object_id=2055,
         rate_limit_hz=None,
@@ -908,6 +947,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/manual_control_input",
+        "manual_control_input",
         "ManualControlSetpoint",
         object_id=2056,
         rate_limit_hz=None,
@@ -921,6 +961,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/offboard_control_mode",
+        "offboard_control_mode",
         "OffboardControlMode",
         object_id=2057,
         rate_limit_hz=None,
@@ -934,6 +975,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/onboard_computer_status",
+        "onboard_computer_status",
         "OnboardComputerStatus",
         object_id=2058,
         rate_limit_hz=None,
@@ -947,6 +989,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/obstacle_distance",
+        "obstacle_distance",
         "ObstacleDistance",
         object_id=2059,
         rate_limit_hz=None,
@@ -960,6 +1003,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/sensor_optical_flow",
+        "sensor_optical_flow",
         "SensorOpticalFlow",
         object_id=2060,
         rate_limit_hz=None,
@@ -973,6 +1017,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/goto_setpoint",
+        "goto_setpoint",
         "GotoSetpoint",
         object_id=2061,
         rate_limit_hz=None,
@@ -986,6 +1031,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/telemetry_status",
+        "telemetry_status",
         "TelemetryStatus",
         object_id=2062,
         rate_limit_hz=None,
@@ -999,6 +1045,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/trajectory_setpoint",
+        "trajectory_setpoint",
         "TrajectorySetpoint",
         object_id=2063,
         rate_limit_hz=None,
@@ -1012,6 +1059,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/vehicle_attitude_setpoint_v1",
+        "vehicle_attitude_setpoint",
         "VehicleAttitudeSetpoint",
         object_id=2064,
         rate_limit_hz=None,
@@ -1025,6 +1073,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/vehicle_mocap_odometry",
+        "vehicle_mocap_odometry",
         "VehicleOdometry",
         object_id=2065,
         rate_limit_hz=None,
@@ -1038,6 +1087,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/vehicle_rates_setpoint",
+        "vehicle_rates_setpoint",
         "VehicleRatesSetpoint",
         object_id=2066,
         rate_limit_hz=None,
@@ -1051,6 +1101,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/vehicle_visual_odometry",
+        "vehicle_visual_odometry",
         "VehicleOdometry",
         object_id=2067,
         rate_limit_hz=None,
@@ -1064,6 +1115,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/vehicle_command",
+        "vehicle_command",
         "VehicleCommand",
         object_id=2068,
         rate_limit_hz=None,
@@ -1077,6 +1129,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/vehicle_command_mode_executor",
+        "vehicle_command_mode_executor",
         "VehicleCommand",
         object_id=2069,
         rate_limit_hz=None,
@@ -1090,6 +1143,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/vehicle_thrust_setpoint",
+        "vehicle_thrust_setpoint",
         "VehicleThrustSetpoint",
         object_id=2070,
         rate_limit_hz=None,
@@ -1103,6 +1157,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/vehicle_torque_setpoint",
+        "vehicle_torque_setpoint",
         "VehicleTorqueSetpoint",
         object_id=2071,
         rate_limit_hz=None,
@@ -1116,6 +1171,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/actuator_motors",
+        "actuator_motors",
         "ActuatorMotors",
         object_id=2072,
         rate_limit_hz=None,
@@ -1129,6 +1185,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/actuator_servos_v1",
+        "actuator_servos",
         "ActuatorServos",
         object_id=2073,
         rate_limit_hz=None,
@@ -1142,6 +1199,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/fixed_wing_longitudinal_setpoint",
+        "fixed_wing_longitudinal_setpoint",
         "FixedWingLongitudinalSetpoint",
         object_id=2074,
         rate_limit_hz=None,
@@ -1155,6 +1213,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/fixed_wing_lateral_setpoint",
+        "fixed_wing_lateral_setpoint",
         "FixedWingLateralSetpoint",
         object_id=2075,
         rate_limit_hz=None,
@@ -1168,6 +1227,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/longitudinal_control_configuration",
+        "longitudinal_control_configuration",
         "LongitudinalControlConfiguration",
         object_id=2076,
         rate_limit_hz=None,
@@ -1181,6 +1241,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/lateral_control_configuration",
+        "lateral_control_configuration",
         "LateralControlConfiguration",
         object_id=2077,
         rate_limit_hz=None,
@@ -1194,6 +1255,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/rover_position_setpoint",
+        "rover_position_setpoint",
         "RoverPositionSetpoint",
         object_id=2078,
         rate_limit_hz=None,
@@ -1207,6 +1269,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/rover_speed_setpoint",
+        "rover_speed_setpoint",
         "RoverSpeedSetpoint",
         object_id=2079,
         rate_limit_hz=None,
@@ -1220,6 +1283,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/rover_attitude_setpoint",
+        "rover_attitude_setpoint",
         "RoverAttitudeSetpoint",
         object_id=2080,
         rate_limit_hz=None,
@@ -1233,6 +1297,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/rover_rate_setpoint",
+        "rover_rate_setpoint",
         "RoverRateSetpoint",
         object_id=2081,
         rate_limit_hz=None,
@@ -1246,6 +1311,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/rover_throttle_setpoint",
+        "rover_throttle_setpoint",
         "RoverThrottleSetpoint",
         object_id=2082,
         rate_limit_hz=None,
@@ -1259,6 +1325,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/rover_steering_setpoint",
+        "rover_steering_setpoint",
         "RoverSteeringSetpoint",
         object_id=2083,
         rate_limit_hz=None,
@@ -1272,6 +1339,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/landing_gear",
+        "landing_gear",
         "LandingGear",
         object_id=2084,
         rate_limit_hz=None,
@@ -1285,6 +1353,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     Endpoint(
         "in",
         "/fmu/in/aux_global_position_v1",
+        "aux_global_position",
         "AuxGlobalPosition",
         object_id=2085,
         rate_limit_hz=None,

@@ -13,7 +13,6 @@ from operator import eq
 from typing import NamedTuple
 
 from msggen.model import Field
-from msggen.unit import normalized_unit
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _LETTERS = re.compile(r"\w+")
@@ -56,7 +55,7 @@ def is_renamed(before: Field, after: Field, fields: Candidates) -> bool:
         return False
     if common.is_near:
         return True
-    units = [normalized_unit(field.comment.unit) for field in (before, after)]
+    units = [_unit(field) for field in (before, after)]
     if all(units) and units[0] != units[1]:
         return False
     others = [field for field in (*fields.lost, *fields.gained, *fields.kept) if field not in (before, after)]
@@ -129,13 +128,19 @@ class _Common:
         return bool(shared) and 2 * len(shared) >= max(len(self.first), len(self.second))
 
 
+def _unit(field: Field) -> str:
+    from msggen.unit import normalized_unit
+
+    return normalized_unit(field.comment.unit)
+
+
 def _has_same_comment(before: Field, after: Field) -> bool:
     """Whether both comments say the same in words and tags, and enough to know a field by.
 
     The last line counts: lines above the first field of a group may be about all of it.
     """
     texts = [_LETTERS.findall(field.comment.text.lower().rpartition("\n")[2]) for field in (before, after)]
-    tags = [field.comment._replace(text="", unit=normalized_unit(field.comment.unit)) for field in (before, after)]
+    tags = [field.comment._replace(text="", unit=_unit(field)) for field in (before, after)]
     return texts[0] == texts[1] and tags[0] == tags[1] and len(texts[0]) >= _SHORTEST_COMMENT
 
 

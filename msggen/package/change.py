@@ -10,7 +10,6 @@ from msggen.diagnostics import few
 from msggen.firmware.catalog import is_comparable
 from msggen.model import DEFAULT_PACKAGE, Message
 from msggen.parse import decode_text, parse_message, parse_service
-from msggen.tags import changed_tags
 
 COMMENTS, WHITE_SPACE = "only comments", "only white space"
 """What is said where the code of a definition stays the same."""
@@ -39,6 +38,8 @@ def describe_change(name: str, before: bytes | None, after: bytes) -> str:
 
 
 def _tag_changes(old: Message, new: Message) -> Iterator[str]:
+    from msggen.tags import changed_tags
+
     fields = {field.name: field for field in old.fields}
     for field in new.fields:
         if field.name in fields:
