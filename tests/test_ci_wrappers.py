@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 import yaml
-from conftest import ROOT, write_definitions
+from conftest import DEFINITIONS, ROOT, write_definitions
 
 from msggen.cli import main
 
@@ -32,7 +32,7 @@ def swap(definition: str, one: str, other: str) -> str:
 
 
 SWAPPED = swap(ATTITUDE, "timestamp", "timestamp_sample")
-NEEDED = ("msggen", "templates", "msg", "srv", "dds_topics.yaml", "pyproject.toml", "README.md", "LICENSE")
+NEEDED = ("msggen", "templates", "msg", "srv", "dds_topics.yaml", "releases", "pyproject.toml", "README.md", "LICENSE")
 HOOKS = ".pre-commit-hooks.yaml"
 
 ENVIRONMENT = {
@@ -266,8 +266,8 @@ def documented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("msg", "srv"):
         shutil.copytree(ROOT / name, firmware / name)
         (package / name).mkdir(parents=True)
-        for path in (ROOT / name).rglob("*.[ms][sr][gv]"):
-            shutil.copy(path, package / name)
+    for path in (*DEFINITIONS, *(ROOT / "srv").glob("*.srv")):
+        shutil.copy(path, package / path.suffix[1:])
     commit_all(firmware)
     run(firmware, "git", "tag", "v1.17.0")
     setpoint, armed = (firmware / "msg" / name for name in ("versioned/TrajectorySetpoint.msg", "ActuatorArmed.msg"))
