@@ -400,11 +400,17 @@ def test_names_in_the_yaml_are_names(key: str, value: str, tmp_path: Path) -> No
         "!!python/object/apply:os.abort []",
         "publications: !!python/object/apply:os.abort [x]",
         "publications:\n- !!python/name:os.abort\n",
-        "? [publications]\n: []",
     ],
 )
 def test_yaml_makes_no_objects(text: str, tmp_path: Path) -> None:
-    assert codes(tmp_path, {"msg/Foo.msg": STAMP, "dds_topics.yaml": text}) <= {"Y101", "Y102", "Y103", "Y104"}
+    assert codes(tmp_path, {"msg/Foo.msg": STAMP, "dds_topics.yaml": text}) <= {"Y101", "Y102", "Y104"}
+
+
+@pytest.mark.parametrize("text", ["? [publications]\n: []", "tomorrow: !!python/object/apply:os.abort []"])
+def test_what_yaml_says_beside_the_topics_makes_no_objects_either(text: str, tmp_path: Path) -> None:
+    catalog = catalog_of(tmp_path, {"msg/Foo.msg": STAMP, "dds_topics.yaml": text})
+    assert [found.code for found in catalog.notices] == ["Y103"]
+    assert list(catalog.bridge_extra.values()) == [[]]
 
 
 def test_deeply_nested_yaml_is_an_error_and_not_a_crash(tmp_path: Path) -> None:

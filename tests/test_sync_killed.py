@@ -228,7 +228,7 @@ def test_killed_at_random_moments_a_package_is_wholly_old_or_wholly_new() -> Non
     for index, path in enumerate(sorted((newer / "msg" / "versioned").glob("*.msg"))):
         if index % 3 == 0:
             path.write_text(f"{path.read_text()}uint8 NEWER = 1\n")
-        elif index % 9 == 1:
+        elif index % 9 == 1 and path.stem != "VehicleCommand":  # which the service nests
             path.rename(path.with_name(f"Newer{path.name}"))
     shutil.copy(newer / "srv" / "VehicleCommand.srv", newer / "srv" / "Command.srv")
     states = {tree: definitions(package(f"from-{tree.name}", str(tree))) for tree in (older, newer)}
