@@ -645,3 +645,19 @@ def test_nesting_a_thousand_deep_is_read_or_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("type_", INTEGER_RANGES)
 def test_integers_too_long_to_convert_are_refused(type_: str, tmp_path: Path) -> None:
     assert codes(tmp_path, {"msg/Foo.msg": f"{STAMP}{type_} SOME = {'9' * 5000}\n{type_} a {'9' * 5000}\n"}) == {"M305"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "- " * 40 + "x",
+        "? " * 40 + "x",
+        "[" * 40,
+        "\n".join(f"{' ' * depth}a:" for depth in range(40)),
+        "\n".join(f"{' ' * (depth // 2)}{'- ' if depth % 2 else ''}a:" for depth in range(80)),
+        "\n".join(f"{' ' * depth}-" for depth in range(40)),
+        "{" * 20 + "[" * 20,
+    ],
+)
+def test_no_way_to_nest_deep_is_missed(text: str, tmp_path: Path) -> None:
+    assert codes(tmp_path, {"msg/Foo.msg": STAMP, "dds_topics.yaml": text}) == {"Y101"}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeGuard
 
@@ -93,12 +93,20 @@ def parse_bridge(data: bytes, path: str) -> Bridge:
 
 def _check_depth(text: str) -> None:
     """Raise YAMLError for nesting that no bridge has, and that PyYAML's C code would end the process over."""
+    if text.count("[") + text.count("{") + max(map(_depth, text.split("\n"))) <= _MAX_DEPTH:
+        return  # there is not enough in it to nest so deep
     depth = 0
     for event in yaml.parse(text, Loader=_LOADER):
         mark: Any = event.start_mark
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if depth > _MAX_DEPTH:
             raise yaml.MarkedYAMLError(problem=f"nested deeper than {_MAX_DEPTH}", problem_mark=mark)
+
+
+def _depth(line: str) -> int:
+    """Return how deep a line can be at most: two blocks, a mapping and its sequence, for each column it may begin at."""
+    indentation = len(line) - len(line.lstrip())
+    return 2 * (indentation + line.count("- ") + line.count("? ") + line.count(": ") + 1)
 
 
 class _Reader:
@@ -136,7 +144,9 @@ class _Reader:
             return None
         direction, multi = _LISTS[name]
         entry = BridgeEntry(direction, topic, type_name, self.place(values["topic"]), self.place(values["type"]), multi)
-        optional = {key: node for key, node in values.items() if not _is_null(node)}
+        optional = {key: node for key, node in values.items() if key in _OPTIONAL and not _is_null(node)}
+        if not (optional or extra):
+            return entry
         without_effect = self.without_effect(optional, name)
         known = {key: node for key, node in optional.items() if key not in without_effect}
         return entry._replace(**self.optional(known, extra), extra=MappingProxyType(extra | without_effect))
@@ -154,14 +164,7 @@ class _Reader:
     def optional(self, values: Mapping[str, yaml.Node], extra: dict[str, object]) -> dict[str, Any]:
         """Return what the optional keys say; a value of a kind that is not known goes to `extra`."""
         found: dict[str, Any] = {}
-        readers = {
-            "rate_limit": (read_rate, "a frequency in Hz, 0 or 'unlimited'"),
-            "instance": (_instance, f"a whole number from 0 to {_MAX_INSTANCE}"),
-            "route_field": (_field, "the name of a field"),
-            "max_instances": (_count, f"a whole number from 1 to {_MAX_INSTANCE}"),
-            "options": (_mapping, "a mapping"),
-        }
-        for key, (read, expected) in readers.items():
+        for key, (read, expected) in _OPTIONAL.items():
             if key in values:
                 value = read(_data(values[key]))
                 if value is None:
@@ -196,7 +199,8 @@ class _Reader:
         values: dict[str, yaml.Node] = {}
         extra: dict[str, object] = {}
         merges = any(key.tag.endswith(":merge") for key, _ in node.value)
-        yaml.constructor.SafeConstructor().flatten_mapping(node)
+        if merges:
+            yaml.constructor.SafeConstructor().flatten_mapping(node)
         for key, value in node.value:
             if key.value in known:
                 if key.value in values and not merges:
@@ -251,6 +255,18 @@ def _mapping(value: object) -> Mapping[str, object] | None:
     return MappingProxyType(value) if isinstance(value, dict) else None
 
 
+_OPTIONAL: Mapping[str, tuple[Callable[[object], object], str]] = MappingProxyType(
+    {
+        "rate_limit": (read_rate, "a frequency in Hz, 0 or 'unlimited'"),
+        "instance": (_instance, f"a whole number from 0 to {_MAX_INSTANCE}"),
+        "route_field": (_field, "the name of a field"),
+        "max_instances": (_count, f"a whole number from 1 to {_MAX_INSTANCE}"),
+        "options": (_mapping, "a mapping"),
+    }
+)
+"""What reads the value of an optional key, and what it expects."""
+
+
 def _data(node: yaml.Node, made: dict[int, object] | None = None) -> object:
     """Return the value that YAML takes the node for, as text where it is none that Python has.
 
@@ -269,11 +285,17 @@ def _data(node: yaml.Node, made: dict[int, object] | None = None) -> object:
         made[id(node)] = values
         values |= {str(_found(key)): _data(value, made) for key, value in node.value}
         return values
+    return made.setdefault(id(node), _scalar(node))
+
+
+def _scalar(node: yaml.Node) -> object:
+    if node.tag.endswith(":str"):
+        return str(node.value)
     try:
         value: object = yaml.constructor.SafeConstructor().construct_object(node)
     except (ValueError, yaml.YAMLError):
-        value = str(node.value)
-    return made.setdefault(id(node), value)
+        return str(node.value)
+    return value
 
 
 def _is_null(node: yaml.Node) -> bool:
