@@ -104,7 +104,7 @@ def _check_depth(text: str) -> None:
 
 
 def _depth(line: str) -> int:
-    """Return how deep a line can be at most: two blocks, a mapping and its sequence, for each column it may begin at."""
+    """Return how deep a line can be at most: a mapping and its sequence for each column that it may begin at."""
     indentation = len(line) - len(line.lstrip())
     return 2 * (indentation + line.count("- ") + line.count("? ") + line.count(": ") + 1)
 
