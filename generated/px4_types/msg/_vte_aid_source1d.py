@@ -91,7 +91,7 @@ class VteAidSource1d(_cdr.Message):
     """float32 [-] Square of the innovation over its variance."""
 
     fusion_status: int
-    """uint8 [@enum STATUS] What became of the measurement."""
+    """uint8 [@enum VTE_FUSION_STATUS] What became of the measurement."""
 
     time_since_meas_ms: float
     """float32 [ms] Age of the measurement when it was processed."""
@@ -173,7 +173,7 @@ class VteAidSource1d(_cdr.Message):
             _cdr.Field("innovation", "float32", 32, 4, unit="-"),
             _cdr.Field("innovation_variance", "float32", 36, 4, unit="-"),
             _cdr.Field("test_ratio", "float32", 40, 4, unit="-"),
-            _cdr.Field("fusion_status", "uint8", 44, 1, enum="STATUS"),
+            _cdr.Field("fusion_status", "uint8", 44, 1, enum="VTE_FUSION_STATUS"),
             _cdr.Field("time_since_meas_ms", "float32", 48, 4, unit="ms"),
             _cdr.Field("history_steps", "uint8", 52, 1, unit="-"),
         ),

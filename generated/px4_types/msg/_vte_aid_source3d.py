@@ -92,7 +92,7 @@ class VteAidSource3d(_cdr.Message):
     """float32[3] [-] Square of the innovation over its variance."""
 
     fusion_status: bytes
-    """uint8[3] [@enum STATUS] What became of the measurement on each axis."""
+    """uint8[3] [@enum VTE_FUSION_STATUS] What became of the measurement on each axis."""
 
     time_since_meas_ms: float
     """float32 [ms] Age of the measurement when it was processed."""
@@ -192,7 +192,7 @@ class VteAidSource3d(_cdr.Message):
             _cdr.Field("innovation", "float32[3]", 48, 12, unit="-", frame="NED"),
             _cdr.Field("innovation_variance", "float32[3]", 60, 12, unit="-", frame="NED"),
             _cdr.Field("test_ratio", "float32[3]", 72, 12, unit="-"),
-            _cdr.Field("fusion_status", "uint8[3]", 84, 3, enum="STATUS"),
+            _cdr.Field("fusion_status", "uint8[3]", 84, 3, enum="VTE_FUSION_STATUS"),
             _cdr.Field("time_since_meas_ms", "float32", 88, 4, unit="ms"),
             _cdr.Field("history_steps", "uint8", 92, 1, unit="-"),
         ),
