@@ -239,6 +239,7 @@ SAID_DIFFERENTLY = {
 SPELLINGS = {"°C": "degC", "Gs": "Gauss", "(m/s)^2": "m^2/s^2"}
 """Units that two releases spell in two ways: the embedded ones have one comment."""
 
+
 @every_release
 def test_tags_are_those_of_the_firmware(release: str) -> None:
     """Where the firmware has a tag, it is the same here; where it has prose, there may be more."""

@@ -32,7 +32,8 @@ def find_not_raised(comparison: Comparison) -> Iterator[Change]:
         jumps = (after < before or skipped is not None) and not _means_the_same(pair)
         if jumps or (pair.differs and after <= before):
             hint = "" if skipped is None else f", and version {skipped} is not in the archive"
-            yield _change(pair, f"'{pair.name}' changed: expected {VERSION} = {before + 1}, found {after}{hint}")
+            found = f"found {after}{hint}" if after >= before else f"it went down to {after}"
+            yield _change(pair, f"'{pair.name}' changed: expected {VERSION} = {before + 1}, {found}")
 
 
 def find_needless(comparison: Comparison) -> Iterator[Change]:

@@ -88,8 +88,9 @@ def _by_path(option: BoardOption) -> Board:
     if not os.path.isfile(option.text):
         from msggen.firmware.neighbour import neighbour
 
-        hint = neighbour(option.text, is_meant=os.path.exists)
-        raise _fault(option, f"'{option.text}': no such file{hint}")
+        what = "a folder, expected a file" if os.path.isdir(option.text) else "no such file"
+        hint = "" if os.path.isdir(option.text) else neighbour(option.text, is_meant=os.path.exists)
+        raise _fault(option, f"'{option.text}': {what}{hint}")
     folder, name = os.path.split(option.text)
     label, suffix = os.path.splitext(name)
     _refuse_all_yes(option, label)

@@ -211,10 +211,9 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
         yield Diagnostic(places[next(iter(conditional))], "M407", text)
     for condition, names in conditional.items():
         if sources.board and sources.board.builds(condition) is None:
-            text = (
-                f"cannot tell whether '{condition}' holds for {sources.board.name}, its messages are kept: {few(names)}"
-            )
-            yield Diagnostic(places[condition], "M409", text)
+            text = f"cannot tell whether '{condition}' holds for {sources.board.name}"
+            why = f"its messages are kept: {few(names)}; neither the board nor a Kconfig file decides it"
+            yield Diagnostic(places[condition], "M409", f"{text}, {why}")
 
 
 def _unknown_types(outer: Message, known: Mapping[str, Message], unbuilt: Mapping[str, str]) -> Iterator[Diagnostic]:

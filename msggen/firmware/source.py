@@ -234,6 +234,9 @@ def with_board(sources: Sources, option: BoardOption | None) -> Sources:
     from msggen.firmware.cmake import parse_lists
 
     root = sources.root
+    if sources.embedded and not option.is_path:
+        text = f"{sources.label} has no boards: all of its messages count, whatever '{option.text}' builds"
+        return sources._replace(notices=(*sources.notices, Diagnostic(option.place, "S122", text)))
     if root is None or sources.lists is None:
         if option.optional:
             return sources

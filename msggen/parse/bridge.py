@@ -33,7 +33,7 @@ _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _TYPE = re.compile(r"[a-z][a-z0-9_]*::msg::[A-Za-z][A-Za-z0-9_]*")
 _FIELD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _MAX_DEPTH = 32
-_MAX_INSTANCE = 255
+_MOST_INSTANCES = 255
 """uORB counts instances in 8 bits."""
 
 _UNLIMITED = ("unlimited", "off", "none")
@@ -144,7 +144,9 @@ class _Reader:
             return None
         direction, multi = _LISTS[name]
         entry = BridgeEntry(direction, topic, type_name, self.place(values["topic"]), self.place(values["type"]), multi)
-        optional = {key: node for key, node in values.items() if key in _OPTIONAL and not _is_null(node)}
+        optional = {
+            key: node for key, node in values.items() if key in _OPTIONAL and (key == "instance" or not _is_null(node))
+        }
         if not (optional or extra):
             return entry
         without_effect = self.without_effect(optional, name)
@@ -202,7 +204,9 @@ class _Reader:
         if merges:
             yaml.constructor.SafeConstructor().flatten_mapping(node)
         for key, value in node.value:
-            if key.value in known:
+            if not isinstance(key, yaml.ScalarNode):
+                self.note(key, "Y101", f"not YAML that PX4 reads: expected a text as a key, found {_found(key)}")
+            elif key.value in known:
                 if key.value in values and not merges:
                     self.note(key, "Y103", f"the key '{key.value}' stands here twice, the last one counts")
                 values[key.value] = value
@@ -236,11 +240,11 @@ def read_rate(value: object) -> float | None:
 
 
 def _instance(value: object) -> int | None:
-    return value if _is_whole(value) and 0 <= value <= _MAX_INSTANCE else None
+    return value if _is_whole(value) and value >= 0 else None
 
 
 def _count(value: object) -> int | None:
-    return value if _is_whole(value) and 1 <= value <= _MAX_INSTANCE else None
+    return value if _is_whole(value) and 1 <= value <= _MOST_INSTANCES else None
 
 
 def _is_whole(value: object) -> TypeGuard[int]:
@@ -258,9 +262,9 @@ def _mapping(value: object) -> Mapping[str, object] | None:
 _OPTIONAL: Mapping[str, tuple[Callable[[object], object], str]] = MappingProxyType(
     {
         "rate_limit": (read_rate, "a frequency in Hz, 0 or 'unlimited'"),
-        "instance": (_instance, f"a whole number from 0 to {_MAX_INSTANCE}"),
+        "instance": (_instance, "a whole number from 0"),
         "route_field": (_field, "the name of a field"),
-        "max_instances": (_count, f"a whole number from 1 to {_MAX_INSTANCE}"),
+        "max_instances": (_count, f"a whole number from 1 to {_MOST_INSTANCES}"),
         "options": (_mapping, "a mapping"),
     }
 )

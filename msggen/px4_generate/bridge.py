@@ -23,7 +23,7 @@ SCRIPT = "generate_dds_topics.py"
 
 _LISTS = ("publications", "subscriptions", "subscriptions_multi")
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_COMPUTED = re.compile(r"""\[\s*["'](\w+)["']\s*\]\s*=(?!=)|setdefault\(\s*["'](\w+)["']""")
+_COMPUTED = re.compile(r"""\[\s*["'](\w+)["']\s*\]\s*=(?!=)|(?:setdefault|update)\(\s*\{?\s*["']?(\w+)""")
 
 
 class BridgeRequest(NamedTuple):
@@ -102,11 +102,20 @@ def _read(path: str) -> dict[str, list[_Entry]]:
             data = stream.read()
     except OSError as error:
         raise fault(path, "S101", f"cannot read the topics: {error.strerror or error}", 0) from error
-    errors = [found for found in parse_bridge(data, path).found if found.level is Level.ERROR or found.code == "Y105"]
+    errors = [found for found in parse_bridge(data, path).found if found.level is Level.ERROR or _stops(found)]
     if errors:
         raise InputError(errors)
-    root = yaml.load(data, Loader=_LOADER) or {}  # noqa: S506 - it is a safe one
+    try:
+        root = yaml.load(data, Loader=_LOADER) or {}  # noqa: S506 - it is a safe one
+    except yaml.YAMLError as error:
+        text = " ".join(str(error).split("\n", 1)[0].split())
+        raise fault(path, "Y101", f"not YAML that PX4 reads: {text}", 0) from None
     return {name: [_Entry(entry) for entry in root.get(name) or []] for name in _LISTS}
+
+
+def _stops(found: Diagnostic) -> bool:
+    """Whether the script stops at what is only a warning elsewhere."""
+    return found.code == "Y105" and found.message.startswith(("'rate_limit'", "'instance'"))
 
 
 def _describe(entry: _Entry, namespace: str) -> None:
