@@ -33,7 +33,7 @@ INTEGER_RANGES: Mapping[str, tuple[int, int]] = {
     "int64": (-(2**63), 2**63 - 1),
     "uint64": (0, 2**64 - 1),
 }
-"""Smallest and largest value of each integer type. `char` counts as `uint8` (FACTS 2 and 3)."""
+"""Smallest and largest value of each integer type. `char` counts as `uint8`, as in PX4 and ROS 2."""
 
 FLOATS = ("float32", "float64")
 STRINGS = ("string", "wstring")
@@ -48,10 +48,10 @@ SIZES: Mapping[str, int] = {
     "float32": 4,
     "float64": 8,
 }
-"""Bytes of each primitive that has a fixed size (FACTS 3)."""
+"""Bytes of each primitive that has a fixed size in CDR (OMG DDS-XTypes 1.3, section 7.4)."""
 
 VERSION = "MESSAGE_VERSION"
-"""The constant that says which version of a message a definition is (FACTS 1)."""
+"""The constant that says which version of a message a definition is."""
 
 DEFAULT_PACKAGE = "px4_msgs"
 """The ROS 2 package that the firmware's definitions belong to."""
@@ -64,7 +64,7 @@ _LATER_CAPITAL = re.compile(r"(?<!^)(?=[A-Z])")
 
 @cache
 def snake_case(name: str) -> str:
-    """Return `name` as uORB spells topics: an underscore before every later capital (FACTS 1)."""
+    """Return `name` as uORB spells topics: an underscore before every later capital."""
     return _LATER_CAPITAL.sub("_", name).lower()
 
 
@@ -216,7 +216,7 @@ class Message(NamedTuple):
 
     @property
     def topic_names(self) -> tuple[str, ...]:
-        """The uORB topics of this message: what it declares, or else its own name (FACTS 1); none of a version."""
+        """The uORB topics of this message: what it declares, or else its own name; none of a version."""
         if self.version_of:
             return ()
         return tuple(topic.name for topic in self.topics) or (snake_case(self.name),)

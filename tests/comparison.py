@@ -45,7 +45,7 @@ class Definition(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One value: how to reach it, where it lies, and its type; char and byte are uint8 by other names (FACTS 3)."""
+    """One value: how to reach it, where it lies, and its type; char and byte are uint8 by other names."""
 
     path: str
     offset: int
@@ -65,7 +65,7 @@ def definition(text: str) -> Definition:
 
 
 def rows(messages: dict[str, Definition], name: str, names: Names | None = None) -> list[Row]:
-    """Return every value of a message, the elements of arrays one by one, in XCDR1 (FACTS 3).
+    """Return every value of a message, the elements of arrays one by one, in XCDR1.
 
     Fields that `names` has are called as it says.
     """
@@ -117,7 +117,7 @@ def size(messages: dict[str, Definition], name: str) -> int:
 
 
 def spelling(messages: dict[str, Definition], name: str) -> list[str]:
-    """Return the lines that the firmware hashes (FACTS 2)."""
+    """Return the lines that the firmware hashes."""
     lines = []
     for type_, length, field in messages[name].fields:
         lines.append(f"{type_}[{length}] {field}" if length else f"{type_} {field}")

@@ -102,7 +102,7 @@ def test_every_embedded_message_decodes_from_every_encoding(
 def test_padding_is_ignored_whatever_stands_in_it(
     order: str, version: int, surplus: int, embedded: Catalog, px4_types: Any
 ) -> None:
-    """The firmware leaves stale memory in padding, and samples arrive rounded up (FACTS 3)."""
+    """The firmware leaves stale memory in padding, and samples arrive rounded up."""
     message = embedded.messages["px4_msgs/EscStatus"]
     values = to_values(embedded, message, px4_types.EscStatus())
     clean = serialize(embedded, message, values, order, version)

@@ -22,7 +22,7 @@ Shape = tuple["tuple[str, str, Shape | None]", ...]
 """Type and name of each field, and the shape of what it nests: all that decides bytes, names and hashes."""
 
 _SAME_VALUES = {"char": "uint8", "byte": "uint8"}
-"""Other names for the same bytes with the same meaning (FACTS 3)."""
+"""Other names for the same bytes with the same meaning: PX4 and ROS 2 read all three as 0 to 255."""
 
 
 class Extra(NamedTuple):
@@ -134,7 +134,7 @@ class MessagePair:
     def misread_by(self) -> tuple[Reader, ...]:
         """Which readers decode the other side's samples into wrong values without an error.
 
-        Samples arrive rounded up to 4 bytes, so sizes count rounded up (FACTS 3). Values are right where a field of
+        Samples arrive rounded up to 4 bytes, so sizes count rounded up. Values are right where a field of
         the same name and meaning, or one that was only renamed, lies in the same bytes of the other side. What lies in
         its padding is wrong: padding is not zero on the wire.
         """
@@ -263,7 +263,7 @@ def _content(catalog: Catalog, message: Message) -> tuple[Shape, dict[str, tuple
 
 
 def meaning(type_: FieldType) -> str:
-    """Return what one value of a type means: `char` and `byte` are other names for `uint8` (FACTS 3)."""
+    """Return what one value of a type means: `char` and `byte` are other names for `uint8`."""
     return _SAME_VALUES.get(type_.base, type_.base)
 
 

@@ -148,7 +148,7 @@ class MessageView(NamedTuple):
 
     @property
     def unpack(self) -> str:
-        """How `decode` unpacks: samples arrive rounded up to 4 bytes (FACTS 3), so others have one length."""
+        """How `decode` unpacks: samples arrive rounded up to 4 bytes, so others have one length."""
         return "unpack_from" if self.cdr_size % 4 else "unpack"
 
     @property

@@ -1,4 +1,4 @@
-"""Comments: sentences, and the tags that PX4 writes in brackets (FACTS 1).
+"""Comments: sentences, and the tags that PX4 writes in brackets (docs/build.md).
 
 `# [m/s] [@range 0, 100] [@enum STATE] [@invalid NaN] [@frame NED] What the field means.`
 """
