@@ -1,7 +1,7 @@
 """What the firmware and ROS 2 call a message: hashes, ids and names.
 
-The firmware's `Tools/msg` computes hashes and ORB ids, its `src/modules/uxrce_dds_client` names and object ids; REP 2016
-has ROS 2's type hash.
+The firmware's `Tools/msg` computes hashes and ORB ids, its `src/modules/uxrce_dds_client` names and object ids.
+REP 2016 has ROS 2's type hash.
 """
 
 from collections.abc import Iterator
