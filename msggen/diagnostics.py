@@ -48,6 +48,7 @@ CODES: dict[str, str] = {
     "Y105": "a value of a kind that msggen does not know",
     "Y106": "a key that has no effect where it stands",
     "Y107": "options that Zenoh's client does not know",
+    "Y108": "a route of a kind that msggen does not know",
     "Y201": "a type that no message defines",
     "Y202": "a topic that no message declares",
     "Y203": "a topic that another message declares",
@@ -129,6 +130,7 @@ _LEVELS: Mapping[str, Level] = MappingProxyType(
         "Y105": Level.WARNING,
         "Y106": Level.WARNING,
         "Y107": Level.WARNING,
+        "Y108": Level.WARNING,
         "S119": Level.NOTE,
         "S120": Level.NOTE,
     }

@@ -247,12 +247,14 @@ DOUBTS = [
     doubt("Y105", "4:13", "a whole number from 0, found 1.5", f"{ENTRY}  instance: 1.5\n"),
     doubt("Y105", "4:13", "a whole number from 0, found true", f"{ENTRY}  instance: true\n"),
     doubt("Y105", "4:13", "a whole number from 0, found null", f"{ENTRY}  instance: null\n"),
-    doubt("Y105", "5:18", "a whole number from 1 to 255, found 0", f"{MULTI}  route_field: id\n  max_instances: 0\n"),
-    doubt("Y105", "5:16", "the name of a field, found a list", f"{ROUTED}  route_field: [id]\n"),
+    doubt("Y108", "5:18", "a whole number from 1 to 255, found 0", f"{MULTI}  route_field: id\n  max_instances: 0\n"),
+    doubt("Y108", "5:16", "the name of a field, found a list", f"{ROUTED}  route_field: [id]\n"),
     doubt("Y106", "4:16", "no effect in 'publications', only in 'subscriptions_multi'", f"{ENTRY}  route_field: id\n"),
     doubt("Y106", "4:15", "'rate_limit' has no effect in 'subscriptions_multi'", f"{MULTI}  rate_limit: 5\n"),
     doubt("Y107", "4:12", "expected a mapping, found a list", f"{ENTRY}  options: [1]\n"),
     doubt("Y107", "4:13", "unknown option 'pro', did you mean 'prio'?", f"{ENTRY}  options: {{pro: data}}\n"),
+    doubt("Y107", "4:13", "unknown option 'a list'", f"{ENTRY}  options: {{[a]: 1}}\n"),
+    doubt("Y107", "4:22", "'express': expected true, false; found 1", f"{ENTRY}  options: {{express: 1}}\n"),
     doubt("Y107", "4:17", "'cc': expected drop, block; found wait", f"{ENTRY}  options: {{cc: wait}}\n"),
 ]
 

@@ -173,8 +173,7 @@ def _newer_than_known(
         return
     versions = ((message, known_version(message.name)) for message in messages[: sources.own] if message.is_versioned)
     later = [(message, known) for message, known in versions if known is not None and message.message_version > known]
-    new_keys = [found for found in bridge.found if found.code == "Y103" and "did you mean" not in found.message]
-    if later or new_keys:
+    if later or bridge.has_new_keys:
         message, known = later[0] if later else (None, None)
         what = f"'{message.name}' is version {message.message_version}, there {known}" if message else "unknown keys"
         text = f"has more than PX4 {NEWEST}, the newest release that msggen knows: {what}"

@@ -67,6 +67,12 @@ class Bridge(NamedTuple):
     extra: Mapping[str, object] = MappingProxyType({})
     found: tuple[Diagnostic, ...] = ()
 
+    @property
+    def has_new_keys(self) -> bool:
+        """Whether there is a key that is not known, nor like one that is."""
+        unknown = {*self.extra, *(key for entry in self.entries for key in entry.extra)}.difference(KEYS)
+        return any(not suggestion(key, (*KEYS, *_LISTS)) for key in unknown)
+
 
 def parse_bridge(data: bytes, path: str) -> Bridge:
     """Read the bytes of `path`; return its entries, with the errors and warnings that were found."""
@@ -170,7 +176,7 @@ class _Reader:
             if key in values:
                 value = read(_data(values[key]))
                 if value is None:
-                    code = "Y107" if key == "options" else "Y105"
+                    code = "Y107" if key == "options" else "Y108" if key in _OF_MULTI else "Y105"
                     self.note(values[key], code, f"'{key}': expected {expected}, found {_found(values[key])}")
                     extra[key] = _data(values[key])
                 else:
@@ -179,17 +185,20 @@ class _Reader:
             self.check_options(values["options"])
         if "route_field" in values and "max_instances" not in values:
             self.note(values["route_field"], "Y104", "expected the key 'max_instances' beside 'route_field'")
+        if "route_field" in found and "max_instances" not in found:
+            extra["route_field"] = found.pop("route_field")
         return found
 
     def check_options(self, node: yaml.Node) -> None:
         """Warn of options that Zenoh's client would refuse when it starts."""
         for key, value in node.value:
-            known = ZENOH_OPTIONS.get(key.value)
+            name = str(_found(key))
+            known = ZENOH_OPTIONS.get(name)
             if known is None:
-                self.note(key, "Y107", f"unknown option '{_found(key)}'{suggestion(str(key.value), ZENOH_OPTIONS)}")
-            elif _data(value) not in known:
+                self.note(key, "Y107", f"unknown option '{name}'{suggestion(name, ZENOH_OPTIONS)}")
+            elif repr(_data(value)) not in map(repr, known):  # 1 is no true here, though it equals it
                 words = ", ".join(str(word).lower() for word in known)
-                self.note(value, "Y107", f"'{key.value}': expected {words}; found {_found(value)}")
+                self.note(value, "Y107", f"'{name}': expected {words}; found {_found(value)}")
 
     def mapping(
         self, node: yaml.Node, known: Iterable[str], what: str

@@ -102,7 +102,7 @@ def _read(path: str) -> dict[str, list[_Entry]]:
             data = stream.read()
     except OSError as error:
         raise fault(path, "S101", f"cannot read the topics: {error.strerror or error}", 0) from error
-    errors = [found for found in parse_bridge(data, path).found if found.level is Level.ERROR or _stops(found)]
+    errors = [found for found in parse_bridge(data, path).found if found.level is Level.ERROR or found.code == "Y105"]
     if errors:
         raise InputError(errors)
     try:
@@ -111,11 +111,6 @@ def _read(path: str) -> dict[str, list[_Entry]]:
         text = " ".join(str(error).split("\n", 1)[0].split())
         raise fault(path, "Y101", f"not YAML that PX4 reads: {text}", 0) from None
     return {name: [_Entry(entry) for entry in root.get(name) or []] for name in _LISTS}
-
-
-def _stops(found: Diagnostic) -> bool:
-    """Whether the script stops at what is only a warning elsewhere."""
-    return found.code == "Y105" and found.message.startswith(("'rate_limit'", "'instance'"))
 
 
 def _describe(entry: _Entry, namespace: str) -> None:
