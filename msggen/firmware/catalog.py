@@ -17,7 +17,8 @@ from msggen.firmware.consistency import (
     check_timestamps,
     check_topics,
 )
-from msggen.firmware.release import CONVENTIONS, NEWEST, as_shown, known_version, recognise
+from msggen.firmware.embedded import newest_version
+from msggen.firmware.release import CONVENTIONS, NEWEST, as_shown, recognise
 from msggen.firmware.source import CLIENT_SOURCES, File, Sources, read_file, read_files
 from msggen.location import Location
 from msggen.model import (
@@ -171,7 +172,7 @@ def _newer_than_known(
     """Say that the newest conventions are followed where a tree has what no release has that msggen knows."""
     if sources.release is not None or not sources.is_tree or conventions.release != NEWEST:
         return
-    versions = ((message, known_version(message.name)) for message in messages[: sources.own] if message.is_versioned)
+    versions = ((message, newest_version(message.name)) for message in messages[: sources.own] if message.is_versioned)
     later = [(message, known) for message, known in versions if known is not None and message.message_version > known]
     if later or bridge.has_new_keys:
         message, known = later[0] if later else (None, None)

@@ -68,6 +68,14 @@ def embedded_tree(release: str) -> Tree:
     return Snapshot(PREFIX + release, files, {})
 
 
+def newest_version(name: str) -> int | None:
+    """Return the version of the message `name` in the newest release, None where that has no such versioned message."""
+    newest, path = Folder(embedded_root()), f"msg/versioned/{name}.msg"
+    text = newest.read(path).decode() if newest.is_file(path) else ""
+    found = re.search(r"^uint32 MESSAGE_VERSION = (\d+)", text, re.MULTILINE)
+    return int(found[1]) if found else None
+
+
 def is_of_release(name: str) -> bool:
     """Whether a file of this name belongs to a release."""
     return name.endswith((".msg", ".srv")) or name == "dds_topics.yaml"

@@ -6,31 +6,34 @@ tree between two releases is told truly; definitions alone show the release.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from msggen.model import VERSION, BridgeEntry, Conventions, Message
-from msggen.resources import embedded_root
+from msggen.firmware.embedded import EMBEDDED
+from msggen.model import BridgeEntry, Conventions, Message
+
+_V1_14 = Conventions(
+    "v1.14",
+    first_subscription_id=1000,
+    full_topic_path=False,
+    version_suffix=False,
+    default_interval_ms=10,
+    exact_intervals=False,
+)
+_V1_15 = _V1_14._replace(release="v1.15", first_subscription_id=2048, full_topic_path=True)
+_V1_16 = _V1_15._replace(release="v1.16", version_suffix=True)
+_V1_17 = _V1_16._replace(release="v1.17")
+_V1_18 = _V1_17._replace(release="v1.18", default_interval_ms=4, exact_intervals=True)
+_MAIN = _V1_18._replace(release="main")
 
 CONVENTIONS: Mapping[str, Conventions] = MappingProxyType(
-    {
-        convention.release: convention
-        for convention in (
-            Conventions("v1.14", 1000, False, False, 10, False),  # noqa: FBT003 - a table
-            Conventions("v1.15", 2048, True, False, 10, False),  # noqa: FBT003
-            Conventions("v1.16", 2048, True, True, 10, False),  # noqa: FBT003
-            Conventions("v1.17", 2048, True, True, 10, False),  # noqa: FBT003
-            Conventions("v1.18", 2048, True, True, 4, True),  # noqa: FBT003
-            Conventions("main", 2048, True, True, 4, True),  # noqa: FBT003
-        )
-    }
+    {each.release: each for each in (_V1_14, _V1_15, _V1_16, _V1_17, _V1_18, _MAIN)}
 )
-"""By release: first id of a subscription, whole topic path, version suffix, default interval in ms, exact intervals."""
+"""By release, each with what it changed."""
 
-NEWEST = "v1.18"
+NEWEST = EMBEDDED[0]
 """The newest release; `main` follows it."""
 
 _SINCE_V1_18 = "SetpointConfig"
@@ -38,7 +41,6 @@ _SINCE_V1_15 = "RegisterExtComponentRequest"
 """Messages that a release brought."""
 
 _DEFAULT_INTERVAL = re.compile(r"#define\s+UXRCE_DEFAULT_POLL_\w+\s+(\d+)")
-_VERSION = re.compile(rf"^uint32 {VERSION} = (\d+)", re.MULTILINE)
 _FIRST_ID = re.compile(r"case @\(idx\)\s*\+\s*(?:(\d+)|\(65535U / 32U\) \+ 1)")
 
 
@@ -77,13 +79,3 @@ def as_shown(conventions: Conventions, header: str, utilities: str) -> Conventio
         shown["full_topic_path"] = "/fmu/%s/%s" not in utilities
         shown["version_suffix"] = '"_v%u"' in utilities
     return conventions._replace(**shown)
-
-
-def known_version(name: str) -> int | None:
-    """Return the version of the message `name` in the newest release, None where that has no such versioned message."""
-    try:
-        with open(os.path.join(embedded_root(), "msg", "versioned", f"{name}.msg"), encoding="utf-8") as stream:
-            found = _VERSION.search(stream.read())
-    except OSError:
-        return None
-    return int(found[1]) if found else None

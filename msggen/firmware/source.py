@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 else:
     Board = object  # a name in quotes would be compiled, which takes longer than the rest of the class
 
-RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main")
+RELEASES = (*reversed(EMBEDDED), "main")
 """The releases whose conventions are known (`release` has them)."""
 
 ARCHIVE = "px4_msgs_old/msg"
