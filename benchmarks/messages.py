@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from environment import ROOT
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 from msggen.layout import lay_out
 from msggen.model import Catalog, Message
 

@@ -7,7 +7,7 @@ from string import ascii_lowercase
 from xml.sax.saxutils import escape
 
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 from msggen.layout import Leaf, lay_out
 
 PER_ROW, CELL, ROW, LEFT, TOP = 16, 44, 46, 56, 64

@@ -13,13 +13,13 @@ from msggen.compare.finding import Category, Finding, Report, Rule, Severity
 from msggen.compare.renaming import nearest_message
 from msggen.compare.rules import BREAKING, CHECKED, find
 from msggen.diagnostics import InputError, counted
+from msggen.disk.record import MANIFEST, parse_record
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
-from msggen.firmware.source import Sources, find_sources
+from msggen.firmware.sources import Sources, find_sources
 from msggen.firmware.tree import Folder, Snapshot
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
-from msggen.record import MANIFEST, parse_record
 
 
 def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> Report:

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple, NoReturn
 
 from msggen.diagnostics import fault, suggestion
 from msggen.firmware.embedded import names_release
-from msggen.firmware.source import BoardOption, join_package, split_package
+from msggen.firmware.file import BoardOption
+from msggen.firmware.sources import join_package, split_package
 from msggen.location import Location
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
-from msggen.generate.package import render_package
+from msggen.firmware.sources import find_sources
+from msggen.generate.python.package import render_package
 from msggen.model import Catalog
 
 ROOT = Path(__file__).resolve().parent.parent

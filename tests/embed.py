@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 import yaml
 
 from msggen.firmware.embedded import EMBEDDED, FOLDERS, comments_in, head_of, is_of_release
-from msggen.firmware.source import find_sources, with_archived
+from msggen.firmware.sources import find_sources, with_archived
 from msggen.firmware.tree import Folder, Tree
 
 ROOT = Path(__file__).resolve().parent.parent

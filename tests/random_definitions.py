@@ -16,7 +16,7 @@ from typing import Any
 from conftest import write_definitions
 
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 from msggen.model import FLOATS, INTEGER_RANGES, STRINGS, ArrayKind, Catalog, FieldType, Message
 
 NUMBERS = ("bool", *INTEGER_RANGES, *FLOATS)

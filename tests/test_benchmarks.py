@@ -27,7 +27,7 @@ from effort import QUICK
 from goals import LEAST, MOST, Goal, summary
 from messages import MESSAGES, Sample, read_samples
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 from page import Section, page, printed
 from peers import FLOOR, OURS, PEERS, CannotError, Peer
 from rounds import Contestant, race, race_processes

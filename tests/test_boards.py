@@ -14,11 +14,12 @@ from packages import committed
 from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.diagnostics import InputError
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.kconfig import Configuration, parse_assignments, read_definitions
-from msggen.firmware.source import BoardOption, Sources, find_sources, with_board
+from msggen.firmware.file import BoardOption
+from msggen.firmware.sources import Sources, find_sources, with_board
 from msggen.firmware.tree import Folder
 from msggen.identity import endpoints, uorb_topics
 from msggen.model import Catalog
+from msggen.parse.kconfig import Configuration, parse_assignments, read_definitions
 
 STAMP = "uint64 timestamp\n"
 LISTS = """

@@ -17,14 +17,14 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, shared, write_definitions
 
+from msggen.bump.edits import plan_bump
 from msggen.bump.header import ros_file, with_include
-from msggen.bump.plan import plan_bump
 from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.diagnostics import CODES
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.embedded import embedded_tree
 from msggen.firmware.history import read_history
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 from msggen.firmware.tree import Folder, Tree
 from msggen.model import ArrayKind, FieldType, Message
 

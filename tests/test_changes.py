@@ -12,7 +12,7 @@ from conftest import write_definitions
 from msggen.check import breaking
 from msggen.compare.finding import Finding, Reader, Rule
 from msggen.compare.rules import BREAKING, named
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 
 T = "uint64 timestamp\n"
 TRANSLATIONS = "msg/translation_node/translations"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from msggen.firmware.cmake import is_met, parse_lists, symbols_in
+from msggen.parse.cmake import is_met, parse_lists, symbols_in
 
 UNKNOWN = "EXTERNAL_MODULES_LOCATION"
 

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from msggen.check import breaking, check
 from msggen.compare.finding import Category, Report
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 
 RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03")
 WITHOUT_ORACLE = ("v1.15",)

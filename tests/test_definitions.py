@@ -24,8 +24,9 @@ from msggen.model import (
     Service,
     Value,
 )
-from msggen.parse import decode_text, parse_message, parse_service
 from msggen.parse.comment import parse_comment
+from msggen.parse.definition import parse_message, parse_service
+from msggen.parse.text import decode_text
 
 
 def read(text: str) -> Message:

@@ -24,7 +24,7 @@ from msggen.check import breaking, check
 from msggen.cli import main
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.embedded import EMBEDDED, PREFIX, comments_in, embedded_tree
-from msggen.firmware.source import Sources, find_sources, with_archived
+from msggen.firmware.sources import Sources, find_sources, with_archived
 from msggen.model import Catalog, Comment, Message
 
 NEWEST, *EARLIER = EMBEDDED

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from px4_scripts import expand
 
 from msggen.diagnostics import CODES, Diagnostic, InputError
-from msggen.empy import EmpyTemplate, importing_from
+from msggen.text.empy import EmpyTemplate, importing_from
 
 NAMES: Mapping[str, Any] = {
     "x": 7,

@@ -21,7 +21,8 @@ from hypothesis import strategies as st
 from msggen.cli import DONE, FAILED, main
 from msggen.diagnostics import CODES, Diagnostic, InputError, suggestion
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import File, Sources
+from msggen.firmware.file import File
+from msggen.firmware.sources import Sources
 from msggen.location import Location
 
 STAMP = "uint64 timestamp\n"

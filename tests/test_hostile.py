@@ -26,7 +26,7 @@ from reference import HEADERS, serialize, to_object, to_values
 
 from msggen.cli import main
 from msggen.diagnostics import InputError
-from msggen.generate.package import render_package
+from msggen.generate.python.package import render_package
 from msggen.model import FLOATS, INTEGER_RANGES, ArrayKind, Catalog, Message, snake_case
 
 STAMP = "uint64 timestamp\n"

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from conftest import catalog_of, shared, write_definitions
 
-from msggen.firmware import source
+from msggen.firmware import sources
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.release import CONVENTIONS, as_shown
-from msggen.firmware.source import find_sources
+from msggen.firmware.conventions import CONVENTIONS, as_shown
+from msggen.firmware.sources import find_sources
 from msggen.identity import Endpoint, endpoints, message_hash, type_hash, uorb_topics
 from msggen.layout import lay_out, struct_size
 from msggen.model import Catalog, Direction
@@ -255,4 +255,4 @@ def test_a_tree_is_read_with_its_client(tmp_path: Path) -> None:
 
 
 def test_the_releases_that_can_be_named_are_those_with_conventions() -> None:
-    assert list(CONVENTIONS) == list(source.RELEASES)
+    assert list(CONVENTIONS) == list(sources.RELEASES)

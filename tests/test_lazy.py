@@ -37,7 +37,7 @@ from samples import (
 from test_codec import definitions
 
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 from msggen.model import Catalog
 
 

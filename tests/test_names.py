@@ -19,13 +19,13 @@ from reference import HEADERS, class_of, deserialize, serialize, to_object, to_v
 
 from msggen.diagnostics import InputError
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources, with_archived
-from msggen.generate.names import attribute_names, class_name, member_names, module_name
-from msggen.generate.package import list_package, render_package
+from msggen.firmware.sources import find_sources, with_archived
+from msggen.generate.python.names import attribute_names, class_name, member_names, module_name
+from msggen.generate.python.package import list_package, render_package
 from msggen.identity import message_hash, type_hash
 from msggen.layout import is_static
 from msggen.model import Catalog, Message
-from msggen.parse import parse_message, parse_service
+from msggen.parse.definition import parse_message, parse_service
 
 STAMP = "uint64 timestamp\n"
 WORDS = ("from", "lambda", "self", "encode", "decode", "dtype", "lazy", "upgrade", "classmethod")

@@ -25,8 +25,8 @@ from reference import HEADERS, serialize, to_object, to_values
 from ros_packages import ros_packages
 
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
-from msggen.generate.package import list_package, render_package
+from msggen.firmware.sources import find_sources
+from msggen.generate.python.package import list_package, render_package
 from msggen.layout import is_static
 from msggen.model import Catalog, Message
 

@@ -10,7 +10,7 @@ from conftest import write_definitions
 
 from msggen.cli import DONE, FAILED, main
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 from msggen.identity import endpoints
 
 YAML = "src/modules/uxrce_dds_client/dds_topics.yaml"

@@ -17,7 +17,7 @@ from reference import serialize, to_object
 from msggen.cli import DONE, FAILED, main
 from msggen.diagnostics import Level
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 
 STAMP = "uint64 timestamp  # [us] When it was made.\n"
 LAMP = f"""# A lamp of tomorrow.

@@ -22,7 +22,7 @@ from ros_packages import DEFINITIONS, TYPE_HASHES, manifest, ros_packages
 from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.diagnostics import InputError
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 from msggen.identity import type_hash, uorb_topics
 from msggen.model import Catalog
 

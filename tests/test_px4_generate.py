@@ -21,7 +21,7 @@ from conftest import ROOT, write_definitions
 from px4_scripts import KINDS, bridge, messages
 
 from msggen.cli import DONE, FAILED, main
-from msggen.parse import parse_message
+from msggen.parse.definition import parse_message
 
 TREE = Path(__file__).resolve().parent / "px4_tree"
 FILES = ["msg/CellReport.msg", "msg/PackStatus.msg", "msg/versioned/FleetStatus.msg"]

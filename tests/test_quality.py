@@ -13,9 +13,9 @@ from test_names import write_sources
 from test_nested_packages import sources
 
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 from msggen.generate.build import Build
-from msggen.generate.package import render_package
+from msggen.generate.python.package import render_package
 
 PACKAGE = ROOT / "generated" / "px4_types"
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from msggen.compare.renaming import Candidates, is_renamed, nearest_message
 from msggen.model import Field
-from msggen.parse import parse_message
+from msggen.parse.definition import parse_message
 
 
 def fields(text: str) -> list[Field]:

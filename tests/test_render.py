@@ -34,7 +34,7 @@ from msggen.render.views import (
     TopicView,
     Views,
 )
-from msggen.render.words import FILTERS, camel_case, comment, pascal_case
+from msggen.text.words import FILTERS, camel_case, comment, pascal_case
 
 STAMP = "uint64 timestamp\n"
 TREE = {

@@ -15,7 +15,7 @@ from conftest import shared, write_definitions
 
 from msggen.cli import main
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 from msggen.model import Message
 
 parser = pytest.importorskip("rosidl_adapter.parser", reason="rosidl_adapter has wheels for Linux on x86-64 only")

@@ -12,7 +12,7 @@ from msggen.check import breaking, check, example_of
 from msggen.cli import main
 from msggen.compare.finding import Category, Rule, Severity
 from msggen.compare.rules import BREAKING, CHECKED, RULES
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 
 EXAMPLES = ROOT / "msggen" / "compare" / "examples"
 ALSO = {

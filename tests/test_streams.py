@@ -18,7 +18,7 @@ import pytest
 from conftest import import_package, write_definitions
 
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 
 DEFINITIONS = {
     "msg/Time.msg": "int32 sec\nuint32 nanosec\n",

@@ -1,6 +1,6 @@
 """`msggen sync` on a disk: the package holds what the firmware has, and what is somebody's own stays theirs.
 
-Definitions are real ones, few at a time where the whole set would not show more.
+PackageContents are real ones, few at a time where the whole set would not show more.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from packages import (
 
 from msggen.cli import main
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
-from msggen.package import write
-from msggen.package.change import describe_change
+from msggen.firmware.sources import find_sources
+from msggen.sync import write
+from msggen.sync.change import describe_change
 
 RELEASES = ("v1.14", "v1.16", "v1.17", "v1.18", "main-2026-03")
 

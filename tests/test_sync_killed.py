@@ -24,8 +24,8 @@ from conftest import ROOT, write_definitions
 from packages import PACKAGE, age, content, definition, definitions, firmware, identity, package, plain_package, sync
 
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
-from msggen.package import write
+from msggen.firmware.sources import find_sources
+from msggen.sync import write
 
 KILLS = 200
 CHANGING = {

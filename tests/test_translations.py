@@ -25,9 +25,9 @@ from samples import plain
 
 from msggen.cli import DONE, FINDINGS, main
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources, with_archived
-from msggen.generate.package import list_package, render_package
-from msggen.generate.versions import translation_table
+from msggen.firmware.sources import find_sources, with_archived
+from msggen.generate.python.package import list_package, render_package
+from msggen.generate.python.versions import translation_table
 from msggen.model import Catalog
 from msggen.parse.translation import read_headers, read_translations
 from msggen.translation import Assignment, Number, Place, Step

@@ -25,7 +25,7 @@ from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.diagnostics import InputError
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.history import read_history
-from msggen.firmware.source import find_sources, open_tree
+from msggen.firmware.sources import find_sources, open_tree
 
 RPM = definition("Rpm")
 FIRMWARE = Path("firmware")

@@ -13,7 +13,7 @@ from conftest import VECTORS, import_package, shared
 from reference import deserialize, serialize, to_object, to_values
 
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources
+from msggen.firmware.sources import find_sources
 from msggen.model import Catalog
 
 HEADER = b"\0\1\0\0"

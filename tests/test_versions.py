@@ -35,8 +35,8 @@ from test_translations import class_of
 
 from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.source import find_sources, with_archived
-from msggen.generate.package import list_package, render_package
+from msggen.firmware.sources import find_sources, with_archived
+from msggen.generate.python.package import list_package, render_package
 from msggen.model import FLOATS, INTEGER_RANGES, STRINGS, ArrayKind, Catalog, FieldType, Message
 
 PAGE = (ROOT / "docs" / "versions.md").read_text(encoding="utf-8")

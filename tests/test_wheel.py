@@ -24,7 +24,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_wheel_brings_templates_and_the_embedded_set(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     assert {"msggen/templates/python/message.py.j2", "msggen/embedded/dds_topics.yaml"} <= names
-    assert {"msggen/package/names.txt", "msggen/templates/ros2/package.xml.j2"} <= names
+    assert {"msggen/sync/names.txt", "msggen/templates/ros2/package.xml.j2"} <= names
     messages = [name for name in names if name.startswith("msggen/embedded/msg/") and "px4_msgs_old" not in name]
     assert len([name for name in messages if name.endswith(".msg")]) == 259
     assert {f"msggen/embedded/releases/v1.{number}.msgs" for number in range(14, 18)} <= names

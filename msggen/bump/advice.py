@@ -6,9 +6,9 @@ import os
 import re
 from collections.abc import Iterator
 
-from msggen.bump.archive import read_definition
+from msggen.bump.archived_version import read_definition
 from msggen.bump.header import TODO, changed_constants, find_callers, header_name
-from msggen.bump.step import AS_IT_STANDS, CONSTANT, Step, fields_of
+from msggen.bump.version_step import AS_IT_STANDS, CONSTANT, VersionStep, fields_of
 from msggen.diagnostics import few
 from msggen.firmware.history import TRANSLATIONS, VERSIONED, History, archived_name
 from msggen.model import DEFAULT_PACKAGE, Message, Service
@@ -16,7 +16,7 @@ from msggen.model import DEFAULT_PACKAGE, Message, Service
 _NODE = "msg/translation_node/CMakeLists.txt"
 
 
-def say_what_is_left(step: Step, text: str, headers: dict[str, str]) -> Iterator[str]:
+def say_what_is_left(step: VersionStep, text: str, headers: dict[str, str]) -> Iterator[str]:
     """Say what only people can do; `text` is that of the header, "" where another header translates already."""
     version = step.version + 1
     if _is_unchanged(step):
@@ -37,7 +37,7 @@ def say_what_is_left(step: Step, text: str, headers: dict[str, str]) -> Iterator
         yield f"`msggen breaking{option}{step.options}` tells whether the change is complete"
 
 
-def _left_where_nothing_changed(step: Step) -> Iterator[str]:
+def _left_where_nothing_changed(step: VersionStep) -> Iterator[str]:
     """Say how to go on. Without a repository another run would take the changed file for the old one."""
     path = step.path
     if step.previous.label == AS_IT_STANDS:
@@ -49,7 +49,7 @@ def _left_where_nothing_changed(step: Step) -> Iterator[str]:
         )
 
 
-def _left_of_header(step: Step, text: str) -> Iterator[str]:
+def _left_of_header(step: VersionStep, text: str) -> Iterator[str]:
     path = f"{TRANSLATIONS}/{step.header}"
     todo = [number for number, line in enumerate(text.split("\n"), 1) if TODO in line]
     if todo:
@@ -63,7 +63,7 @@ def _left_of_header(step: Step, text: str) -> Iterator[str]:
         yield f"{path}: was there before, and does not set {few(missing)}"
 
 
-def _is_unchanged(step: Step) -> bool:
+def _is_unchanged(step: VersionStep) -> bool:
     """Whether the definition is the old one still, but for its version."""
     texts = (step.old.text, step.text(step.path))
     before, after = (CONSTANT.sub("", text) for text in texts)
@@ -73,7 +73,7 @@ def _is_unchanged(step: Step) -> bool:
     return before == after and all(same)
 
 
-def _left_of_nested(step: Step, headers: dict[str, str]) -> Iterator[str]:
+def _left_of_nested(step: VersionStep, headers: dict[str, str]) -> Iterator[str]:
     """Name the messages that this one's version depends on, and those whose versions depend on it."""
     versioned = [file.removesuffix(".msg") for file in step.tree.names(VERSIONED)]
     for name in versioned:
@@ -89,7 +89,7 @@ def _left_of_nested(step: Step, headers: dict[str, str]) -> Iterator[str]:
             yield from _left_of_outer(step, message)
 
 
-def _left_of_others(step: Step) -> Iterator[str]:
+def _left_of_others(step: VersionStep) -> Iterator[str]:
     """Name what depends on this message, or the other way round, and has no versions."""
     for name, old in step.nested.items():
         message = step.catalog.messages.get(f"{DEFAULT_PACKAGE}/{name}")
@@ -109,11 +109,11 @@ def _left_of_others(step: Step) -> Iterator[str]:
             yield f"{_name_of(step, service)} {nests}"
 
 
-def _name_of(step: Step, definition: Message | Service) -> str:
+def _name_of(step: VersionStep, definition: Message | Service) -> str:
     return os.path.relpath(definition.location.path, step.tree.path).replace(os.sep, "/")
 
 
-def _left_of_outer(step: Step, outer: Message) -> Iterator[str]:
+def _left_of_outer(step: VersionStep, outer: Message) -> Iterator[str]:
     old = read_definition(step.previous.tree, outer.name)
     header = f"{TRANSLATIONS}/{header_name(outer.name, outer.message_version)}"
     class_name = f"{step.new.name}V{step.version + 1}Translation"
@@ -123,5 +123,5 @@ def _left_of_outer(step: Step, outer: Message) -> Iterator[str]:
         yield f"{header}: let it translate {step.new.name} by {class_name}"
 
 
-def _command(step: Step, name: str) -> str:
+def _command(step: VersionStep, name: str) -> str:
     return f"msggen bump {name}{step.options}{step.previous.option}"

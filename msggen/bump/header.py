@@ -100,7 +100,7 @@ def changed_constants(older: Message, newer: Message, prefix: str = "") -> list[
 
 def render_header(older: Side, newer: Side, topics: tuple[str, ...], headers: Mapping[str, str]) -> str:
     """Return the text of the header. `headers` has the texts of those that exist, by name: they may help."""
-    from msggen.generate.environment import environment
+    from msggen.text.environment import make_environment
 
     name, version = newer.message.name, older.message.message_version + 1
     translators = {
@@ -114,8 +114,8 @@ def render_header(older: Side, newer: Side, topics: tuple[str, ...], headers: Ma
     from_lines = list(from_older.lines(older.message, newer.message, older.age, newer.age))
     to_lines = list(to_older.lines(newer.message, older.message, newer.age, older.age))
     return (
-        environment()
-        .get_template("cpp/translation.h.j2")
+        make_environment()
+        .get_template("bump/translation.h.j2")
         .render(
             name=name,
             older_version=version - 1,
@@ -137,9 +137,9 @@ def render_header(older: Side, newer: Side, topics: tuple[str, ...], headers: Ma
 
 def render_all_translations(header: str) -> str:
     """Return the text of a new `all_translations.h` that includes one header."""
-    from msggen.generate.environment import environment
+    from msggen.text.environment import make_environment
 
-    return environment().get_template("cpp/all_translations.h.j2").render(header=header)
+    return make_environment().get_template("bump/all_translations.h.j2").render(header=header)
 
 
 def includes(text: str, header: str) -> bool:

@@ -6,11 +6,11 @@ import os
 from collections.abc import Collection, Iterator
 from contextlib import nullcontext, suppress
 
-from msggen.bump.plan import Change, Plan, plan_bump
+from msggen.bump.edits import Change, Edits, plan_bump
 from msggen.diagnostics import Diagnostic, InputError, fault
+from msggen.disk.record import locked
 from msggen.firmware.tree import Folder
 from msggen.location import Location
-from msggen.record import locked
 
 _ASIDE = ".msggen-new"
 """Ends the name of a file that is being written: nothing that the firmware builds is called so."""
@@ -19,8 +19,8 @@ _ASIDE = ".msggen-new"
 _WRITABLE = 0o222
 
 
-def bump(firmware: str, name: str, against: str | None) -> Plan:
-    """Plan a new version of the message `name` and write it; return the plan.
+def bump(firmware: str, name: str, against: str | None) -> Edits:
+    """Edits a new version of the message `name` and write it; return the plan.
 
     Runs on the same tree wait for each other. Raises InputError, or OSError where a file cannot be written: nothing is
     changed then.

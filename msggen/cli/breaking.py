@@ -22,7 +22,8 @@ from msggen.cli.common import (
 )
 from msggen.diagnostics import Diagnostic, fault, suggestion
 from msggen.firmware.embedded import EMBEDDED, PREFIX
-from msggen.firmware.source import File, Sources, find_sources, join_package, open_tree, split_package, with_board
+from msggen.firmware.file import File
+from msggen.firmware.sources import Sources, find_sources, join_package, open_tree, split_package, with_board
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 

@@ -22,9 +22,9 @@ from msggen.cli.common import (
     sources_of,
 )
 from msggen.diagnostics import counted, fault
-from msggen.firmware.source import Sources, with_archived
+from msggen.disk.output import OutputPlan
+from msggen.firmware.sources import Sources, with_archived
 from msggen.generate.build import Build, Outcome, depfile, write_if_changed
-from msggen.generate.output import Plan
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
@@ -128,6 +128,6 @@ def _report(outcome: Outcome, label: str, seconds: float, *, writes: bool, verbo
     yield f"{plan.folder}: {counts}, in {seconds:.2f} s"
 
 
-def _print_diffs(plan: Plan) -> None:
+def _print_diffs(plan: OutputPlan) -> None:
     for name in (*plan.written, *plan.removed):
         print_change(os.path.join(plan.folder, name), plan.files.get(name))

@@ -10,7 +10,7 @@ from msggen.cli.common import DONE, FINDINGS, Commands, add_command, check_setti
 from msggen.settings import read_settings
 
 if TYPE_CHECKING:
-    from msggen.bump.plan import Plan
+    from msggen.bump.edits import Edits
 
 
 def add_to(commands: Commands) -> None:
@@ -41,7 +41,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _bump(options: argparse.Namespace) -> int:
-    from msggen.bump.plan import plan_bump
+    from msggen.bump.edits import plan_bump
     from msggen.bump.write import bump
 
     settings = read_settings(".")
@@ -56,7 +56,7 @@ def _bump(options: argparse.Namespace) -> int:
     return FINDINGS if plan.changes and not writes else DONE
 
 
-def _report(plan: Plan, *, writes: bool) -> Iterator[str]:
+def _report(plan: Edits, *, writes: bool) -> Iterator[str]:
     verbs = ("created", "changed") if writes else ("to create:", "to change:")
     yield f"{plan.message}: version {plan.version} to {plan.version + 1}, the old one from {plan.against}"
     for change in plan.changes:

@@ -18,7 +18,7 @@ from msggen.cli.common import (
     is_strict,
     print_report,
 )
-from msggen.firmware.source import Sources, find_sources, with_board
+from msggen.firmware.sources import Sources, find_sources, with_board
 from msggen.settings import Settings, read_settings
 
 

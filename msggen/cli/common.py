@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from msggen.diagnostics import Diagnostic, InputError, Level, counted, fault
 from msggen.firmware.embedded import names_release, unknown_release
-from msggen.firmware.source import BoardOption, Sources, find_sources, split_package, with_board
+from msggen.firmware.file import BoardOption
+from msggen.firmware.sources import Sources, find_sources, split_package, with_board
 from msggen.location import Location
 from msggen.settings import Settings
 
@@ -139,9 +140,9 @@ def _missing(options: argparse.Namespace, settings: Settings) -> Iterator[Diagno
         yield from _missing_folder(split_package(text)[1], settings, None if options.msg_dir else "msg-dir")
     path = settings.topics
     if path and not options.topics and not os.path.exists(path):
-        from msggen.firmware.neighbour import neighbour
+        from msggen.firmware.path_hint import path_hint
 
-        text = f"'{path}': no such file{neighbour(path, is_meant=os.path.exists)}"
+        text = f"'{path}': no such file{path_hint(path, is_meant=os.path.exists)}"
         yield Diagnostic(settings.place("topics"), "S101", text)
 
 
@@ -156,13 +157,13 @@ def _missing_folder(path: str, settings: Settings, key: str | None) -> Iterator[
                 settings.place(key) if key else Location(path, 0), "S105", f"'{path}': {wrong}" if key else wrong
             )
         return
-    from msggen.firmware.neighbour import neighbour
+    from msggen.firmware.path_hint import path_hint
     from msggen.firmware.revision import split_revision
 
     if split_revision(path)[1]:
         return
     folder = path.partition("@")[0] or path
-    hint = neighbour(folder)
+    hint = path_hint(folder)
     if key:
         yield Diagnostic(settings.place(key), "S101", f"'{folder}': no such folder{hint}")
     else:

@@ -35,7 +35,7 @@ def _counts(release: str) -> tuple[int, ...]:
     """Return the numbers that stand below the headings."""
     from msggen.firmware.catalog import read_catalog
     from msggen.firmware.embedded import PREFIX
-    from msggen.firmware.source import find_sources
+    from msggen.firmware.sources import find_sources
 
     catalog = read_catalog(find_sources(PREFIX + release))
     topics = sum(len(message.topic_names) for message in catalog.uorb_messages)

@@ -19,8 +19,8 @@ from msggen.cli.common import (
     sources_of,
 )
 from msggen.diagnostics import counted
+from msggen.disk.output import stale_files, write_stale_files
 from msggen.generate.build import depfile, write_if_changed
-from msggen.generate.output import stale_files, write_stale_files
 from msggen.render import THINGS
 from msggen.settings import read_settings
 

@@ -20,8 +20,8 @@ from msggen.cli.common import (
 from msggen.settings import read_settings
 
 if TYPE_CHECKING:
-    from msggen.package.definitions import Definitions
-    from msggen.package.plan import Plan
+    from msggen.sync.contents import PackageContents
+    from msggen.sync.plan import SyncPlan
 
 _VERBS = {True: ("added", "changed", "removed"), False: ("to add", "to change", "to remove")}
 """What is done to definitions, by whether it was, or only would be."""
@@ -38,7 +38,7 @@ def add_to(commands: Commands) -> None:
         _sync,
         writes=True,
         help="bring a ROS 2 package such as px4_msgs in step with the firmware",
-        description="Make msg/ and srv/ of a ROS 2 package what the firmware has. Definitions that are not the "
+        description="Make msg/ and srv/ of a ROS 2 package what the firmware has. PackageContents that are not the "
         "firmware's, and everything else in the package, stay as they are. A new package may be made without a source, "
         "from the embedded set.",
         epilog="Exit codes: 0 done, 1 out of step (--dry-run, --diff), 2 usage, input or I/O error. "
@@ -68,12 +68,12 @@ def _sync(options: argparse.Namespace) -> int:
         text = "name the firmware with --px4 or the setting px4"
         options.parser.error(f"{text}: '{options.target}' exists, the embedded set is for a new package only")
     sources = firmware_of(options, settings)
-    from msggen.package.definitions import read_definitions
-    from msggen.package.sync import sync
-    from msggen.package.target import Request
+    from msggen.sync.contents import read_contents
+    from msggen.sync.run import sync
+    from msggen.sync.target import Request
 
     writes = not (options.dry_run or options.diff)
-    definitions = read_definitions(sources, options.package, topics_only=options.topics_only)
+    definitions = read_contents(sources, options.package, topics_only=options.topics_only)
     plan = sync(sources, definitions, Request(options.target, options.package, options.create), write=writes)
     print_notices(definitions.notices, quiet=options.quiet)
     if options.diff:
@@ -85,7 +85,7 @@ def _sync(options: argparse.Namespace) -> int:
     return FINDINGS if plan.is_stale and not writes else DONE
 
 
-def _summary(plan: Plan, label: str, *, writes: bool) -> str:
+def _summary(plan: SyncPlan, label: str, *, writes: bool) -> str:
     """Return in a line what was done, or what there would be to do."""
     target = plan.target
     path = target.name if os.path.normpath(target.path) == os.curdir else target.path
@@ -100,9 +100,9 @@ def _summary(plan: Plan, label: str, *, writes: bool) -> str:
     return f"{path} {'from' if writes else 'is out of step with'} {label}: {counts}"
 
 
-def _print_list(plan: Plan, definitions: Definitions, *, writes: bool) -> None:
+def _print_list(plan: SyncPlan, definitions: PackageContents, *, writes: bool) -> None:
     """Print the changes one by one, with the topics that they touch."""
-    from msggen.package.change import COMMENTS, WHITE_SPACE, describe_change
+    from msggen.sync.change import COMMENTS, WHITE_SPACE, describe_change
 
     added, changed, removed = (verb.ljust(len(_VERBS[writes][1])) for verb in _VERBS[writes])
     how = {name: describe_change(name, plan.before[name], plan.files[name]) for name in plan.changed}
@@ -121,8 +121,8 @@ def _print_list(plan: Plan, definitions: Definitions, *, writes: bool) -> None:
         print(f"left alone, not the firmware's: {', '.join(plan.left_alone)}")
 
 
-def _print_diffs(plan: Plan) -> None:
-    from msggen.package.plan import read_if_file
+def _print_diffs(plan: SyncPlan) -> None:
+    from msggen.sync.plan import read_if_file
 
     after = {**plan.files, **plan.scaffold}
     for name in (*plan.added, *plan.changed, *plan.removed, *plan.scaffold):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from msggen.compare.comparison import Comparison, constants_of
 from msggen.compare.finding import Change
-from msggen.compare.source import excerpt
+from msggen.compare.source_code import excerpt
 from msggen.model import VERSION
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
-from msggen.compare import drift, names, semantic, source, topic, version, wire
+from msggen.compare import drift, hash_names, semantic, source_code, topic, version, wire
 from msggen.compare.comparison import Comparison
 from msggen.compare.finding import Category, Finding, Rule, Severity
 
@@ -19,19 +19,25 @@ RULES = (
     Rule("FIELD_RETYPED", "a field has another type", _WIRE, wire.find_retyped),
     Rule("ARRAY_LENGTH_CHANGED", "an array has another length", _WIRE, wire.find_other_length),
     Rule("NESTED_LAYOUT_CHANGED", "values of a nested message, at any depth, lie elsewhere", _WIRE, wire.find_nested),
-    Rule("FIELD_RENAMED", "a field has another name, in the same bytes", _HASH, names.find_renamed),
+    Rule("FIELD_RENAMED", "a field has another name, in the same bytes", _HASH, hash_names.find_renamed),
     Rule(
-        "TYPE_RENAMED", "a type has another name, and the same values in the same bytes", _HASH, names.find_renamed_type
+        "TYPE_RENAMED",
+        "a type has another name, and the same values in the same bytes",
+        _HASH,
+        hash_names.find_renamed_type,
     ),
-    Rule("NESTED_NAME_CHANGED", "a name in a nested message, at any depth, is another", _HASH, names.find_nested),
-    Rule("MESSAGE_REMOVED", "a message is gone", _SOURCE, source.find_removed_messages),
+    Rule("NESTED_NAME_CHANGED", "a name in a nested message, at any depth, is another", _HASH, hash_names.find_nested),
+    Rule("MESSAGE_REMOVED", "a message is gone", _SOURCE, source_code.find_removed_messages),
     Rule(
-        "MESSAGE_RENAMED", "a message has another name, and the same definition", _SOURCE, source.find_renamed_messages
+        "MESSAGE_RENAMED",
+        "a message has another name, and the same definition",
+        _SOURCE,
+        source_code.find_renamed_messages,
     ),
-    Rule("SERVICE_REMOVED", "a service is gone", _SOURCE, source.find_removed_services),
-    Rule("CONSTANT_REMOVED", "a constant is gone", _SOURCE, source.find_removed_constants),
-    Rule("CONSTANT_VALUE_CHANGED", "a constant has another value", _SOURCE, source.find_other_values),
-    Rule("CONSTANT_TYPE_CHANGED", "a constant has another type", _SOURCE, source.find_other_types),
+    Rule("SERVICE_REMOVED", "a service is gone", _SOURCE, source_code.find_removed_services),
+    Rule("CONSTANT_REMOVED", "a constant is gone", _SOURCE, source_code.find_removed_constants),
+    Rule("CONSTANT_VALUE_CHANGED", "a constant has another value", _SOURCE, source_code.find_other_values),
+    Rule("CONSTANT_TYPE_CHANGED", "a constant has another type", _SOURCE, source_code.find_other_types),
     Rule("UNIT_CHANGED", "the values of a field count in another unit", _SEMANTIC, semantic.find_other_unit),
     Rule("RANGE_CHANGED", "the values of a field lie in another range", _SEMANTIC, semantic.find_other_range),
     Rule("FRAME_CHANGED", "the values of a field are given in another frame", _SEMANTIC, semantic.find_other_frame),

@@ -15,7 +15,7 @@ from itertools import combinations
 from msggen.compare.comparison import Comparison, MessagePair, constants_of
 from msggen.compare.finding import Change, Excerpt
 from msggen.compare.semantic import has_same_tags
-from msggen.compare.source import excerpt, wire_value
+from msggen.compare.source_code import excerpt, wire_value
 from msggen.diagnostics import few
 from msggen.firmware.history import ARCHIVE, TRANSLATIONS, VERSIONED, History, archived_name, without_comments
 from msggen.location import Location

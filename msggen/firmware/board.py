@@ -8,11 +8,11 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from msggen.diagnostics import InputError, fault, suggestion
-from msggen.firmware.cmake import is_met, symbols_in
-from msggen.firmware.expression import Truth
-from msggen.firmware.kconfig import Configuration, parse_assignments, read_definitions
-from msggen.firmware.source import BoardOption, File, read_file
+from msggen.firmware.file import BoardOption, File, read_file
 from msggen.firmware.tree import Folder, Snapshot, Tree
+from msggen.parse.cmake import is_met, symbols_in
+from msggen.parse.expression import Truth
+from msggen.parse.kconfig import Configuration, parse_assignments, read_definitions
 
 _SUFFIX = ".px4board"
 _DEFAULT = "default"
@@ -86,10 +86,10 @@ def _by_name(tree: Tree, option: BoardOption) -> Board:
 def _by_path(option: BoardOption) -> Board:
     """Return the board of a file; its board's default, which it changes, lies beside it."""
     if not os.path.isfile(option.text):
-        from msggen.firmware.neighbour import neighbour
+        from msggen.firmware.path_hint import path_hint
 
         what = "a folder, expected a file" if os.path.isdir(option.text) else "no such file"
-        hint = "" if os.path.isdir(option.text) else neighbour(option.text, is_meant=os.path.exists)
+        hint = "" if os.path.isdir(option.text) else path_hint(option.text, is_meant=os.path.exists)
         raise _fault(option, f"'{option.text}': {what}{hint}")
     folder, name = os.path.split(option.text)
     label, suffix = os.path.splitext(name)

@@ -17,9 +17,10 @@ from msggen.firmware.consistency import (
     check_timestamps,
     check_topics,
 )
+from msggen.firmware.conventions import CONVENTIONS, NEWEST, as_shown, recognise
 from msggen.firmware.embedded import newest_version
-from msggen.firmware.release import CONVENTIONS, NEWEST, as_shown, recognise
-from msggen.firmware.source import CLIENT_SOURCES, File, Sources, read_file, read_files
+from msggen.firmware.file import File, read_file
+from msggen.firmware.sources import CLIENT_SOURCES, Sources, read_files
 from msggen.location import Location
 from msggen.model import (
     ARCHIVE_PACKAGE,
@@ -30,11 +31,12 @@ from msggen.model import (
     Message,
     Service,
 )
-from msggen.parse import decode_text, parse_message, parse_service
 from msggen.parse.bridge import Bridge, parse_bridge
+from msggen.parse.definition import parse_message, parse_service
+from msggen.parse.text import decode_text
 
 if TYPE_CHECKING:
-    from msggen.firmware.cmake import MessageLists
+    from msggen.parse.cmake import MessageLists
     from msggen.translation import Translation
 
 COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"})
@@ -185,7 +187,7 @@ def _lists(file: File | None, contents: Mapping[str, bytes]) -> MessageLists | N
     """Return what a tree lists, None without lists."""
     if file is None:
         return None
-    from msggen.firmware.cmake import parse_lists
+    from msggen.parse.cmake import parse_lists
 
     return parse_lists(contents[file.path].decode(errors="replace"), file.path)
 

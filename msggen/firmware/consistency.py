@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.diagnostics import Diagnostic, counted, few, suggestion
-from msggen.firmware.source import LISTS, Sources
+from msggen.firmware.sources import LISTS, Sources
 from msggen.location import Location
 from msggen.model import (
     INTEGER_RANGES,
@@ -25,7 +25,7 @@ from msggen.model import (
 from msggen.parse.definition import OTHER_SPELLINGS
 
 if TYPE_CHECKING:
-    from msggen.firmware.cmake import MessageLists
+    from msggen.parse.cmake import MessageLists
 
 MAX_SIZE = 2**16 - 1
 """uORB keeps the size of a message in 16 bits."""

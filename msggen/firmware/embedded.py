@@ -9,8 +9,8 @@ import os
 import re
 
 from msggen.diagnostics import fault, suggestion
+from msggen.disk.resources import embedded_root
 from msggen.firmware.tree import Folder, Snapshot, Tree
-from msggen.resources import embedded_root
 
 EMBEDDED = ("v1.18", "v1.17", "v1.16", "v1.15", "v1.14")
 """The releases of PX4 whose definitions are embedded, the newest first."""

@@ -10,15 +10,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from msggen.diagnostics import Diagnostic, InputError, suggestion
-from msggen.firmware import source
+from msggen.firmware import sources
 from msggen.firmware.catalog import ARCHIVED_NAME, is_comparable
 from msggen.firmware.tree import Tree
 from msggen.model import ARCHIVE_PACKAGE, PRIMITIVES, Message
-from msggen.parse import decode_text, parse_message
+from msggen.parse.definition import parse_message
+from msggen.parse.text import decode_text
 
 VERSIONED = "msg/versioned"
-ARCHIVE = f"msg/{source.ARCHIVE}"
-TRANSLATIONS = f"msg/{source.TRANSLATIONS}"
+ARCHIVE = f"msg/{sources.ARCHIVE}"
+TRANSLATIONS = f"msg/{sources.TRANSLATIONS}"
 ALL_TRANSLATIONS = f"{TRANSLATIONS}/all_translations.h"
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)

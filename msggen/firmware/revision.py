@@ -8,9 +8,9 @@ from contextlib import suppress
 from typing import NoReturn
 
 from msggen.diagnostics import fault, suggestion
+from msggen.disk.git import GitError, commit_of, git, is_revision, revisions
 from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release
 from msggen.firmware.tree import Snapshot, Wanted, is_wanted
-from msggen.git import GitError, commit_of, git, is_revision, revisions
 
 
 def split_revision(text: str) -> tuple[str, str]:

@@ -1,1 +1,1 @@
-"""A catalog to files: what templates are shown, the templates' environment, and careful writing."""
+"""A catalog to a generated package; a folder for each language."""

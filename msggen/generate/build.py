@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from msggen import __version__
 from msggen.diagnostics import Diagnostic, Level, counted, fault
-from msggen.firmware.source import Sources, read_files
-from msggen.generate.output import ForeignFileError, Plan, is_current, plan_output, write_output
-from msggen.record import Record, read_record
-from msggen.resources import resource
+from msggen.disk.output import ForeignFileError, OutputPlan, is_current, plan_output, write_output
+from msggen.disk.record import Record, read_record
+from msggen.disk.resources import resource
+from msggen.firmware.sources import Sources, read_files
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class Outcome(NamedTuple):
     folder: str
     summary: str
     outputs: tuple[str, ...]
-    plan: Plan | None = None
+    plan: OutputPlan | None = None
     notices: tuple[Diagnostic, ...] = ()
 
 
@@ -56,7 +56,7 @@ class Build:
             warnings = self._warnings() if self.record.has_warnings else ()
             return Outcome(self.folder, self.record.summary, tuple(sorted(self.record.files)), None, warnings)
         from msggen.firmware.catalog import read_catalog
-        from msggen.generate.package import render_package
+        from msggen.generate.python.package import render_package
 
         catalog = read_catalog(self.sources, self.contents)
         files = render_package(catalog, self.name)
@@ -77,7 +77,7 @@ class Build:
         if is_current(self.folder, self.record, self.fingerprint):
             return tuple(sorted(self.record.files))
         from msggen.firmware.catalog import read_catalog
-        from msggen.generate.package import list_package
+        from msggen.generate.python.package import list_package
 
         return list_package(read_catalog(self.sources, self.contents))
 
@@ -152,7 +152,7 @@ def _summary(catalog: "Catalog") -> str:
     return "; ".join(filter(None, (", ".join(counts), others, f"DDS names of {named}")))
 
 
-_ROOMS = ("firmware", "generate", "parse")
+_ROOMS = ("disk", "firmware", "generate", "parse", "python", "support", "text")
 """The folders of msggen that a package is made by; the others stand on this one."""
 
 

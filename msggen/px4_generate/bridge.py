@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import yaml
 
 from msggen.diagnostics import Diagnostic, InputError, Level, fault
-from msggen.empy import EmpyTemplate
 from msggen.identity import nearest_interval
 from msggen.model import options_text, snake_case
 from msggen.parse.bridge import KEYS, parse_bridge, read_rate
+from msggen.text.empy import EmpyTemplate
 
 SCRIPT = "generate_dds_topics.py"
 """The firmware's script, which is read to learn what it computes."""

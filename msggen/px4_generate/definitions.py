@@ -9,11 +9,11 @@ from contextvars import ContextVar
 from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError, Level, fault, suggestion
-from msggen.firmware.neighbour import neighbour
+from msggen.firmware.path_hint import path_hint
 from msggen.location import Location
 from msggen.model import PRIMITIVES, STRINGS, ArrayKind, Field, Message, snake_case
-from msggen.parse import decode_text, parse_message
-from msggen.parse.definition import OTHER_SPELLINGS
+from msggen.parse.definition import OTHER_SPELLINGS, parse_message
+from msggen.parse.text import decode_text
 
 
 class Definition(NamedTuple):
@@ -148,7 +148,7 @@ def _misgiven(paths: Iterable[str]) -> Iterator[Diagnostic]:
 def _missing(folders: Iterable[str]) -> Iterator[Diagnostic]:
     for folder in folders:
         if not os.path.isdir(folder):
-            yield Diagnostic(Location(folder, 0), "S101", f"no such folder{neighbour(folder)}")
+            yield Diagnostic(Location(folder, 0), "S101", f"no such folder{path_hint(folder)}")
 
 
 def _unknown_type(field: Field, folders: Sequence[str], *, is_own: bool) -> Diagnostic:

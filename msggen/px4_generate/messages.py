@@ -11,11 +11,11 @@ from types import ModuleType
 from typing import NamedTuple
 
 from msggen.diagnostics import InputError, fault
-from msggen.empy import EmpyTemplate, importing_from
-from msggen.firmware.neighbour import neighbour
+from msggen.firmware.path_hint import path_hint
 from msggen.model import snake_case
 from msggen.px4_generate import genmsg
 from msggen.px4_generate.definitions import Definition, Definitions, using
+from msggen.text.empy import EmpyTemplate, importing_from
 
 HELPER = "px_generate_uorb_topic_helper.py"
 """The module of the firmware that its templates import."""
@@ -72,7 +72,7 @@ def _find(folder: str, name: str) -> str:
     if os.path.isfile(path):
         return path
     if not os.path.isdir(folder):
-        raise fault(folder, "T102", f"no such folder{neighbour(folder)}", 0)
+        raise fault(folder, "T102", f"no such folder{path_hint(folder)}", 0)
     others = _folders_with(name, folder) or _folders_with(name, os.path.normpath(os.path.join(folder, os.pardir)))
     hint = f", did you mean {' or '.join(map(repr, others))}?" if others else ""
     raise fault(folder, "T102", f"has no template '{name}'{hint}", 0)

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 from msggen.diagnostics import Diagnostic, InputError, fault
 from msggen.location import Location
 from msggen.model import Catalog
-from msggen.render.jinja import JinjaTemplate, Pattern
+from msggen.render.jinja_template import JinjaTemplate, Pattern
 from msggen.render.views import CatalogView, Views
 
 OPTION = "--name"
@@ -50,7 +50,7 @@ def open_template(path: str) -> Template:
     if kind == ".j2":
         return JinjaTemplate(path)
     if kind == ".em":
-        from msggen.render.empy import Empy
+        from msggen.render.empy_template import Empy
 
         return Empy(path)
     raise fault(path, "T205", "expected a template of Jinja2, named *.j2, or of EmPy, named *.em", 0)

@@ -1,0 +1,85 @@
+"""The old definition of a message, as `px4_msgs_old` keeps it: `VehicleStatusV1.msg`.
+
+That package has no other messages than archived ones, so what an archived definition nests is archived with it, and
+called by its archived name: ArmingCheckReplyV0 nests EventV0.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from msggen.diagnostics import InputError
+from msggen.firmware.history import archived_name
+from msggen.firmware.tree import Tree
+from msggen.model import DEFAULT_PACKAGE, VERSION, Message
+from msggen.parse.definition import parse_message
+from msggen.parse.text import decode_text
+
+_FOLDERS = ("msg/versioned/", "msg/", "versioned/", "")
+"""Where a tree, a package or a bare folder has its definitions."""
+
+
+class Definition(NamedTuple):
+    """A message, and the text that it was read from, line ends as they are."""
+
+    message: Message
+    text: str
+
+
+def read_definition(tree: Tree, name: str) -> Definition | None:
+    """Return the definition of the message `name` in `tree`, None if there is none.
+
+    Raises InputError for one that cannot be read.
+    """
+    path = next((folder + f"{name}.msg" for folder in _FOLDERS if tree.is_file(f"{folder}{name}.msg")), None)
+    if path is None:
+        return None
+    return parse_definition(tree.read(path), tree.place(path), name, DEFAULT_PACKAGE)
+
+
+def parse_definition(data: bytes, place: str, name: str, package: str) -> Definition:
+    """Return the definition that `data` holds. Raises InputError; line ends of another system are no fault."""
+    text, unclean = decode_text(data, place)
+    message, wrong = parse_message(text, place, name, package)
+    faults = [*(found for found in unclean if found.code != "M106"), *wrong]
+    if faults:
+        raise InputError(faults)
+    return Definition(message, data.decode())
+
+
+def read_nested(tree: Tree, outer: Message) -> dict[str, Definition]:
+    """Return the definitions of all that `outer` nests in `tree`, at any depth, by name."""
+    found: dict[str, Definition] = {}
+    waiting = [outer]
+    while waiting:
+        for field in waiting.pop().fields:
+            inner = None if field.type.is_primitive or field.type.name in found else field.type.name
+            definition = read_definition(tree, inner) if inner else None
+            if inner and definition:
+                found[inner] = definition
+                waiting.append(definition.message)
+    return found
+
+
+def archive(outer: Definition, nested: dict[str, Definition]) -> dict[str, str]:
+    """Return the archived text of `outer`, and of all that it nests, by archived name.
+
+    The text is the old one but for the names of nested types. A message that had no version yet is given version 0,
+    as a header has to ask for it.
+    """
+    renamed = {name: archived_name(definition.message) for name, definition in nested.items()}
+    texts = {archived_name(definition.message): _renamed(definition, renamed) for definition in nested.values()}
+    text = _renamed(outer, renamed)
+    if not outer.message.is_versioned:
+        text = f"uint32 {VERSION} = 0\n{text}"
+    return {**texts, archived_name(outer.message): text}
+
+
+def _renamed(definition: Definition, names: dict[str, str]) -> str:
+    lines = definition.text.split("\n")
+    for field in definition.message.fields:
+        if not field.type.is_primitive and field.type.name in names:
+            index = field.location.line - 1
+            lines[index] = re.sub(rf"^(\s*){field.type.base}\b", rf"\g<1>{names[field.type.name]}", lines[index])
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""Files on disk: what the tool brings along, what it wrote before, and writing with care."""

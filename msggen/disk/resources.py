@@ -1,0 +1,23 @@
+"""What the tool brings along: in the installed package, or in the checkout it runs from."""
+
+from __future__ import annotations
+
+import os
+
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+
+
+def resource(name: str) -> str:
+    """Return the path of the folder `name`, such as "templates"."""
+    return os.path.join(_root(name), name)
+
+
+def embedded_root() -> str:
+    """Return the folder with the newest embedded release, and with `releases/`, which has the others."""
+    root = _root("embedded")
+    return os.path.join(root, "embedded") if root == _PACKAGE else root
+
+
+def _root(name: str) -> str:
+    """Return the installed package if it holds `name`, else the checkout."""
+    return _PACKAGE if os.path.isdir(os.path.join(_PACKAGE, name)) else os.path.dirname(_PACKAGE)

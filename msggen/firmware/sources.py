@@ -1,0 +1,401 @@
+"""Which files a catalog is made of, their bytes, and the packages they belong to. What they mean is not known here."""
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from itertools import chain
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
+
+from msggen.diagnostics import Diagnostic, counted, fault, suggestion
+from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release, open_release
+from msggen.firmware.file import BoardOption, File, read_file
+from msggen.firmware.tree import Folder, Snapshot, Tree
+from msggen.location import Location
+from msggen.parse.package_xml import package_name
+
+if TYPE_CHECKING:
+    from msggen.firmware.board import Board
+else:
+    Board = object  # a name in quotes would be compiled, which takes longer than the rest of the class
+
+RELEASES = (*reversed(EMBEDDED), "main")
+"""The releases whose conventions are known (`release` has them)."""
+
+ARCHIVE = "px4_msgs_old/msg"
+"""Where a tree keeps earlier versions of its messages, below `msg/`."""
+
+TRANSLATIONS = "translation_node/translations"
+"""Where it keeps the headers that translate between versions, below `msg/`."""
+
+LISTS = "msg/CMakeLists.txt"
+"""Where a tree lists the messages that it builds."""
+
+_FOLDERS = ("msg/versioned", "msg/px4_msgs_old", "msg/translation_node")
+"""The folders of a firmware's `msg/`."""
+
+_RELEASE_OPTION = Location("--release", 0)
+_ARCHIVED_OPTION = Location("--archived", 0)
+_FOLDER_OPTION = Location("--msg-dir", 0)
+_PACKAGE_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
+_CLIENT = "src/modules/uxrce_dds_client"
+_BRIDGE_PLACES = (f"{_CLIENT}/dds_topics.yaml", "dds_topics.yaml")
+
+CLIENT_SOURCES = (f"{_CLIENT}/dds_topics.h.em", f"{_CLIENT}/utilities.hpp")
+"""The sources of the bridge's client that show its conventions."""
+
+
+class Sources(NamedTuple):
+    """The files of one catalog.
+
+    `package` is the ROS package of uORB's messages where the package.xml of the first source names it, "" where they
+    are px4_msgs; `manifests` are all such files. `own` counts the messages of the first source, which come first: by
+    them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in a few
+    words what the sources are. `root` is where the first source lies. `archived` are earlier versions of messages,
+    where they were asked for. `embedded` names the embedded release that the first source is. `client` are
+    CLIENT_SOURCES, as far as a tree has them. With `strict`, warnings are errors. `notices` are what there is to say of
+    the sources themselves. `lists` is the file in which a tree lists what it builds. `unbuilt` has the messages that
+    the `board` does not build, which are not among `messages`, with the condition that each is listed under, "" for
+    those that no list names.
+    """
+
+    messages: tuple[File, ...]
+    services: tuple[File, ...]
+    bridge: File | None = None
+    manifests: tuple[File, ...] = ()
+    package: str = ""
+    release: str | None = None
+    own: int = 0
+    is_tree: bool = False
+    label: str = ""
+    root: Tree | None = None
+    archived: tuple[File, ...] = ()
+    translations: tuple[File, ...] = ()
+    embedded: str = ""
+    client: tuple[File, ...] = ()
+    strict: bool = False
+    notices: tuple[Diagnostic, ...] = ()
+    lists: File | None = None
+    board: Board | None = None
+    unbuilt: Mapping[File, str] = MappingProxyType({})
+
+    @property
+    def has_own(self) -> bool:
+        """Whether any of the files belongs to uORB's package."""
+        return any(not file.package for file in (*self.messages, *self.services))
+
+    def reasons(self) -> dict[str, str]:
+        """Return, by name, why the board does not build messages of the tree."""
+        board = self.board.name if self.board else ""
+        reasons = {condition: f"needs {condition}" for condition in self.unbuilt.values()} | {"": f"not in {LISTS}"}
+        return {file.stem: f": not built for {board}, {reasons[needs]}" for file, needs in self.unbuilt.items()}
+
+    def with_packages_of(self, other: "Sources") -> "Sources":
+        """Return these sources with what `other` has of further packages: two sides that nest the same types."""
+        messages, services = (
+            tuple(file for file in files if not _is_own(file.package, self.package))
+            for files in (other.messages, other.services)
+        )
+        return self._replace(messages=self.messages + messages, services=self.services + services)
+
+    def dependencies(self) -> tuple[str, ...]:
+        """Return the paths of what is read from the disk: files, and archives; a revision never changes."""
+        paths = (file.tree.path if isinstance(file.tree, Snapshot) else file.path for file in self.files())
+        return tuple(path for path in dict.fromkeys(paths) if os.path.isfile(path))
+
+    def files(self) -> tuple[File, ...]:
+        """Return all of them, in an order that does not depend on the machine."""
+        single = [file for file in (self.bridge, self.lists) if file]
+        versions = (*self.archived, *self.translations)
+        board = self.board.files if self.board else ()
+        return (*self.messages, *self.services, *single, *self.manifests, *versions, *self.client, *board)
+
+
+def open_tree(text: str) -> Tree:
+    """Return what `text` names: a folder, `folder@revision`, an archive, or an embedded release. Raises InputError."""
+    if "\0" in text:
+        raise fault(text, "S101", "no such folder", 0)
+    if names_release(text):
+        return open_release(text)[1]
+    if os.path.isdir(text):
+        return Folder(text)
+    if os.path.isfile(text):
+        from msggen.firmware.tarball import SUFFIXES, read_archive
+
+        if not text.lower().endswith(SUFFIXES):
+            raise fault(text, "S101", f"not a folder, nor an archive ({', '.join(SUFFIXES)})", 0)
+        return read_archive(text)
+    from msggen.firmware.revision import read_revision, split_revision
+
+    folder, revision = split_revision(text)
+    if folder == text:
+        raise fault(text.partition("@")[0] or text, "S101", "no such folder", 0)
+    return read_revision(folder, revision)
+
+
+def find_sources(
+    px4: str | Tree | None,
+    folders: tuple[str, ...] = (),
+    topics: str | File | None = None,
+    release: str | None = None,
+    release_place: Location = _RELEASE_OPTION,
+) -> Sources:
+    """Return the files of the tree or package `px4` and of the further `folders`.
+
+    These hold more of uORB's messages, or those of another ROS package: the one that `PKG=DIR` or a package.xml names.
+    `topics` replaces the bridge's YAML, `release` overrules what the tree looks like. Without `px4` and
+    `folders` it is the newest embedded release. Raises InputError where there is nothing to read, and for a release
+    that does not exist, said to stand at `release_place`.
+    """
+    if release is not None and release not in RELEASES:
+        hint = suggestion(release, RELEASES) or f": expected {', '.join(RELEASES)}"
+        raise fault(release_place.path, "S105", f"unknown release '{release}'{hint}", *release_place[1:])
+    roots = []
+    package = ""
+    if px4 is not None:
+        roots.append(_root(px4))
+        if not roots[0].embedded:
+            _refuse_part_of_tree(roots[0].tree)
+        package = _name_in(roots[0].manifest)
+    roots += [_further_root(text, package) for text in folders]
+    is_named = bool(roots)
+    roots = sorted(roots or [_root(PREFIX + EMBEDDED[0])], key=lambda root: bool(root.package))
+    messages = [_definitions(root, "msg", ".msg") for root in roots]
+    services = [_definitions(root, "srv", ".srv") for root in roots]
+    for root, *found in zip(roots, messages, services, strict=True):
+        if not any(found):
+            _fail_without_definitions(root.tree)
+    first = roots[0]
+    bridge = File(topics, os.path.basename(topics)) if isinstance(topics, str) else topics
+    if bridge is None and (px4 is not None or not is_named):
+        bridge = _bridge(first.tree)
+    is_tree = not first.package and _is_tree(first.tree)
+    client = [name for name in CLIENT_SOURCES if is_tree and first.tree.is_file(name)]
+    return Sources(
+        tuple(chain(*messages)),
+        tuple(chain(*services)),
+        bridge,
+        tuple(root.manifest for root in roots if root.manifest),
+        package,
+        release,
+        own=0 if first.package else len(messages[0]),
+        is_tree=is_tree,
+        label=_label(roots),
+        root=first.tree,
+        embedded=first.embedded,
+        client=tuple(File(first.tree.place(name), name, first.tree) for name in client),
+        lists=None if first.package else _file(first.tree, LISTS),
+        notices=(*(_shadowed(px4) if isinstance(px4, str) else ()), *chain(*map(_unread_folders, roots))),
+    )
+
+
+def with_board(sources: Sources, option: BoardOption | None) -> Sources:
+    """Return `sources` without the messages that a board does not build; all of them where none is named.
+
+    Raises InputError where there is no such board, or no list of what is built. An optional board is passed over where
+    it makes no difference.
+    """
+    if option is None:
+        return sources
+    from msggen.firmware.board import find_board
+    from msggen.parse.cmake import parse_lists
+
+    root = sources.root
+    if sources.embedded and not option.is_path:
+        text = f"{sources.label} has no boards: all of its messages count, whatever '{option.text}' builds"
+        return sources._replace(notices=(*sources.notices, Diagnostic(option.place, "S122", text)))
+    if root is None or sources.lists is None:
+        if option.optional:
+            return sources
+        text = f"{sources.label} has no {LISTS} to say what a board builds: a board needs a PX4-Autopilot tree"
+        raise fault(option.place.path, "S118", text, *option.place[1:])
+    lists = parse_lists(read_file(sources.lists).decode(errors="replace"), sources.lists.path)
+    conditions = {f"msg/{name}": entry.condition for name, entry in lists.listed.items()}
+    if option.optional and not any(conditions.values()):
+        return sources
+    board = find_board(root, option, conditions.values())
+    unbuilt = {
+        file: conditions.get(file.name, "")
+        for file in sources.messages
+        if file.tree is root
+        and (board.builds(conditions[file.name]) is False if file.name in conditions else lists.complete)
+    }
+    return sources._replace(
+        messages=tuple(file for file in sources.messages if file not in unbuilt),
+        own=sources.own - len(unbuilt),
+        board=board,
+        unbuilt=MappingProxyType(unbuilt),
+    )
+
+
+def with_archived(sources: Sources, place: Location = _ARCHIVED_OPTION) -> Sources:
+    """Return `sources` with the archived definitions of the first of them, and the headers that translate them.
+
+    Raises InputError where it has none; they were asked for at `place`.
+    """
+    root = sources.root
+    folder = "msg/" if root and root.is_folder("msg") else ""
+    found = _files(root, f"{folder}{ARCHIVE}/", ".msg") if root else []
+    if not root or not found:
+        text = f"{sources.label} has no earlier versions of messages: PX4 v1.16 and later has them in msg/{ARCHIVE}"
+        raise fault(place.path, "S117", text, *place[1:])
+    headers = _files(root, f"{folder}{TRANSLATIONS}/", ".h")
+    return sources._replace(archived=tuple(found), translations=tuple(headers))
+
+
+def read_files(sources: Sources) -> dict[str, bytes]:
+    """Return the contents of all files by path, each read once. Raises InputError for those that cannot be read."""
+    return {file.path: read_file(file) for file in sources.files()}
+
+
+def split_package(text: str, place: Location = _FOLDER_OPTION) -> tuple[str, str]:
+    """Return both parts of `PKG=DIR`; no package where it is a folder alone, or the `=` comes after a `/`.
+
+    Raises InputError, said to stand at `place`, for a name that no package has.
+    """
+    package, mark, folder = text.partition("=")
+    if not mark or "/" in package or os.sep in package:
+        return "", text
+    if not _PACKAGE_NAME.fullmatch(package):
+        hint = f"a folder with '=' in its name is written '{os.path.join(os.curdir, text)}'"
+        raise fault(place.path, "S103", f"{package!r} is no name of a ROS package; {hint}", *place[1:])
+    if not folder:
+        raise fault(place.path, "S101", f"'{text}' names no folder: expected {package}=DIR", *place[1:])
+    return package, os.path.expanduser(folder)
+
+
+def join_package(package: str, folder: str) -> str:
+    """Return what `split_package` takes apart."""
+    return f"{package}={folder}" if package else folder
+
+
+class _Root(NamedTuple):
+    """What is named as one source; `package` is "" where it has messages of uORB's."""
+
+    tree: Tree
+    label: str
+    manifest: File | None
+    package: str = ""
+    embedded: str = ""
+
+
+def _root(named: str | Tree, label: str = "") -> _Root:
+    if isinstance(named, str) and names_release(named):
+        release, tree = open_release(named)
+        return _Root(tree, f"the embedded PX4 {release}", None, embedded=release)
+    tree = open_tree(named) if isinstance(named, str) else named
+    return _Root(tree, label or tree.path, _manifest(tree))
+
+
+def _shadowed(path: str) -> Iterator[Diagnostic]:
+    """Note that a path was read which has the name of an embedded release."""
+    if path in EMBEDDED and not names_release(path):
+        yield Diagnostic(Location(path, 0), "S120", f"this path is read, not the embedded release '{PREFIX}{path}'")
+
+
+def _label(roots: list[_Root]) -> str:
+    """Return what uORB's sources are called; further packages have names, and are called by those elsewhere."""
+    own = [root.label for root in roots if not root.package]
+    return ", ".join(own or [root.label for root in roots])
+
+
+def _further_root(text: str, own: str) -> _Root:
+    """Return a source beside that of uORB's package, which is named `own`."""
+    given, folder = split_package(text)
+    root = _root(folder, text)
+    found = _name_in(root.manifest)
+    if root.manifest and given not in ("", found):
+        text = f"this is the package '{found}', called '{given}' in '{text}'"
+        raise fault(root.manifest.path, "S106", text, 0)
+    package = given or found
+    return root if _is_own(package, own) else root._replace(package=package)
+
+
+def _is_own(package: str, own: str) -> bool:
+    """Whether a package is uORB's, which is named `own`, or px4_msgs where that is ""."""
+    if not package or package == own:
+        return True
+    from msggen.model import DEFAULT_PACKAGE
+
+    return not own and package == DEFAULT_PACKAGE
+
+
+def _name_in(manifest: File | None) -> str:
+    return package_name(read_file(manifest), manifest.path) if manifest else ""
+
+
+def _definitions(root: _Root, folder: str, suffix: str) -> list[File]:
+    """Return the definitions in `root`: under `msg/` or `srv/` if it has them there, else in `root` itself.
+
+    `versioned/` counts, but not in a ROS package, which is built from what lies flat; `px4_msgs_old/` with its
+    archived versions does not.
+    """
+    tree = root.tree
+    prefix = f"{folder}/" if tree.is_folder(folder) else ""
+    folders = (prefix,) if root.manifest else (prefix, f"{prefix}versioned/")
+    return [file._replace(package=root.package) for folder in folders for file in _files(tree, folder, suffix)]
+
+
+def _files(tree: Tree, folder: str, suffix: str) -> list[File]:
+    place = tree.place(folder)
+    return [
+        File(place + name, folder + name, tree)
+        for name in tree.names(folder)
+        if name.endswith(suffix) and not name.startswith(".")
+    ]
+
+
+def _unread_folders(root: _Root) -> Iterator[Diagnostic]:
+    """Warn of definitions below `msg/` in folders that no firmware is known to have."""
+    tree = root.tree
+    if root.manifest or root.package or not tree.is_folder("msg"):
+        return
+    for folder in ("msg/", "msg/versioned/"):
+        for name in tree.names(folder):
+            if "." in name or folder + name in _FOLDERS:
+                continue
+            inside = [*tree.names(f"{folder}{name}/"), *tree.names(f"{folder}{name}/msg/")]
+            found = [file for file in inside if file.endswith(".msg")]
+            if found:
+                text = f"{counted(len(found), 'definition')} here not read, such as '{found[0]}'"
+                text += ": PX4 has definitions in msg/ and msg/versioned/, others are named with --msg-dir"
+                yield Diagnostic(Location(tree.place(folder + name), 0), "S121", text)
+
+
+def _bridge(root: Tree) -> File | None:
+    return next(filter(None, (_file(root, place) for place in _BRIDGE_PLACES)), None)
+
+
+def _manifest(root: Tree) -> File | None:
+    """Return the package.xml of a ROS package; the firmware's own tree has one too, and is none."""
+    return None if _is_tree(root) else _file(root, "package.xml")
+
+
+def _file(root: Tree, name: str) -> File | None:
+    return File(root.place(name), name, root) if root.is_file(name) else None
+
+
+def _is_tree(root: Tree) -> bool:
+    return root.is_folder("src/modules")
+
+
+def _refuse_part_of_tree(root: Tree) -> None:
+    """Refuse the `msg` of a firmware where the firmware is asked for: without its bridge and services."""
+    folder, revision = root.path, ""
+    if isinstance(root, Snapshot):
+        from msggen.firmware.revision import split_revision
+
+        folder, revision = split_revision(root.path)
+    parent = os.path.normpath(os.path.join(folder, os.pardir))
+    if os.path.basename(os.path.abspath(folder)) in ("msg", "srv") and _is_tree(Folder(parent)):
+        whole = f"{parent}@{revision}" if revision else parent
+        raise fault(root.path, "S102", f"only a part of a firmware tree, did you mean '{whole}'?", 0)
+
+
+def _fail_without_definitions(root: Tree) -> NoReturn:
+    parent = os.path.dirname(os.path.abspath(root.path))
+    near = isinstance(root, Folder) and os.path.isdir(os.path.join(parent, "msg"))
+    hint = f", did you mean '{parent}'?" if near else ""
+    hint = f"; the embedded release is '{PREFIX}{root.path}'" if root.path in EMBEDDED else hint
+    text = f"no .msg file here or in msg/: expected a PX4-Autopilot tree, px4_msgs or a folder{hint}"
+    raise fault(root.path, "S102", text, 0)

@@ -1,0 +1,1 @@
+"""The Python backend: classes, codecs and a registry of topics as source."""

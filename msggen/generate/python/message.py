@@ -1,0 +1,402 @@
+"""A message as the Python templates see it: every expression they need, with a name."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from msggen.generate.python.formatting import documentation, literal, wrapped
+from msggen.generate.python.names import attribute_names, class_name, module_name
+from msggen.generate.python.static_codec import CODES, Codec, as_tuple, is_bytes, is_held_as_array, is_large
+from msggen.generate.python.stream_codec import Function, functions_of
+from msggen.generate.python.versions import AdjacentVersion, adjacent_versions
+from msggen.identity import message_hash, type_hash
+from msggen.layout import (
+    Encoding,
+    Layout,
+    Leaf,
+    is_static,
+    lay_out,
+    struct_format,
+    struct_size,
+)
+from msggen.model import (
+    FLOATS,
+    INTEGER_RANGES,
+    STRINGS,
+    ArrayKind,
+    Catalog,
+    Comment,
+    Field,
+    FieldType,
+    Message,
+)
+
+SPELLED_OUT_TO = 4
+"""Tuples up to this length are spelled out in annotations."""
+
+_UNSIGNED = {1: "B", 2: "H", 4: "I", 8: "Q"}
+_SHADOWING = frozenset({"int", "float", "bool", "bytes", "list", "str", "tuple"})
+_PYTHON_TYPES = {
+    **dict.fromkeys(INTEGER_RANGES, "int"),
+    **dict.fromkeys(FLOATS, "float"),
+    **dict.fromkeys(STRINGS, "str"),
+    "bool": "bool",
+}
+_ZEROS = {"bool": "False", "int": "0", "float": "0.0", "str": '""'}
+
+
+class ClassConstant(NamedTuple):
+    """One constant; `spaced` puts a blank line before it."""
+
+    attribute: str
+    value: str
+    documentation: str
+    spaced: bool
+
+
+class Attribute(NamedTuple):
+    """One attribute of a class; `name` is the definition's."""
+
+    name: str
+    attribute: str
+    type: FieldType
+    offset: int
+    size: int
+    comment: Comment
+    annotation: str
+    parameter: str
+    """The parameter of `__init__`, with annotation and default."""
+    initial: str
+    """What `__init__` assigns."""
+
+    @property
+    def documentation(self) -> str:
+        """What the definition says, type, tags and sentences, as the inside of a docstring."""
+        renamed = "" if self.attribute == self.name else f"`{self.name}` in the definition, "
+        return documentation(f"{renamed}{self.type} {self.comment}".strip(), 4, closed=True)
+
+    @property
+    def description(self) -> str:
+        """Its description in `__msg__`."""
+        comment = self.comment
+        tags = (
+            ("unit", comment.unit),
+            ("range", comment.range),
+            ("enum", comment.enum),
+            ("invalid", comment.invalid),
+            ("frame", comment.frame),
+            ("attribute", "" if self.attribute == self.name else self.attribute),
+        )
+        given = [f"{name}={literal(value)}" for name, value in tags if value]
+        items = (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
+        return f"_cdr.Field({wrapped(items, 16)})"
+
+
+class Import(NamedTuple):
+    """A class of a nested message: where it is, what it is called there, and here."""
+
+    module: str
+    name: str
+    here: str
+
+    @property
+    def text(self) -> str:
+        """What stands behind `import`."""
+        return self.name if self.name == self.here else f"{self.name} as {self.here}"
+
+
+class MessageClass(NamedTuple):
+    """One class."""
+
+    message: Message
+    name: str
+    """What it is called in Python."""
+    root: str
+    """The generated package, as a relative import names it."""
+    topic_names: tuple[str, ...]
+    """The uORB topics of the message; halves of services have none, nor have messages of other packages."""
+    constants: tuple[ClassConstant, ...]
+    fields: tuple[Attribute, ...]
+    codec: Codec | None
+    """For a static layout; else `functions` has something."""
+    functions: tuple[Function, ...]
+    cdr_size: int
+    struct_size: int
+    message_hash: int
+    type_hash: str
+    layout_arguments: tuple[str, ...]
+    nested: tuple[Import, ...]
+    """The messages it nests, at any depth."""
+    builtins: str
+    """What stands before the names of built-in types: nothing, unless a field hides them."""
+    uses_arrays: bool
+    """Whether it needs the module of arrays, for itself or what it nests: the codec unfolds that."""
+    adjacent: tuple[AdjacentVersion, ...]
+    """Its versions before and after this one, where there are."""
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The uORB topics of the message, as literals."""
+        return tuple(map(literal, self.topic_names))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The attributes of the fields, as literals."""
+        return tuple(literal(field.attribute) for field in self.fields)
+
+    @property
+    def unpack(self) -> str:
+        """How `decode` unpacks: samples arrive rounded up to 4 bytes, so others have one length."""
+        return "unpack_from" if self.cdr_size % 4 else "unpack"
+
+    @property
+    def unless_longer(self) -> str:
+        """What `decode` asks of the length: nothing where `unpack` has."""
+        lengths = ", ".join(str(self.cdr_size + 4 + surplus) for surplus in range(4))
+        return f" or len(data) not in ({lengths})" if self.cdr_size % 4 else ""
+
+    @property
+    def attributes(self) -> list[tuple[str, str, str]]:
+        """Attribute, annotation and documentation of each field."""
+        return [(field.attribute, field.annotation, field.documentation) for field in self.fields]
+
+    @property
+    def parameters(self) -> list[str]:
+        """The parameters of `__init__`."""
+        return [field.parameter for field in self.fields]
+
+    @property
+    def assignments(self) -> list[str]:
+        """The statements of `__init__`."""
+        return [f"self.{field.attribute} = {field.initial}" for field in self.fields]
+
+    @property
+    def descriptions(self) -> list[str]:
+        """What `__msg__` says of each field."""
+        return [field.description for field in self.fields]
+
+    @property
+    def underscore(self) -> str:
+        """What stands before names of typing: nothing, unless a message here has such a name."""
+        names = {self.name, *(nested.here for nested in self.nested)}
+        return "_" if names & {"ClassVar", "Final"} else ""
+
+    @property
+    def documentation(self) -> str:
+        """What the definition says about the message, or at least what it is called."""
+        return self.message.comment or f"{self.message.ros_type}."
+
+    @property
+    def units(self) -> str:
+        """The fields with their units, for its docstring."""
+        fields = [
+            f"{each.attribute} [{each.comment.unit}]" if each.comment.unit else each.attribute for each in self.fields
+        ]
+        return f"Fields: {', '.join(fields)}." if fields else "No fields."
+
+    @property
+    def summary(self) -> str:
+        """Where the message comes from and goes to, for its docstring."""
+        names = self.topic_names
+        topics = f"uORB topic{'s' if len(names) > 1 else ''}: {', '.join(names)}. " if names else ""
+        number = self.message.message_version
+        of = f" of {self.message.released_as[1]}, archived" if self.message.version_of else ""
+        version = f"Version {number}{of}, " if number or of else ""
+        size = "Samples differ in size." if self.functions else f"{self.cdr_size} bytes."
+        return f"{topics}{version}{size}"
+
+
+def message_class(catalog: Catalog, message: Message) -> MessageClass:
+    """Return what the class of `message` is made of."""
+    extents = _extents(catalog, message)
+    names = _class_names(catalog, message)
+    attributes = attribute_names(message, names.values())
+    prefix = "" if _SHADOWING.isdisjoint(attributes.values()) else "builtins."
+    is_own = message.released_as[0] == catalog.package
+    fields = tuple(
+        _attribute(field, _named(message, field, names, attributes), extents.get(field.name, _NO_EXTENT), prefix)
+        for field in message.fields
+    )
+    view = MessageClass(
+        message,
+        names[message.key],
+        ".." if is_own else "...",
+        message.topic_names if is_own and message.folder == "msg" else (),
+        tuple(_constants(message, attributes)),
+        fields,
+        None,
+        (),
+        0,
+        0,
+        message_hash(catalog, message),
+        type_hash(catalog, message),
+        (),
+        tuple(_nested_imports(catalog, message, names)),
+        prefix,
+        any(_uses_arrays(field.type) for field in message.fields),
+        adjacent_versions(catalog, message) if catalog.archived else (),
+    )
+    if not is_static(catalog, message):
+        return view._replace(functions=functions_of(catalog, message, lambda nested: names[nested.key]))
+    layout = lay_out(catalog, message)
+    return view._replace(
+        codec=Codec.of(catalog, message, lambda nested: names[nested.key]),
+        cdr_size=layout.size,
+        struct_size=struct_size(catalog, message) if is_own else 0,
+        layout_arguments=tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
+        uses_arrays=any(is_large(leaf.type) for leaf in layout.leaves),
+    )
+
+
+_NO_EXTENT = (-1, 0)
+
+
+def _extents(catalog: Catalog, message: Message) -> dict[str, tuple[int, int]]:
+    """Return offset and size of the fields that have the same in every sample: those before the first that differs."""
+    static = itertools.takewhile(lambda field: is_static(catalog, message._replace(fields=(field,))), message.fields)
+    return lay_out(catalog, message._replace(fields=tuple(static))).extents()
+
+
+def _constants(message: Message, attributes: Mapping[str, str]) -> Iterator[ClassConstant]:
+    """Constants with documentation stand apart, others together."""
+    apart = True
+    for constant in message.constants:
+        text = documentation(str(constant.comment), 4, closed=True)
+        yield ClassConstant(attributes[constant.name], literal(constant.value), text, apart or bool(text))
+        apart = bool(text)
+
+
+def _class_names(catalog: Catalog, message: Message) -> dict[str, str]:
+    """Return what the module of `message` calls it and all that it nests, by key.
+
+    That is the name of each; with its package in front, `std_msgs_Header`, where several packages have that name.
+    """
+    every = (message, *catalog.nested_all(message))
+    classes = {each.key: class_name(each) for each in every}
+    names = list(classes.values())
+    return {
+        each.key: classes[each.key]
+        if each.package == message.package or names.count(classes[each.key]) == 1
+        else f"{each.package}_{classes[each.key]}"
+        for each in every
+    }
+
+
+def _nested_imports(catalog: Catalog, message: Message, names: Mapping[str, str]) -> Iterator[Import]:
+    own, here = catalog.package, message.released_as[0]
+    for inner in catalog.nested_all(message):
+        there = inner.released_as[0]
+        if there == here:
+            folder = "." if message.folder == "msg" else "..msg."
+        else:
+            root = ".." if here == own else "..."
+            folder = f"{root}msg." if there == own else f"{root}{there}.msg."
+        yield Import(f"{folder}{module_name(inner.name)}", class_name(inner), names[inner.key])
+
+
+def _named(message: Message, field: Field, names: Mapping[str, str], attributes: Mapping[str, str]) -> Field:
+    """Return a field of `message` as its module has it: with the name of its attribute, and the class of its type."""
+    named = field._replace(name=attributes[field.name])
+    if field.type.is_primitive:
+        return named
+    return named._replace(type=field.type._replace(name=names[message.key_of(field.type)], package=None))
+
+
+def _attribute(field: Field, named: Field, extent: tuple[int, int], prefix: str) -> Attribute:
+    annotation = _annotation(named.type, prefix)
+    default, initial = _initial(named, prefix)
+    parameter = f"{named.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
+    return Attribute(field.name, named.name, field.type, *extent, field.comment, annotation, parameter, initial)
+
+
+def _annotation(type_: FieldType, prefix: str) -> str:
+    if type_.array is not ArrayKind.SCALAR and is_bytes(type_):
+        return f"{prefix}bytes"
+    item = f"{prefix}{_PYTHON_TYPES[type_.name]}" if type_.is_primitive else type_.name
+    if type_.array is ArrayKind.SCALAR:
+        return item
+    if is_large(type_) or type_.array is not ArrayKind.FIXED:
+        return f"_arrays.Sequence[{item}]"
+    if type_.length <= SPELLED_OUT_TO:
+        return f"{prefix}tuple[{', '.join([item] * type_.length)}]"
+    return f"{prefix}tuple[{item}, ...]"
+
+
+def _uses_arrays(type_: FieldType) -> bool:
+    """Whether the module of arrays is needed for a field of this type, for its values or its annotation."""
+    is_sequence = type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED)
+    return is_held_as_array(type_) or (is_sequence and not is_bytes(type_))
+
+
+def _initial(field: Field, prefix: str) -> tuple[str, str]:
+    """Return the default of the parameter, and what the attribute is set to."""
+    name, type_ = field.name, field.type
+    if is_held_as_array(type_) or (not type_.is_primitive and type_.array in (ArrayKind.SCALAR, ArrayKind.FIXED)):
+        return "None", f"{_fresh(field)} if {name} is None else {name}"
+    if field.default is None:
+        return _zero(type_, prefix), name
+    is_block = type_.array is not ArrayKind.SCALAR and is_bytes(type_)
+    return f"{prefix}bytes({field.default})" if is_block else literal(field.default), name
+
+
+def _zero(type_: FieldType, prefix: str) -> str:
+    """Return the default of a value that cannot be changed."""
+    if type_.array is not ArrayKind.SCALAR and is_bytes(type_):
+        return f"{prefix}bytes({type_.length})" if type_.array is ArrayKind.FIXED else 'b""'
+    if type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED):
+        return "()"
+    zero = _ZEROS[_PYTHON_TYPES[type_.name]]
+    if type_.array is ArrayKind.SCALAR:
+        return zero
+    if type_.length <= SPELLED_OUT_TO:
+        return f"({', '.join([zero] * type_.length)}{',' if type_.length == 1 else ''})"
+    return f"({zero},) * {type_.length}"
+
+
+def _fresh(field: Field) -> str:
+    """Return what makes a value that can be changed, anew for each message."""
+    type_ = field.type
+    if not type_.is_primitive:
+        if type_.array is ArrayKind.SCALAR:
+            return f"{type_.name}()"
+        spelled_out = type_.length <= SPELLED_OUT_TO
+        return (
+            as_tuple([f"{type_.name}()"] * type_.length) if spelled_out else f"_cdr.fresh({type_.name}, {type_.length})"
+        )
+    code = literal(CODES[type_.name])
+    if field.default:
+        return f"_arrays.array({code}, {literal(field.default)})"
+    return f"_arrays.zeros({code}, {type_.length})" if type_.array is ArrayKind.FIXED else f"_arrays.array({code})"
+
+
+def _layout_arguments(xcdr1: Layout, xcdr2: Layout) -> Iterator[str]:
+    """Return the arguments of `_cdr.Layout`, those that follow from others left out."""
+    yield literal(struct_format(_values(xcdr1.leaves)))
+    words = struct_format(_words(xcdr1))
+    if any(is_large(leaf.type) for leaf in xcdr1.leaves):
+        yield f"words={literal(words)}"
+    words2 = struct_format(_words(xcdr2))
+    if words2 != words:
+        yield f"xcdr2={literal(words2)}"
+    if xcdr2.delimiter_headers:
+        headers = "".join(f"({header.offset}, {header.size}), " for header in xcdr2.delimiter_headers)
+        yield f"delimiters=({headers.strip()})"
+
+
+def _values(leaves: tuple[Leaf, ...]) -> Iterator[tuple[int, int, str]]:
+    for leaf in leaves:
+        if leaf.type.array is ArrayKind.FIXED and (is_bytes(leaf.type) or is_large(leaf.type)):
+            yield leaf.padding, leaf.count * leaf.size, "s"
+        else:
+            yield leaf.padding, leaf.count, CODES[leaf.type.name]
+
+
+def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:
+    for item in layout.items:
+        if isinstance(item, Leaf):
+            is_block = item.type.array is ArrayKind.FIXED and is_bytes(item.type)
+            yield item.padding, item.count, "s" if is_block else _UNSIGNED[item.size]
+        else:
+            yield item.padding + 4, 0, "x"

@@ -1,0 +1,238 @@
+"""The statements of `encode` and `decode` for a message whose samples differ in layout: strings, sequences, no fields.
+
+A sample is read in steps. Each is a run of values of fixed size, read at once by one `struct` format, and then at most
+one value whose size the sample tells. templates/python/support/stream.py has the functions that the statements call.
+
+How such a value is held in Python: `string` and `wstring` as str; sequences of `uint8`, `char` and `byte` as bytes, of
+other numbers as array.array, of all else as tuples; and arrays as in messages with a static layout.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from msggen.generate.python.formatting import literal
+from msggen.generate.python.names import attribute_names
+from msggen.generate.python.static_codec import CODES, ClassOf, Names, Values, is_bytes, is_large
+from msggen.model import SIZES, STRINGS, ArrayKind, Catalog, FieldType, Message, snake_case
+
+_TAKEN = frozenset({"message", "data", "parts", "at", "wire", "run", "error", "len", "name"})
+
+_DELIMITER, _COUNT, _NOTHING = "D", "I", "x"
+"""Codes of a run, besides those of values: XCDR2's delimiter header, a count, the byte of a message without fields."""
+
+
+class Call(NamedTuple):
+    """A call of a function of templates/python/support/stream.py."""
+
+    function: str
+    arguments: tuple[str, ...]
+
+
+class Step(Values):
+    """A run of values, and what comes behind it."""
+
+    def __init__(self, names: Names) -> None:
+        super().__init__(names)
+        self.codes = ""
+        """Of the run, as `struct` has them."""
+        self.fields: list[str] = []
+        """The fields that the run has values of."""
+        self.taken_apart: list[tuple[str, str]] = []
+        """Local and attribute of the nested messages that `encode` takes apart."""
+        self.created: list[tuple[str, str, str]] = []
+        """Attribute, local and class of the nested messages that `decode` makes; no local where nothing is in it."""
+        self.prepared: list[tuple[str, Call]] = []
+        """Locals and values that `encode` makes before it packs the run."""
+        self.target = ""
+        """Where `decode` puts what comes behind the run."""
+        self.reader: Call | None = None
+        """What reads it; nothing comes behind the last run."""
+        self.writer: Call | None = None
+        """What writes it."""
+
+    @property
+    def arguments(self) -> tuple[str, str]:
+        """Of the run: its codes, and the fields that it has values of."""
+        ends = dict.fromkeys([*self.fields[:1], *self.fields[-1:]])
+        return literal(self.codes), literal(" to ".join(ends))
+
+
+class Function(NamedTuple):
+    """A function that reads a message, and one that writes it."""
+
+    name: str
+    cls: str
+    runs: str
+    steps: tuple[Step, ...]
+
+
+def functions_of(catalog: Catalog, message: Message, class_of: ClassOf) -> tuple[Function, ...]:
+    """Return the functions for `message`, and before it those for messages that it has arrays or sequences of.
+
+    `class_of` names the class of a message.
+    """
+    found: dict[str, Function] = {}
+    _Walk(catalog, class_of, found).function(message)
+    return tuple(found.values())
+
+
+class _Place(NamedTuple):
+    """A field: its attribute, the name that its locals begin with, and its path from the outermost message."""
+
+    attribute: str
+    stem: str
+    path: str
+
+    def inside(self, local: str) -> _Place:
+        """Return what the fields of a nested message that `local` holds begin with."""
+        return _Place(local, f"{local}_", f"{self.path}.")
+
+    def field(self, name: str, attribute: str) -> _Place:
+        """Return a field of the message that this is."""
+        return _Place(f"{self.attribute}.{attribute}", self.stem + attribute, self.path + name)
+
+
+class _Walk:
+    """Follows the fields of a message in the order of the wire."""
+
+    def __init__(self, catalog: Catalog, class_of: ClassOf, found: dict[str, Function]) -> None:
+        self.catalog = catalog
+        self.class_of = class_of
+        self.found = found
+        self.names = Names(_TAKEN)
+        self.steps = [Step(self.names)]
+
+    def function(self, message: Message) -> str:
+        """Add the functions of `message` unless they are there, and return their name."""
+        if message.key not in self.found:
+            cls = self.class_of(message)
+            walk = _Walk(self.catalog, self.class_of, self.found)
+            walk.message(message, _Place("message", "", ""))
+            steps = walk.steps if walk.step.codes else walk.steps[:-1]
+            name = snake_case(cls)
+            self.found[message.key] = Function(name, cls, f"_{name.upper()}_RUN", tuple(steps))
+        return self.found[message.key].name
+
+    @property
+    def step(self) -> Step:
+        """The one that is being filled."""
+        return self.steps[-1]
+
+    def message(self, message: Message, outer: _Place) -> None:
+        """Add the fields of `message`."""
+        if not message.fields:
+            self._run(_NOTHING, outer.path.rstrip("."))
+        attributes = attribute_names(message)
+        for field in message.fields:
+            place, type_ = outer.field(field.name, attributes[field.name]), field.type
+            if not type_.is_primitive:
+                self._nested(self.catalog.nested(message, type_), type_, place)
+            elif type_.is_fixed_size and not is_large(type_):
+                is_block = type_.array is ArrayKind.FIXED and is_bytes(type_)
+                self._run("s" if is_block else CODES[type_.name], place.path, type_.count)
+                self.step.primitive(type_, place.attribute, place.attribute, place.stem)
+            else:
+                self._primitive(type_, place)
+
+    def _run(self, code: str, path: str, count: int = 1) -> None:
+        self.step.codes += code if count == 1 and code != "s" else f"{count}{code}"
+        self.step.fields.append(path)
+
+    def _nested(self, inner: Message, type_: FieldType, place: _Place) -> None:
+        cls = self.class_of(inner)
+        if type_.array is ArrayKind.SCALAR:
+            local = self.names.one(place.stem) if inner.fields else ""
+            self.step.created.append((place.attribute, local, cls))
+            if local:
+                self.step.taken_apart.append((local, place.attribute))
+            else:  # there is nothing to take apart that would tell another value from it
+                one = _call("instances", f"({place.attribute},)", "wire", cls)
+                self.step.prepared.append((self.names.one(f"_{place.stem}"), one))
+            self.message(inner, place.inside(local))
+            return
+        name = self.function(inner)
+        values = self._prepared(place, "instances", cls, _number_of(type_))
+        self._elements(type_, place, values, ("messages", cls, f"_read_{name}"), f"_write_{name}")
+
+    def _primitive(self, type_: FieldType, place: _Place) -> None:
+        """Add a primitive whose size is not fixed, or a large array: a block between two runs."""
+        if type_.name in STRINGS:
+            bound = "" if type_.string_bound is None else f"bound={type_.string_bound}"
+            kind = "text" if type_.name == "string" else "wide_text"
+            if type_.array is ArrayKind.SCALAR:
+                size = 1 if kind == "text" else SIZES["uint32"]
+                self._block(place, self._prepared(place, f"{kind}_bytes", bound), size, (kind, bound))
+            else:
+                values = self._prepared(place, f"{kind}s_bytes", _number_of(type_), bound)
+                self._elements(type_, place, values, (f"{kind}s", bound))
+        elif is_bytes(type_) or type_.name == "bool":
+            kind = "octets" if is_bytes(type_) else "bools"
+            most = _number_of(type_)
+            self._block(place, self._prepared(place, f"{kind}_bytes", most), 1, (kind, most))
+        else:
+            self._numbers(type_, place)
+
+    def _numbers(self, type_: FieldType, place: _Place) -> None:
+        code, number = literal(CODES[type_.name]), _number_of(type_)
+        raw = self._prepared(place, "number_bytes", code, number)
+        if type_.array is ArrayKind.FIXED:
+            reader = _call("numbers", "data", _BEHIND, str(type_.length), "wire", literal(place.path), code)
+            self._close(place, reader, _call("put_aligned", raw, "parts", _BEHIND, "wire", str(SIZES[type_.name])))
+        else:
+            self._block(place, raw, SIZES[type_.name], ("numbers", code, number))
+
+    def _block(self, place: _Place, raw: str, size: int, reader: tuple[str, ...]) -> None:
+        """Add bytes behind the count of values, of `size` bytes each, that they are."""
+        count = self._count(place, f"len({raw})" if size == 1 else f"len({raw}) // {size}")
+        function, *more = reader
+        put = (
+            ("put", raw, "parts", _BEHIND)
+            if size <= SIZES["uint32"]
+            else ("put_aligned", raw, "parts", _BEHIND, "wire", str(size))
+        )
+        self._close(place, _call(function, "data", _BEHIND, count, "wire", literal(place.path), *more), _call(*put))
+
+    def _elements(self, type_: FieldType, place: _Place, values: str, reader: tuple[str, ...], *writer: str) -> None:
+        """Add values that are no primitives: XCDR2 has a delimiter header before them, and before their count."""
+        self._run(_DELIMITER, place.path)
+        is_fixed = type_.array is ArrayKind.FIXED
+        count = str(type_.length) if is_fixed else self._count(place, f"len({values})")
+        lead = "4" if is_fixed else "8"
+        function, *more = reader
+        most = "" if is_fixed else _number_of(type_)
+        read = _call(function, "data", _BEHIND, count, "wire", literal(place.path), lead, *more, most)
+        self._close(place, read, _call(f"put_{function}", values, "parts", _BEHIND, "wire", lead, *writer))
+
+    def _count(self, place: _Place, value: str) -> str:
+        """Add a count to the run, and return the local that it is read to."""
+        local = self.names.one(f"{place.stem}_count")
+        self._run(_COUNT, place.path)
+        self.step.targets.append(local)
+        self.step.values.append(value)
+        return local
+
+    def _prepared(self, place: _Place, function: str, *more: str) -> str:
+        """Return the local that holds what `encode` makes of the value before it packs the run."""
+        local = self.names.one(f"{place.stem}_raw")
+        self.step.prepared.append((local, _call(function, place.attribute, "wire", *more)))
+        return local
+
+    def _close(self, place: _Place, reader: Call, writer: Call) -> None:
+        self.step.target, self.step.reader, self.step.writer = place.attribute, reader, writer
+        self.steps.append(Step(self.names))
+
+
+_BEHIND = "at + run.size"
+
+
+def _call(function: str, *arguments: str) -> Call:
+    """Return a call without the arguments that are empty."""
+    return Call(function, tuple(filter(None, arguments)))
+
+
+def _number_of(type_: FieldType) -> str:
+    """Return the argument that says how many values there must be, or may be."""
+    if type_.array is ArrayKind.FIXED:
+        return f"exactly={type_.length}"
+    return f"most={type_.length}" if type_.array is ArrayKind.BOUNDED else ""

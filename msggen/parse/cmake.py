@@ -1,0 +1,252 @@
+"""`msg/CMakeLists.txt` of the firmware: which messages its lists name, and under which conditions.
+
+Only what makes the list of messages is followed: `set`, `list` and `if` with what they nest. Everything else in the
+file is passed over, and a condition that is not understood is kept as text.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from msggen.location import Location
+from msggen.parse.expression import CMAKE, Truth, evaluate
+
+LIST = "msg_files"
+"""The variable that the firmware's build reads."""
+
+_FALSE = ("", "0", "OFF", "NO", "N", "FALSE", "IGNORE", "NOTFOUND")
+_TRUE = ("1", "ON", "YES", "Y", "TRUE")
+_HERE = "${CMAKE_CURRENT_SOURCE_DIR}/"
+_REFERENCE = re.compile(r"\$\{(\w+)\}")
+_SYMBOL = re.compile(r"(?:\$\{)?CONFIG_(\w+)\}?")
+_SCOPED = ("PARENT_SCOPE", "CACHE")
+_OPENS, _CLOSES = ("function", "macro"), ("endfunction", "endmacro")
+_FOLLOWED = (*_OPENS, *_CLOSES, "if", "elseif", "else", "endif", "set", "list", "file")
+_SIMPLE = re.compile(r'[^()"#\[\]\\]*\)')
+"""The rest of a command whose words need no second look."""
+_WORD = re.compile(r'"[^"]*"|[()]|[^\s()"]+')
+_TOKEN = re.compile(
+    r"""
+    \s* (?:
+        (?P<plain>(?:[^\s()\#"\\;\[]|\\.)(?:[^\s()\#"\\;]|\\.)*)
+      | (?P<parenthesis>[()])
+      | \#\[(?P<mark>=*)\[ .*? (?:\](?P=mark)\]|\Z)               # a comment in brackets
+      | \# [^\n]*
+      | \[(?P<fence>=*)\[ (?P<bracketed>.*?) (?:\](?P=fence)\]|\Z)
+      | " (?P<quoted>(?:[^"\\]|\\.)*) (?:"|\Z)
+      | .                                                         # a lone `;`, `[` or backslash
+    )
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+
+
+class Listed(NamedTuple):
+    """A message that the list names: the condition, "" for none, and the place where it is named."""
+
+    condition: str
+    location: Location
+
+
+class MessageLists(NamedTuple):
+    """The messages by their file below `msg/`, such as `versioned/VehicleStatus.msg`.
+
+    The lists are `complete` where they name messages without a condition, and no file is found by a pattern.
+    """
+
+    listed: Mapping[str, Listed]
+    complete: bool
+
+
+def parse_lists(text: str, path: str) -> MessageLists:
+    """Return what the CMakeLists.txt in `text` lists. Never raises: what is not understood lists nothing."""
+    reader = _Reader()
+    for name, words in _commands(text):
+        reader.follow(name, words)
+    found = {name: entry for name, entry in reader.variables.get(LIST, {}).items() if name.endswith(".msg")}
+    complete = not reader.has_patterns and any(not entry.condition for entry in found.values())
+    listed = {name: Listed(condition, _place(text, path, start)) for name, (condition, start) in found.items()}
+    return MessageLists(listed, complete)
+
+
+def symbols_in(condition: str) -> tuple[str, ...]:
+    """Return the symbols of Kconfig that a condition asks for, without `CONFIG_`."""
+    return tuple(dict.fromkeys(_SYMBOL.findall(condition)))
+
+
+def is_met(condition: str, value_of: Callable[[str], Truth]) -> Truth:
+    """Return whether a condition holds where `value_of` knows the symbols of Kconfig; None where that is unknown."""
+
+    def holds(operand: Sequence[str]) -> Truth:
+        if len(operand) > 1:
+            return None
+        symbol = _SYMBOL.fullmatch(operand[0])
+        if symbol:
+            return value_of(symbol[1])
+        constant = operand[0].strip('"').upper()
+        return False if is_false(constant) else True if constant in _TRUE else None
+
+    return evaluate(_WORD.findall(condition), CMAKE, holds) if condition else True
+
+
+def is_false(value: str) -> bool:
+    """Whether CMake takes the value of a variable for false."""
+    return value.upper() in _FALSE or value.upper().endswith("-NOTFOUND")
+
+
+class _Word(NamedTuple):
+    text: str
+    start: int
+    is_quoted: bool
+
+    @property
+    def source(self) -> str:
+        """The word as it was written."""
+        return f'"{self.text}"' if self.is_quoted else self.text
+
+
+class _Entry(NamedTuple):
+    """A file in a variable: the condition, and where in the text its name starts."""
+
+    condition: str
+    start: int
+
+
+class _Reader:
+    """Follows commands: which files each variable has, and under which condition."""
+
+    def __init__(self) -> None:
+        self.variables: dict[str, dict[str, _Entry]] = {}
+        self.has_patterns = False
+        self._branches: list[tuple[str, str]] = []
+        """For each open `if`: that no earlier branch was taken, and that this one is."""
+        self._functions = 0
+
+    @property
+    def condition(self) -> str:
+        """The condition of what stands here."""
+        return _all(part for branch in self._branches for part in branch)
+
+    def follow(self, name: str, words: Sequence[_Word]) -> None:
+        """Take note of what a command does."""
+        if name in _OPENS or name in _CLOSES:
+            self._functions = max(0, self._functions + (1 if name in _OPENS else -1))
+        elif self._functions:
+            return
+        elif name == "if":
+            self._branches.append(("", _condition(words)))
+        elif name in ("elseif", "else") and self._branches:
+            before, last = self._branches[-1]
+            self._branches[-1] = (_all((before, _not(last))), _condition(words) if name == "elseif" else "")
+        elif name == "endif" and self._branches:
+            self._branches.pop()
+        elif name in ("set", "list", "file") and words:
+            self._change(name, words)
+
+    def _change(self, command: str, words: Sequence[_Word]) -> None:
+        texts = [word.text for word in words]
+        if command == "set" and not any(scope in texts for scope in _SCOPED):
+            if f"${{{texts[0]}}}" not in texts:
+                self._remove(texts[0], None)
+            self._add(texts[0], [word for word in words[1:] if word.text != f"${{{texts[0]}}}"])
+        elif command == "list" and texts[0] in ("APPEND", "PREPEND", "INSERT") and texts[1:]:
+            self._add(texts[1], words[2:])
+        elif command == "list" and texts[0] == "REMOVE_ITEM" and texts[1:]:
+            self._remove(texts[1], self._files(words[2:]))
+        elif command == "file" and texts[0] in ("GLOB", "GLOB_RECURSE") and any(".msg" in text for text in texts):
+            self.has_patterns = True
+
+    def _add(self, variable: str, words: Sequence[_Word]) -> None:
+        known = self.variables.setdefault(variable, {})
+        for name, entry in self._files(words).items():
+            other = known.get(name)
+            known[name] = _Entry(_any(other.condition, entry.condition), other.start) if other else entry
+
+    def _remove(self, variable: str, names: Mapping[str, _Entry] | None) -> None:
+        """Remove files from a variable, all of them without `names`, where the condition of this place holds."""
+        known = self.variables.get(variable, {})
+        condition = self.condition
+        for name in [name for name in known if names is None or name in names]:
+            entry = known.pop(name)
+            if condition:
+                known[name] = entry._replace(condition=_all((entry.condition, _not(condition))))
+
+    def _files(self, words: Sequence[_Word]) -> dict[str, _Entry]:
+        """Return the files that `words` name, those of variables included."""
+        found: dict[str, _Entry] = {}
+        condition = self.condition
+        for text, start, _ in words:
+            if "$" not in text and ";" not in text and "./" not in text:
+                found[text] = _Entry(condition, start)
+                continue
+            variable = _REFERENCE.fullmatch(text)
+            for name, entry in self.variables.get(variable[1], {}).items() if variable else ():
+                found[name] = entry._replace(condition=_all((entry.condition, condition)))
+            files = (posixpath.normpath(name.removeprefix(_HERE)) for name in text.split(";"))
+            found |= {file: _Entry(condition, start) for file in files if "$" not in file}
+        return found
+
+
+def _commands(text: str) -> Iterator[tuple[str, list[_Word]]]:
+    """Yield the commands that matter, in lower case; the parentheses inside their arguments are words."""
+    name = ""
+    words: list[_Word] = []
+    depth = position = 0
+    while position < len(text):
+        token = _TOKEN.match(text, position)
+        if token is None:
+            return
+        position = token.end()
+        kind = token.lastgroup
+        if kind is None or kind == "mark":
+            continue
+        word = _Word(token[kind], token.start(kind), is_quoted=kind == "quoted")
+        if not depth and kind != "parenthesis":
+            name = word.text.lower()
+            continue
+        if kind == "parenthesis":
+            depth = max(0, depth + (1 if word.text == "(" else -1))
+            if word.text == "(" and depth == 1:
+                words = []
+                rest = None if name in _FOLLOWED else _SIMPLE.match(text, position)
+                if rest:
+                    depth, position = 0, rest.end()
+                continue
+            if not depth:
+                if name in _FOLLOWED:
+                    yield name, words
+                name = ""
+                continue
+        words.append(word)
+
+
+def _place(text: str, path: str, start: int) -> Location:
+    return Location(path, text.count("\n", 0, start) + 1, start - text.rfind("\n", 0, start))
+
+
+def _condition(words: Sequence[_Word]) -> str:
+    return " ".join(word.source for word in words).replace("( ", "(").replace(" )", ")")
+
+
+def _all(conditions: Iterator[str] | Sequence[str]) -> str:
+    """Return a condition that holds where all do."""
+    parts = list(dict.fromkeys(filter(None, conditions)))
+    return parts[0] if len(parts) == 1 else " AND ".join(map(_in_parentheses, parts))
+
+
+def _any(left: str, right: str) -> str:
+    """Return a condition that holds where either does."""
+    if not left or not right or left == right:
+        return left and right
+    return f"{_in_parentheses(left)} OR {_in_parentheses(right)}"
+
+
+def _not(condition: str) -> str:
+    return f"NOT {_in_parentheses(condition)}"
+
+
+def _in_parentheses(condition: str) -> str:
+    return f"({condition})" if " " in condition else condition

@@ -1,0 +1,192 @@
+"""Kconfig: which symbols a configuration turns on.
+
+A symbol has the value that a configuration assigns, or else its default, where all that it depends on holds. `select`,
+choices and conditions of prompts are not followed.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
+from typing import NamedTuple, Protocol
+
+from msggen.parse.cmake import is_false
+from msggen.parse.expression import KCONFIG, Truth, both, evaluate, negated
+
+_ROOT = "Kconfig"
+_MAX_DEPTH = 64
+_ASSIGNED = re.compile(r"^\s*CONFIG_(\w+)=(.*?)\s*$|^# CONFIG_(\w+) is not set", re.MULTILINE)
+_WORD = re.compile(r'&&|\|\||!=|[<>]=|[()!=<>]|"[^"]*"|[^\s()!=<>&|"]+')
+_OPENS, _CLOSES = ("menu", "choice", "if"), ("endmenu", "endchoice", "endif")
+_SOURCES = ("source", "rsource", "osource", "orsource")
+_HELP = ("help", "---help---")
+_DEFAULTS = ("default", "def_bool", "def_tristate")
+
+
+class Files(Protocol):
+    """The files of a tree, by their names in it."""
+
+    def is_file(self, name: str) -> bool:
+        """Return whether there is such a file."""
+
+    def names(self, folder: str) -> Sequence[str]:
+        """Return what a folder has; the name of the folder ends in `/`."""
+
+    def read(self, name: str) -> bytes:
+        """Return the contents of a file."""
+
+
+class Definition(NamedTuple):
+    """One definition of a symbol, in the file `name`: defaults with their conditions, and all it depends on."""
+
+    name: str
+    defaults: tuple[tuple[str, str], ...] = ()
+    depends: tuple[str, ...] = ()
+
+
+class Configuration:
+    """The symbols that a tree defines, with the values that a board `assigned`."""
+
+    def __init__(self, definitions: Mapping[str, Sequence[Definition]], assigned: Mapping[str, str]) -> None:
+        self.definitions = definitions
+        self.assigned = assigned
+        self.files: dict[str, None] = {}
+        """Every file that defines one of the symbols asked for."""
+        self._asked: list[str] = []
+
+    def knows(self, symbol: str) -> bool:
+        """Whether the tree defines the symbol, or the board assigns it."""
+        return symbol in self.definitions or symbol in self.assigned
+
+    def value_of(self, symbol: str) -> Truth:
+        """Return whether a symbol is on; None where that cannot be told. One that is not defined is off."""
+        if symbol in self._asked or len(self._asked) == _MAX_DEPTH:
+            return None
+        definitions = self.definitions.get(symbol, ())
+        if not definitions:
+            return not is_false(self.assigned.get(symbol, ""))
+        self.files |= {definition.name: None for definition in definitions}
+        self._asked.append(symbol)
+        values = [self._value(symbol, definition) for definition in definitions]
+        self._asked.pop()
+        return True if True in values else None if None in values else False
+
+    def _value(self, symbol: str, definition: Definition) -> Truth:
+        met: Truth = True
+        for condition in definition.depends:
+            met = both(met, self._holds(condition))
+        if met is False:
+            return False
+        if symbol in self.assigned:
+            return both(met, not is_false(self.assigned[symbol]))
+        for value, condition in definition.defaults:
+            is_chosen = self._holds(condition) if condition else True
+            if is_chosen is not False:
+                return both(both(met, is_chosen), self._holds(value))
+        return False
+
+    def _holds(self, expression: str) -> Truth:
+        return evaluate(_WORD.findall(expression), KCONFIG, self._operand)
+
+    def _operand(self, words: Sequence[str]) -> Truth:
+        if len(words) == 1:
+            text = words[0]
+            if text.startswith('"') or text in ("y", "n", "m") or text.isdigit():
+                return not is_false(text.strip('"'))
+            return self.value_of(text) if text.replace("_", "").isalnum() else None
+        if len(words) == len(("A", "=", "y")) and words[1] in ("=", "!=") and words[2] in ("y", "n"):
+            equal = self._operand(words[:1]) if words[2] == "y" else negated(self._operand(words[:1]))
+            return equal if words[1] == "=" else negated(equal)
+        return None
+
+
+def parse_assignments(text: str) -> dict[str, str]:
+    """Return the values that a configuration assigns, "" for symbols that it turns off."""
+    found = {}
+    for name, value, unset in _ASSIGNED.findall(text):
+        found[name or unset] = value.strip('"')
+    return found
+
+
+def read_definitions(tree: Files) -> dict[str, list[Definition]]:
+    """Return the symbols that the Kconfig files of a tree define, beginning with the one at its root."""
+    found: dict[str, list[Definition]] = {}
+    waiting: list[tuple[str, tuple[str, ...]]] = [(_ROOT, ())]
+    seen: set[str] = set()
+    while waiting:
+        name, outer = waiting.pop(0)
+        if name in seen or not tree.is_file(name):
+            continue
+        seen.add(name)
+        text = tree.read(name).decode(errors="replace").replace("\\\n", " ")
+        sources = _parse(text, name, outer, found)
+        waiting[:0] = [(file, depends) for pattern, depends in sources for file in _matching(tree, pattern)]
+    return found
+
+
+def _parse(
+    text: str, name: str, outer: tuple[str, ...], found: dict[str, list[Definition]]
+) -> list[tuple[str, tuple[str, ...]]]:
+    """Add the definitions of one file to `found`; return the files that it reads, and what these depend on."""
+    sources: list[tuple[str, tuple[str, ...]]] = []
+    blocks = [outer]
+    symbol = ""
+    for keyword, rest in _statements(text):
+        if keyword in ("config", "menuconfig"):
+            symbol = rest
+            found.setdefault(symbol, []).append(Definition(name, (), blocks[-1]))
+        elif keyword in _OPENS:
+            symbol = ""
+            blocks.append((*blocks[-1], rest) if keyword == "if" else blocks[-1])
+        elif keyword in _CLOSES:
+            symbol = ""
+            del blocks[max(1, len(blocks) - 1) :]
+        elif keyword in _SOURCES:
+            folder = posixpath.dirname(name) if "r" in keyword.removesuffix("source") else ""
+            sources.append((posixpath.normpath(posixpath.join(folder, rest.strip('"'))), blocks[-1]))
+        elif keyword == "depends":
+            expression = rest.removeprefix("on").strip()
+            if symbol:
+                last = found[symbol][-1]
+                found[symbol][-1] = last._replace(depends=(*last.depends, expression))
+            else:
+                blocks[-1] = (*blocks[-1], expression)
+        elif keyword in _DEFAULTS and symbol:
+            value, _, condition = rest.partition(" if ")
+            last = found[symbol][-1]
+            found[symbol][-1] = last._replace(defaults=(*last.defaults, (value.strip(), condition.strip())))
+    return sources
+
+
+def _statements(text: str) -> Iterator[tuple[str, str]]:
+    """Yield the keyword of each line, and what follows it; texts of help are left out."""
+    margin: int | None = None
+    in_help = False
+    for raw in text.splitlines():
+        line = raw.expandtabs()
+        indent = len(line) - len(line.lstrip())
+        if in_help and line.strip():
+            margin = indent if margin is None else margin
+            if indent >= margin > 0:
+                continue
+            in_help = False
+        words = line.split("#")[0].split(maxsplit=1)
+        if not words:
+            continue
+        if words[0] in _HELP:
+            in_help, margin = True, None
+        else:
+            yield words[0], words[1].strip() if words[1:] else ""
+
+
+def _matching(tree: Files, pattern: str) -> list[str]:
+    """Return the files that a pattern names, in which `*` stands for anything but `/`."""
+    found = [""]
+    for part in pattern.split("/"):
+        if any(mark in part for mark in "*?["):
+            found = [f"{folder}{name}/" for folder in found for name in tree.names(folder) if fnmatchcase(name, part)]
+        else:
+            found = [f"{folder}{part}/" for folder in found]
+    return [name.rstrip("/") for name in found]

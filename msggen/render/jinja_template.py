@@ -1,0 +1,162 @@
+"""Jinja2 templates: strict, with the few filters of `words`, and with errors said to people."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+import jinja2
+
+from msggen.diagnostics import InputError, fault, suggestion
+from msggen.render import THINGS
+from msggen.text.words import FILTERS, unknown_name
+
+
+class JinjaTemplate:
+    """One template, to be expanded any number of times. What it includes lies in its folder, or below."""
+
+    def __init__(self, path: str) -> None:
+        """Read the template at `path`. Raises InputError: it cannot be read, or is no Jinja2."""
+        self.path = path
+        self._loader = _Loader(os.path.dirname(path))
+        environment = make_environment(self._loader)
+        self._loader.read(path)
+        with _told(path, self._loader.files):
+            self._template = environment.get_template(os.path.basename(path))
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The files that were read so far: the template, and what it has included."""
+        return tuple(self._loader.files)
+
+    def expand(self, names: Mapping[str, object]) -> str:
+        """Return the text that the template makes of `names`. Raises InputError, with the line at fault."""
+        with _told(self.path, self._loader.files):
+            return self._template.render(names)
+
+
+class Pattern:
+    """A line that names outputs, given on the command line as `option`."""
+
+    def __init__(self, text: str, option: str) -> None:
+        """Raises InputError for what is no Jinja2."""
+        self._option = option
+        with _told(option, {}):
+            self._template = make_environment(jinja2.BaseLoader()).from_string(text)
+
+    def expand(self, names: Mapping[str, object]) -> str:
+        """Return the name. Raises InputError."""
+        with _told(self._option, {}):
+            return self._template.render(names)
+
+
+def make_environment(loader: jinja2.BaseLoader) -> jinja2.Environment:
+    """Return an environment for templates of code: blocks leave no empty lines, and every name must be there."""
+    environment = jinja2.Environment(
+        loader=loader,
+        undefined=_Undefined,
+        extensions=("jinja2.ext.do", "jinja2.ext.loopcontrols"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        auto_reload=False,
+        autoescape=False,  # noqa: S701 - the output is any text, not HTML
+    )
+    environment.filters.update(FILTERS)
+    return environment
+
+
+class _Loader(jinja2.FileSystemLoader):
+    """Reads templates from a folder, and notes which."""
+
+    def __init__(self, folder: str) -> None:
+        super().__init__(folder)
+        self.files: dict[str, None] = {}
+
+    def get_source(
+        self,
+        environment: jinja2.Environment,  # noqa: ARG002 - Jinja2's signature
+        template: str,
+    ) -> tuple[str, str, Callable[[], bool]]:
+        """Return what Jinja2 asks for. Raises TemplateNotFound, or InputError for a file that cannot be read."""
+        folder = self.searchpath[0]
+        path = os.path.join(folder, *jinja2.loaders.split_template_path(template))
+        if not os.path.isfile(path):
+            raise jinja2.TemplateNotFound(template)
+        return self.read(path), path, lambda: True
+
+    def read(self, path: str) -> str:
+        """Return the text of a file. Raises InputError."""
+        self.files[path] = None
+        try:
+            with open(path, encoding="utf-8") as stream:
+                return stream.read()
+        except UnicodeDecodeError as error:
+            raise fault(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from None
+        except OSError as error:
+            raise fault(path, "T102", f"cannot read the template: {error.strerror or error}", 0) from None
+
+
+class _Undefined(jinja2.StrictUndefined):
+    """Says in plain words what is not there, and what is near."""
+
+    __slots__ = ()
+
+    @property
+    def _undefined_message(self) -> str:
+        name, owner = self._undefined_name, self._undefined_obj
+        if self._undefined_hint is None and isinstance(name, str):
+            if owner is jinja2.utils.missing:
+                hint = f": it needs --each {name}" if name in THINGS else suggestion(name, THINGS)
+                return f"'{name}' is not defined{hint}"
+            said = unknown_name(owner, name)
+            if said:
+                return said + suggestion(name, [known for known in dir(owner) if not known.startswith("_")])
+        return super()._undefined_message
+
+
+@contextmanager
+def _told(path: str, files: Mapping[str, None]) -> Iterator[None]:
+    """Raise what goes wrong in a template as InputError, at the innermost line of `files`, or else at `path`."""
+    try:
+        yield
+    except InputError:
+        raise
+    except jinja2.TemplateSyntaxError as error:
+        known = error.filename in files
+        place = (error.filename or path, error.lineno) if known else _place(error, path, files)
+        raise fault(place[0], "T201", _with_hint(error.message or "not Jinja2"), place[1]) from None
+    except Exception as error:  # noqa: BLE001 - a template is code: it may raise anything
+        place = _place(error, path, files)
+        raise fault(place[0], *_said(error), place[1]) from None
+
+
+def _said(error: Exception) -> tuple[str, str]:
+    """Return the code and the words for what was raised."""
+    if isinstance(error, jinja2.UndefinedError):
+        return "T202", str(error)
+    if isinstance(error, jinja2.TemplateNotFound):
+        named = ", ".join(f"'{name}'" for name in getattr(error, "templates", None) or [error.name])
+        return "T203", f"no template {named} in the folder of this one"
+    if isinstance(error, jinja2.TemplateError):
+        return "T204", str(error)
+    return "T204", f"{type(error).__name__}: {error}".rstrip(": ")
+
+
+def _place(error: Exception, path: str, files: Mapping[str, None]) -> tuple[str, int]:
+    """Return the file and line of the innermost template that was at work; an option has no lines."""
+    place = path, 1 if files else 0
+    trace = error.__traceback__
+    while trace:
+        file = trace.tb_frame.f_code.co_filename
+        place = (file, trace.tb_lineno) if file in files else place
+        trace = trace.tb_next
+    return place
+
+
+def _with_hint(message: str) -> str:
+    """Add the nearest filter to a message that says there is none of a name."""
+    wrong = re.match(r"No filter named '(.*?)'", message)
+    return message.rstrip(".") + (suggestion(wrong[1], [*FILTERS, *jinja2.filters.FILTERS]) if wrong else "")

@@ -1,0 +1,61 @@
+"""In what two texts of a definition differ, said in a word or two."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from msggen.diagnostics import few
+from msggen.firmware.catalog import is_comparable
+from msggen.model import DEFAULT_PACKAGE, Message
+from msggen.parse.definition import parse_message, parse_service
+from msggen.parse.text import decode_text
+
+COMMENTS, WHITE_SPACE = "only comments", "only white space"
+"""What is said where the code of a definition stays the same."""
+
+
+def describe_change(name: str, before: bytes | None, after: bytes) -> str:
+    """Return what changed in the definition `name`: "fields", say, or COMMENTS; "" where that cannot be told.
+
+    A tag that means something else now, such as a unit, is no mere comment: it is named, with both texts.
+    """
+    if before is None:
+        return ""
+    old, new = (read_halves(name, data, DEFAULT_PACKAGE) for data in (before, after))
+    if not old or not new:
+        return ""
+    aspects: dict[str, Callable[[Message], Any]] = {
+        "fields": lambda half: [(str(field.type), field.name, field.default) for field in half.fields],
+        "constants": lambda half: {each.name: (str(each.type), each.value) for each in half.constants},
+        "topics": lambda half: half.topic_names,
+    }
+    found = [aspect for aspect, of in aspects.items() if [of(half) for half in old] != [of(half) for half in new]]
+    tags = [text for halves in zip(old, new, strict=True) for text in _tag_changes(*halves)]
+    found += [few(tags)] if tags else []
+    is_same_text = b"".join(before.split()) == b"".join(after.split())
+    return ", ".join(found) or (WHITE_SPACE if is_same_text else COMMENTS)
+
+
+def _tag_changes(old: Message, new: Message) -> Iterator[str]:
+    from msggen.tags import changed_tags
+
+    fields = {field.name: field for field in old.fields}
+    for field in new.fields:
+        if field.name in fields:
+            for change in changed_tags(fields[field.name], field):
+                yield f"{change.what} of '{field.name}' from '{change.before}' to '{change.after}'"
+
+
+def read_halves(path: str, data: bytes, package: str) -> list[Message]:
+    """Return the message of a file, or request and response of a service; nothing where it is not clear."""
+    text, unclean = decode_text(data, path)
+    stem, suffix = os.path.splitext(os.path.basename(path))
+    if suffix == ".msg":
+        message, faults = parse_message(text, path, stem, package)
+        halves = [message]
+    else:
+        service, faults = parse_service(text, path, stem, package)
+        halves = [service.request, service.response]
+    return halves if all(map(is_comparable, (*unclean, *faults))) else []

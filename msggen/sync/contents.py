@@ -1,0 +1,89 @@
+"""What belongs into a package: the firmware's definitions byte for byte, and which topics of the bridge carry them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from msggen.diagnostics import Diagnostic, InputError
+from msggen.firmware.catalog import bridged_names, read_catalog
+from msggen.firmware.file import File
+from msggen.firmware.sources import Sources, read_files
+from msggen.identity import endpoints
+from msggen.location import Location
+from msggen.model import Catalog, Field, Message
+
+_OF_BOARDS = ("M407",)
+"""Notes that do not matter here: a package has the messages of all boards."""
+
+
+class PackageContents(NamedTuple):
+    """`files` by their name in the package, such as `msg/VehicleStatus.msg`.
+
+    `topics` has the ROS names of the endpoints that carry each of them, by itself or nested at any depth;
+    `topics_only` says whether there are no others. `dependencies` are the packages whose messages they nest, each with
+    the first place where they do.
+    """
+
+    files: Mapping[str, bytes]
+    topics: Mapping[str, tuple[str, ...]]
+    topics_only: bool = False
+    dependencies: Mapping[str, Location] = MappingProxyType({})
+    notices: tuple[Diagnostic, ...] = ()
+
+
+def read_contents(sources: Sources, package: str, *, topics_only: bool) -> PackageContents:
+    """Return the definitions of `sources` as the ROS package `package` has them: `versioned/` goes, all lie flat.
+
+    With `topics_only` those that cross the bridge, the services, and what they nest. Raises InputError with
+    everything that is wrong in the files.
+    """
+    contents = read_files(sources)
+    catalog = read_catalog(sources, contents, bridged_names(sources) if topics_only else None)
+    halves = [half for service in catalog.own_services for half in (service.request, service.response)]
+    spelled = [*_spelled_types([*catalog.uorb_messages, *halves])]
+    faults = [*_misnamed(spelled, catalog, package)]
+    if faults:
+        raise InputError(faults)
+    known = {message.name for message in catalog.uorb_messages}
+    own = [file for file in sources.messages if not file.package and file.stem in known]
+    files = {_flat("msg", file): contents[file.path] for file in own}
+    files |= {_flat("srv", file): contents[file.path] for file in sources.services if not file.package}
+    dependencies = {name: field.location for name, field in reversed(spelled) if name != package}
+    sorted_dependencies = dict(sorted(dependencies.items()))
+    notices = tuple(notice for notice in catalog.notices if notice.code not in _OF_BOARDS)
+    return PackageContents(dict(sorted(files.items())), _topics(catalog), topics_only, sorted_dependencies, notices)
+
+
+def _flat(folder: str, file: File) -> str:
+    return f"{folder}/{os.path.basename(file.name)}"
+
+
+def _spelled_types(messages: Iterable[Message]) -> Iterator[tuple[str, Field]]:
+    """Yield the fields whose types are spelled with a package, each with that."""
+    for message in messages:
+        for field in message.fields:
+            if field.type.package:
+                yield field.type.package, field
+
+
+def _misnamed(spelled: Iterable[tuple[str, Field]], catalog: Catalog, package: str) -> Iterator[Diagnostic]:
+    """Spelled with its package, a type is found only in a package of that name."""
+    for name, field in spelled:
+        if name != package and name == catalog.package:
+            text = f"unknown type '{field.type.base}': the package is named '{package}', write '{field.type.name}'"
+            yield Diagnostic(field.location, "M301", text)
+        elif name == package and name != catalog.package:
+            text = f"unknown type '{field.type.base}': '{package}' is the package to be written, and has none"
+            yield Diagnostic(field.location, "M301", text)
+
+
+def _topics(catalog: Catalog) -> dict[str, tuple[str, ...]]:
+    found: dict[str, list[str]] = {}
+    for endpoint in endpoints(catalog):
+        for message in (endpoint.message, *catalog.nested_all(endpoint.message)):
+            if message.package == catalog.package:
+                found.setdefault(f"msg/{message.name}.msg", []).append(endpoint.ros_name)
+    return {name: tuple(sorted(set(names))) for name, names in found.items()}

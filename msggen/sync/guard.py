@@ -1,0 +1,181 @@
+"""Why a plan must not be carried out. All of it is found before anything is written."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from shlex import quote
+
+from msggen.diagnostics import Diagnostic, fault
+from msggen.disk.record import MANIFEST, digest
+from msggen.location import Location
+from msggen.sync.change import read_halves
+from msggen.sync.plan import SyncPlan, entries, read_if_file
+from msggen.sync.target import KINDS, Target
+
+_WRITABLE = 0o222
+_FEW = 3
+_IGNORED = "!!"
+
+
+def find_faults(plan: SyncPlan, dependencies: Mapping[str, Location]) -> list[Diagnostic]:
+    """Return what stands against `plan`, whose definitions nest messages of the packages `dependencies`.
+
+    Raises InputError where git cannot say what is committed.
+    """
+    if plan.target.is_new:
+        return [*_no_place(plan)]
+    faults = [*_bad_links(plan), *_no_folders(plan), *_no_files(plan), *_other_cases(plan)]
+    if not plan.is_stale:
+        return faults
+    return [*faults, *_read_only(plan), *_losses(plan), *_orphans(plan), *_missing_dependencies(plan, dependencies)]
+
+
+def _no_place(plan: SyncPlan) -> Iterator[Diagnostic]:
+    """A new package is moved into the folder that is to have it, or takes the place of an empty one."""
+    target = plan.target
+    parent = os.path.dirname(target.folder)
+    while not os.path.lexists(parent):
+        parent = os.path.dirname(parent)
+    for name, path in ((".", target.folder), ("..", parent)):
+        if os.path.exists(path) and not _is_writable(path):
+            yield _fault(plan, name, "S114", "the folder is read-only, and is to have a new package: make it writable")
+
+
+def _bad_links(plan: SyncPlan) -> Iterator[Diagnostic]:
+    """What is reached through a symbolic link must lie in the package: sync changes nothing outside."""
+    target = plan.target
+    inside = os.path.join(target.folder, "")
+    names = [kind for kind in KINDS if os.path.islink(os.path.join(target.folder, kind))]
+    outside = [name for name in names if not os.path.realpath(os.path.join(target.folder, name)).startswith(inside)]
+    for name in (*plan.changed, *plan.removed, *plan.unchanged):
+        path = os.path.join(target.folder, name)
+        is_in_such_a_folder = name.split("/")[0] in outside
+        if os.path.islink(path) and not is_in_such_a_folder and not os.path.realpath(path).startswith(inside):
+            outside.append(name)
+    for name in outside:
+        leads = os.readlink(os.path.join(target.folder, name))
+        yield _fault(plan, name, "S115", f"a symbolic link out of the package, to {leads}: put a real one in its place")
+
+
+def _no_folders(plan: SyncPlan) -> Iterator[Diagnostic]:
+    for kind in KINDS:
+        path = os.path.join(plan.target.folder, kind)
+        if os.path.lexists(path) and not os.path.isdir(path):
+            yield _fault(plan, kind, "S104", "not a folder: move it, definitions are to be put there")
+
+
+def _no_files(plan: SyncPlan) -> Iterator[Diagnostic]:
+    for name in (*plan.changed, *plan.removed):
+        if os.path.isdir(os.path.join(plan.target.folder, name)):
+            yield _fault(plan, name, "S104", "a folder, where a definition is to be: move it")
+
+
+def _other_cases(plan: SyncPlan) -> Iterator[Diagnostic]:
+    """On many machines, and for ROS, names that differ only in case are the same."""
+    wanted = {name.lower(): name for name in plan.files}
+    for kind in KINDS:
+        for base in entries(plan.target.folder, kind):
+            name = f"{kind}/{base}"
+            other = wanted.get(name.lower(), name)
+            if other != name:
+                yield _fault(
+                    plan, name, "S116", f"differs only in case from '{other}' of the firmware: rename or remove it"
+                )
+
+
+def _read_only(plan: SyncPlan) -> list[Diagnostic]:
+    """What has no write bit is not to be written, even by a user who could all the same."""
+    found = [*_each_read_only(plan)]
+    if len(found) <= _FEW:
+        return found
+    text = (
+        f"{len(found)} files and folders are read-only, and are to be changed: chmod -R u+w {quote(plan.target.path)}"
+    )
+    return [_fault(plan, ".", "S114", text)]
+
+
+def _each_read_only(plan: SyncPlan) -> Iterator[Diagnostic]:
+    names = [".", *plan.folders, *plan.changed, *plan.removed, *plan.scaffold, MANIFEST]
+    for name in names:
+        path = os.path.join(plan.target.folder, name)
+        if not os.path.exists(path) or (os.path.islink(path) and not os.path.isdir(path)):
+            continue
+        if not _is_writable(path):
+            what = "the folder" if os.path.isdir(path) else "the file"
+            yield _fault(plan, name, "S114", f"{what} is read-only, and is to be changed: make it writable")
+
+
+def _is_writable(path: str) -> bool:
+    return bool(os.stat(path).st_mode & _WRITABLE) and os.access(path, os.W_OK)
+
+
+def _losses(plan: SyncPlan) -> Iterator[Diagnostic]:
+    """Work that nobody could bring back: neither committed, nor written by msggen."""
+    states = _uncommitted(plan.target)
+    for name in (*plan.changed, *plan.removed):
+        data = plan.before[name]
+        if data is None or digest(data) in plan.known.files.get(name, "").split():
+            continue
+        real = os.path.relpath(os.path.realpath(os.path.join(plan.target.folder, name)), plan.target.folder)
+        state = states.get(real) if states is not None else None
+        if state == _IGNORED and plan.known.files:
+            text = "is not as msggen wrote it, and git ignores it, so nothing has it: move it, or delete it"
+            yield _fault(plan, name, "S113", text)
+        elif state not in (None, _IGNORED):
+            yield _fault(plan, name, "S113", "has changes that are not committed: commit or stash them")
+        elif states is None and plan.known.files and name not in plan.known.files:
+            yield _fault(
+                plan, name, "S104", "msggen did not write this file, and the firmware has one of this name: move it"
+            )
+
+
+def _orphans(plan: SyncPlan) -> Iterator[Diagnostic]:
+    """PackageContents that stay need what they nest: without it the package could not be built."""
+    for name in plan.left_alone:
+        path = os.path.normpath(plan.target.place(name))
+        for half in read_halves(path, plan.before[name] or b"", plan.target.name):
+            for field in half.fields:
+                package = field.type.package or plan.target.name
+                if package == plan.target.name and f"msg/{field.type.name}.msg" in plan.removed:
+                    text = (
+                        f"the firmware's '{field.type.name}' would be removed, so that the package could not be built"
+                    )
+                    yield Diagnostic(field.location, "M301", f"{text}: change or remove this definition first")
+
+
+def _missing_dependencies(plan: SyncPlan, dependencies: Mapping[str, Location]) -> Iterator[Diagnostic]:
+    """A package.xml or CMakeLists.txt that msggen leaves alone must speak of the packages that are nested now."""
+    remedies = {"package.xml": "<depend>{0}</depend>", "CMakeLists.txt": "find_package({0} REQUIRED), and DEPENDENCIES"}
+    for name, remedy in remedies.items():
+        data = plan.scaffold.get(name) or read_if_file(os.path.join(plan.target.folder, name)) or b""
+        for package, place in dependencies.items():
+            if not re.search(rb"\b%s\b" % package.encode(), data):
+                path = os.path.normpath(plan.target.place(name))
+                text = f"the package '{package}' is not in {path}: add {remedy.format(package)}"
+                yield Diagnostic(place, "M301", text)
+
+
+def _uncommitted(target: Target) -> dict[str, str] | None:
+    """Return how git sees the files of the package that differ from the last commit, _IGNORED or another state.
+
+    None where no repository has the package.
+    """
+    from msggen.disk.git import GitError, git, is_in_repository
+
+    try:
+        if not git(target.folder, "ls-files", "--", "."):
+            return None
+        prefix = git(target.folder, "rev-parse", "--show-prefix").rstrip(b"\n")
+        how = ("--porcelain", "-z", "--no-renames", "--untracked-files=all", "--ignored")
+        rows = git(target.folder, "status", *how, "--", ".")
+    except GitError as error:
+        if not is_in_repository(target.folder):
+            return None
+        raise fault(target.path, "S113", f"git cannot say what is committed here: {error}", 0) from None
+    return {os.fsdecode(row[3:].removeprefix(prefix)): row[:2].decode() for row in rows.split(b"\0") if row}
+
+
+def _fault(plan: SyncPlan, name: str, code: str, message: str) -> Diagnostic:
+    return Diagnostic(Location(os.path.normpath(plan.target.place(name)), 0), code, message)

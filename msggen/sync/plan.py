@@ -1,0 +1,112 @@
+"""What a sync would do to a package, found by comparing it with what the firmware has."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from msggen.disk.record import Record, digest
+from msggen.sync.scaffold import Scaffold
+from msggen.sync.target import KINDS, Target
+
+
+class SyncPlan(NamedTuple):
+    """What there is to do. Names count from the package.
+
+    `files` are the definitions as they are to be, `before` as they are, without bytes where they cannot be read.
+    `left_alone` are definitions that the firmware does not have and msggen did not write. `scaffold` has what else
+    is to be written; `known` is the record that was found, `record` the one to leave.
+    """
+
+    target: Target
+    files: Mapping[str, bytes]
+    before: Mapping[str, bytes | None]
+    added: tuple[str, ...]
+    changed: tuple[str, ...]
+    removed: tuple[str, ...]
+    unchanged: tuple[str, ...]
+    left_alone: tuple[str, ...]
+    scaffold: Mapping[str, bytes]
+    known: Record
+    record: Record
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether the package is out of step with the firmware."""
+        return bool(self.added or self.changed or self.removed or self.scaffold)
+
+    @property
+    def is_unfinished(self) -> bool:
+        """Whether the record, if there is one, still speaks of another state, as after a run that was killed."""
+        return bool(self.known.files) and self.known.files != self.record.files
+
+    @property
+    def folders(self) -> tuple[str, ...]:
+        """Those of `msg` and `srv` in which something changes."""
+        names = (*self.added, *self.changed, *self.removed)
+        return tuple(kind for kind in KINDS if any(name.startswith(f"{kind}/") for name in names))
+
+    @property
+    def during(self) -> Record:
+        """The record to have while files move: each file is known by what it was and by what it becomes."""
+        old, new = self.known.files, self.record.files
+        known = {name: [*old.get(name, "").split(), *new.get(name, "").split()] for name in {*old, *new, *self.removed}}
+        return Record("", "", {name: " ".join(dict.fromkeys(digests)) for name, digests in known.items()})
+
+
+def make_plan(target: Target, files: Mapping[str, bytes], known: Record, scaffold: Scaffold) -> SyncPlan:
+    """Compare the package with the definitions that it is to have.
+
+    Without a record it is a package that msggen meets for the first time: then what bears a name that PX4 has, or once
+    had, is taken for PX4's.
+    """
+    before = read_package(target.folder)
+    owned = known.files.keys() if known.files else _names_of_px4()
+    surplus = [name for name in before if name not in files]
+    digests = {name: digest(data) for name, data in files.items()}
+    return SyncPlan(
+        target,
+        files,
+        before,
+        added=tuple(name for name in files if name not in before),
+        changed=tuple(name for name, data in files.items() if before.get(name, data) != data),
+        removed=tuple(name for name in surplus if name in owned),
+        unchanged=tuple(name for name, data in files.items() if before.get(name) == data),
+        left_alone=tuple(name for name in surplus if name not in owned),
+        scaffold=scaffold.changes,
+        known=known,
+        record=Record(scaffold.fingerprint, "", {**digests, **scaffold.digests}),
+    )
+
+
+def read_package(folder: str) -> dict[str, bytes | None]:
+    """Return the definitions of the package in `folder`; what cannot be read as a file has no bytes."""
+    found: dict[str, bytes | None] = {}
+    for kind in KINDS:
+        for base in entries(folder, kind):
+            if base.endswith(f".{kind}") and not base.startswith("."):
+                found[f"{kind}/{base}"] = read_if_file(os.path.join(folder, kind, base))
+    return found
+
+
+def entries(folder: str, kind: str) -> list[str]:
+    """Return what lies in one of the package's folders, sorted; nothing if there is no such folder."""
+    try:
+        return sorted(os.listdir(os.path.join(folder, kind)))
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
+def read_if_file(path: str) -> bytes | None:
+    """Return the bytes of `path`, or None where it is no file."""
+    if not os.path.isfile(path):
+        return None
+    with open(path, "rb") as stream:
+        return stream.read()
+
+
+def _names_of_px4() -> frozenset[str]:
+    """Return the name of every definition that PX4 has or once had, as px4_msgs spells them."""
+    with open(os.path.join(os.path.dirname(__file__), "names.txt"), encoding="ascii") as stream:
+        return frozenset(stream.read().split())

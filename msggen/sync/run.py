@@ -1,0 +1,50 @@
+"""One sync: a ROS 2 package is brought in step with the firmware, or it is only said what that would take."""
+
+from __future__ import annotations
+
+import os
+
+from msggen.diagnostics import InputError
+from msggen.disk.record import locked, read_record
+from msggen.firmware.sources import Sources
+from msggen.sync.contents import PackageContents
+from msggen.sync.guard import find_faults
+from msggen.sync.plan import SyncPlan, make_plan
+from msggen.sync.scaffold import plan_scaffold
+from msggen.sync.target import Request, Target, open_target
+from msggen.sync.write import create_package, update_package
+
+
+def sync(sources: Sources, definitions: PackageContents, request: Request, *, write: bool) -> SyncPlan:
+    """Make a package hold `definitions`, or with `write` False only return what that would take.
+
+    Runs on the same package wait for each other. Raises InputError for everything that stands against it, and OSError
+    where the package cannot be written.
+    """
+    target = open_target(request, sources)
+    if target.is_new:
+        plan = _plan(target, sources, definitions)
+        if not write:
+            return plan
+        parent = os.path.dirname(target.folder)
+        os.makedirs(parent, exist_ok=True)
+        with locked(parent):
+            target = open_target(request, sources)
+            if target.is_new:
+                create_package(plan)
+                return plan
+    with locked(target.folder):
+        plan = _plan(target, sources, definitions)
+        if write:
+            update_package(plan)
+    return plan
+
+
+def _plan(target: Target, sources: Sources, definitions: PackageContents) -> SyncPlan:
+    known = read_record(target.folder)
+    scaffold = plan_scaffold(target, sources, known, definitions)
+    plan = make_plan(target, definitions.files, known, scaffold)
+    faults = find_faults(plan, definitions.dependencies)
+    if faults:
+        raise InputError(faults)
+    return plan

@@ -1,0 +1,129 @@
+"""What a package has besides definitions: package.xml, CMakeLists.txt, and a README that names the firmware.
+
+They are msggen's for as long as nobody edits them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from msggen import __version__
+from msggen.disk.record import Record, digest, digest_of
+from msggen.disk.resources import resource
+from msggen.firmware.revision import split_revision
+from msggen.firmware.sources import Sources
+from msggen.firmware.tree import Folder
+from msggen.model import DEFAULT_PACKAGE
+from msggen.sync.contents import PackageContents
+from msggen.sync.target import KINDS, Target
+
+NAMES = ("CMakeLists.txt", "README.md", "package.xml")
+
+
+class Scaffold(NamedTuple):
+    """`changes` are the files to write, `digests` those to record, `fingerprint` tells what they are made from."""
+
+    fingerprint: str
+    digests: Mapping[str, str]
+    changes: Mapping[str, bytes]
+
+
+class Origin(NamedTuple):
+    """Where definitions come from, without a path of this machine.
+
+    `commit` is empty where no repository has them; `described` is what git calls the commit, if it has a tag.
+    """
+
+    name: str
+    commit: str = ""
+    described: str = ""
+    is_modified: bool = False
+    further: tuple[str, ...] = ()
+
+
+def plan_scaffold(target: Target, sources: Sources, known: Record, definitions: PackageContents) -> Scaffold:
+    """Return what to do with the files that an earlier run wrote and nobody edited, or in a new package with all."""
+    recorded = {name: value for name, value in known.files.items() if name in NAMES}
+    found = {name: digest_of(target.folder, name) or "" for name in recorded}
+    own = {name: value for name, value in found.items() if value in recorded[name].split()}
+    if not own and not target.is_new:
+        return Scaffold(known.fingerprint, recorded, {})
+    origin = origin_of(sources)
+    dependencies = tuple(definitions.dependencies)
+    options = _options(target.name, dependencies, topics_only=definitions.topics_only)
+    fingerprint = _fingerprint(target.name, origin, options)
+    if fingerprint == known.fingerprint:
+        return Scaffold(fingerprint, recorded, {})
+    names = NAMES if target.is_new else tuple(own)
+    rendered = _render(names, package=target.name, origin=origin, options=options, dependencies=dependencies)
+    digests = {name: digest(data) for name, data in rendered.items()}
+    changes = {name: data for name, data in rendered.items() if digests[name] != own.get(name)}
+    return Scaffold(fingerprint, {**recorded, **digests}, changes)
+
+
+def origin_of(sources: Sources) -> Origin:
+    """Return where the first of `sources` comes from, and the names of the others with messages of uORB's."""
+    root = sources.root
+    trees = dict.fromkeys(file.tree for file in (*sources.messages, *sources.services) if not file.package)
+    further = tuple(_base(tree.path) for tree in trees if tree is not None and tree is not root)
+    if root is None or sources.embedded:
+        return Origin(f"PX4 {sources.embedded}, as msggen brings it along", further=further)
+    if isinstance(root, Folder):
+        return _origin_in_git(root.path, None)._replace(name=_base(root.path), further=further)
+    folder, revision = split_revision(root.path)
+    return _origin_in_git(folder, revision)._replace(name=_base(root.path), further=further)
+
+
+def _origin_in_git(folder: str, revision: str | None) -> Origin:
+    """Return the commit that `folder` is at, or that `revision` names; no commit where git does not have the files."""
+    from msggen.disk.git import GitError, commit_of, git
+
+    paths = [kind for kind in KINDS if os.path.isdir(os.path.join(folder, kind))] or ["."]
+    try:
+        if not os.path.isdir(folder) or not (revision or git(folder, "ls-files", "--", *paths)):
+            return Origin("")
+        commit = commit_of(folder, revision or "HEAD")
+        is_modified = not revision and git(folder, "status", "--porcelain", "--untracked-files=all", "--", *paths)
+    except GitError:
+        return Origin("")
+    try:
+        described = git(folder, "describe", "--tags", commit).decode().strip()
+    except GitError:
+        described = ""
+    return Origin("", commit, described, bool(is_modified))
+
+
+def _base(path: str) -> str:
+    """Return the last part of a path, such that it can stand in a README."""
+    folder, revision = split_revision(path)
+    name = os.path.basename(os.path.abspath(folder or path)) + (f"@{revision}" if revision else "")
+    return "".join(character if character.isprintable() and character not in "`|" else "_" for character in name)
+
+
+def _options(package: str, dependencies: tuple[str, ...], *, topics_only: bool) -> str:
+    """Return the options that the next sync needs too, each with a space behind it."""
+    folders = "".join(f"--msg-dir {dependency}={dependency} " for dependency in dependencies)
+    name = "" if package == DEFAULT_PACKAGE else f"--package {package} "
+    return folders + name + ("--topics-only " if topics_only else "")
+
+
+def _fingerprint(package: str, origin: Origin, options: str) -> str:
+    state = [__version__, package, repr(origin), options]
+    for name in NAMES:
+        with open(os.path.join(resource("templates"), *_template(name).split("/")), encoding="utf-8") as stream:
+            state.append(stream.read())
+    return digest("\0".join(state).encode())
+
+
+def _render(names: tuple[str, ...], **values: object) -> dict[str, bytes]:
+    from msggen.text.environment import make_environment
+
+    environment = make_environment()
+    templates = {name: environment.get_template(_template(name)) for name in names}
+    return {name: template.render(values).encode() for name, template in templates.items()}
+
+
+def _template(name: str) -> str:
+    return f"ros2/{name}.j2"

@@ -1,0 +1,1 @@
+"""Template engines, and the words that templates share."""

@@ -1,0 +1,148 @@
+"""A template from reading to text, and its errors said to people.
+
+The work is done in `program`, which is imported with EmPy itself only when a template is used.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from traceback import walk_tb
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from msggen.diagnostics import InputError, fault, suggestion
+
+if TYPE_CHECKING:
+    from msggen.text.empy_program import Program
+
+
+class EmpyTemplate:
+    """One template, to be expanded any number of times: it is parsed once, and its code compiled once."""
+
+    def __init__(self, path: str, text: str | None = None) -> None:
+        """Read the template at `path`, or take `text` for what stands there.
+
+        Raises InputError: EmPy 3.3 is not installed, the file cannot be read, or its markup is wrong.
+        """
+        self.path = path
+        self._modules: dict[str, ModuleType] = {}
+        self._program = _program(path, _read(path) if text is None else text)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The files that were read so far: the template, what it has included, and modules of its own."""
+        modules = (getattr(module, "__file__", None) for module in self._modules.values())
+        return (self.path, *self._program.included, *filter(None, modules))
+
+    def expand(self, names: Mapping[str, object], prepare_path: Sequence[str] = ()) -> str:
+        """Return the text that the template makes of `names`; it may import from the folders of `prepare_path` too.
+
+        The names are not changed. What the template changes of `sys.path` and `sys.stdout` is undone, and modules
+        from those folders are its own: no one else sees them, and they are kept for the next time.
+        Raises InputError where the template, or what it calls, raises anything; that of another input is let through.
+        """
+        with importing_from(prepare_path, self._modules):
+            try:
+                text = self._program.run(dict(names))
+                os.fsencode(text)
+            except (Exception, SystemExit) as error:
+                if isinstance(error, InputError):
+                    raise
+                code, said = _said(error, self.path)
+                raise fault(self.path, code, said, self._program.line_of(error)) from error
+        return text
+
+
+def _read(path: str) -> str:
+    try:
+        with open(path, encoding="utf-8") as stream:
+            return stream.read()
+    except UnicodeDecodeError as error:
+        raise fault(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from error
+    except OSError as error:
+        raise fault(path, "T102", f"cannot read the template: {error.strerror or error}", 0) from error
+
+
+def _program(path: str, text: str) -> Program:
+    """Return the template `text`, parsed."""
+    _check_empy(path)
+    from msggen.text.empy_program import MarkupError, Program
+
+    try:
+        return Program(path, text)
+    except MarkupError as error:
+        raise fault(path, "T103", str(error), error.line) from error
+
+
+def _check_empy(path: str) -> None:
+    """Raise InputError where `em` is not there, or is something else than EmPy 3.3."""
+    wanted = "this template needs EmPy 3.3 (pip install 'empy>=3.3,<4')"
+    try:
+        import em
+    except ImportError as error:
+        raise fault(path, "T101", f"{wanted}: {error}", 0) from error
+    version = str(getattr(em, "__version__", "without a version"))
+    if not version.startswith("3.3"):
+        raise fault(path, "T101", f"{wanted}: the module 'em' found is {version}, from {em.__file__}", 0)
+
+
+def _said(error: BaseException, path: str) -> tuple[str, str]:
+    """Return the code and the words for what the template at `path` raised."""
+    from msggen.text.empy_program import is_of_empy
+
+    if is_of_empy(error):
+        return "T103", str(error)
+    if isinstance(error, SyntaxError) and error.filename is not None:
+        if error.filename == path or error.filename.startswith("<"):
+            return "T104", f"not Python: {error.msg}"
+        return "T105", f"{type(error).__name__}: {error.msg}, raised at {error.filename}:{error.lineno}"
+    if isinstance(error, SystemExit):
+        return "T105", f"the template ended the run: exit({'' if error.code is None else error.code!r})"
+    text = f"{type(error).__name__}: {error}".rstrip(": ")
+    return "T105", f"{text}{_meant(error)}{_raised_at(error)}"
+
+
+def _meant(error: BaseException) -> str:
+    """Return what was perhaps meant by an unknown name, or ""."""
+    name = getattr(error, "name", None) or ""
+    if isinstance(error, AttributeError):
+        return suggestion(name, (known for known in dir(error.obj) if not known.startswith("_")))
+    if isinstance(error, NameError):
+        frame = [*walk_tb(error.__traceback__)][-1][0]
+        return suggestion(name, (known for known in (*frame.f_locals, *frame.f_globals) if not known.startswith("__")))
+    return ""
+
+
+def _raised_at(error: BaseException) -> str:
+    """Return where a module that the template uses raised `error`, or "" where the template or a library did."""
+    libraries = (os.path.dirname(os.__file__), os.path.dirname(os.path.dirname(__file__)), "<")
+    places = [(frame.f_code.co_filename, line) for frame, line in walk_tb(error.__traceback__)]
+    path, line = next((place for place in reversed(places) if not place[0].startswith(libraries)), ("", 0))
+    return f", raised at {path}:{line}" if path.endswith(".py") else ""
+
+
+@contextmanager
+def importing_from(folders: Sequence[str], modules: dict[str, ModuleType]) -> Iterator[None]:
+    """Have `modules` imported, and look for others in `folders` first.
+
+    Afterwards `sys.path` and `sys.modules` are as they were, and `modules` holds what was imported from `folders` too.
+    """
+    path, before = sys.path[:], dict(sys.modules) if folders or modules else {}
+    roots = tuple(os.path.join(os.path.abspath(folder), "") for folder in folders)
+    sys.path[:0] = folders
+    sys.modules.update(modules)
+    try:
+        yield
+    finally:
+        sys.path[:] = path
+        for name in set(sys.modules) - set(before) if roots else ():
+            file = getattr(sys.modules[name], "__file__", None)
+            if file and os.path.abspath(file).startswith(roots):
+                modules[name] = sys.modules[name]
+        for name in modules:
+            del sys.modules[name]
+            if name in before:
+                sys.modules[name] = before[name]
