@@ -117,7 +117,7 @@ class Shape(ast.NodeTransformer):
         return None if is_docstring else self.generic_visit(node)
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        if ast.unparse(node.func) == "_cdr.Field":
+        if ast.unparse(node.func) == "info.Field":
             node.keywords = [word for word in node.keywords if not (word.arg in TAGS and _is_text(word.value))]
         return self.generic_visit(node)
 

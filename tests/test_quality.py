@@ -141,7 +141,7 @@ rate: tuple[float, float, float] = message.gyro_rad
 reports: tuple[EscReport, ...] = EscStatus().esc
 later: SensorCombined = dataclasses.replace(message, timestamp=2)
 names: list[str] = [field.name for field in dataclasses.fields(SensorCombined)]
-size: int = SensorCombined.__msg__.cdr_size
+size: int | None = SensorCombined.__msg__.cdr_size
 view: SensorCombined = SensorCombined.lazy(sample)
 several: list[bytes] = SensorCombined.encode_batch(SensorCombined.decode_batch([sample, bytearray(sample)]))
 one: SensorCombined = SensorCombined.from_row(SensorCombined.decode_batch(sample)[0])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import importlib
 import pickle
 import sys
 from array import array
@@ -56,6 +57,12 @@ def cdr(msg: Any) -> Any:
 
 
 @pytest.fixture
+def encode_as(cdr: Any) -> Any:
+    """The function that writes samples of other encapsulations."""
+    return importlib.import_module(f"{cdr.__package__}.encapsulation").encode_as
+
+
+@pytest.fixture
 def scan(msg: Any) -> Any:
     """A message with something in every field."""
     header = msg.Header(msg.Time(1, 2), "laser")
@@ -80,17 +87,17 @@ def test_a_sample_is_what_the_standard_says(scan: Any) -> None:
 
 
 @pytest.mark.parametrize("encapsulation", [b"\0\0", b"\0\1", b"\0\6", b"\0\7"])
-def test_every_encapsulation_is_read_back(scan: Any, cdr: Any, encapsulation: bytes) -> None:
-    sample = cdr.encode_as(scan, encapsulation)
+def test_every_encapsulation_is_read_back(scan: Any, encode_as: Any, encapsulation: bytes) -> None:
+    sample = encode_as(scan, encapsulation)
     assert sample[:4] == encapsulation + b"\0\0"
     assert type(scan).decode(sample) == scan
     assert type(scan).decode(memoryview(bytearray(sample))) == scan
 
 
 @pytest.mark.parametrize("wrong", [b"\0\2", "xcdr2", b"\0\7\0\0"])
-def test_an_encapsulation_that_is_none_is_told(scan: Any, cdr: Any, wrong: Any) -> None:
+def test_an_encapsulation_that_is_none_is_told(scan: Any, cdr: Any, encode_as: Any, wrong: Any) -> None:
     with pytest.raises(cdr.EncodeError, match=r"Scan: expected the encapsulation b'.*, got"):
-        cdr.encode_as(scan, wrong)
+        encode_as(scan, wrong)
 
 
 def test_values_come_as_the_documentation_says(scan: Any, msg: Any) -> None:
@@ -135,12 +142,12 @@ def test_its_description_knows_what_differs_by_sample(msg: Any) -> None:
     assert (info.name, info.ros_type, info.cdr_size, info.struct_size, info.topics) == (
         "Scan",
         "my_msgs/msg/Scan",
-        0,
-        0,
+        None,
+        None,
         (),
     )
     fields = {field.name: field for field in info.fields}
-    assert (fields["header"].offset, fields["ranges"].offset, fields["ranges"].size) == (-1, -1, 0)
+    assert (fields["header"].offset, fields["ranges"].offset, fields["ranges"].size) == (None, None, None)
     assert (msg.Status.__msg__.fields[0].offset, msg.Status.__msg__.fields[0].size) == (0, 1)
     assert (fields["ranges"].is_sequence, fields["ranges"].length, fields["ranges"].base) == (True, None, "float32")
     assert (fields["corners"].most, fields["labels"].base) == (2, "string<=4")
@@ -285,8 +292,8 @@ def test_a_text_of_no_bytes_is_an_empty_text(msg: Any) -> None:
     assert msg.Header.decode(b"\0\1\0\0" + bytes(12)) == msg.Header()
 
 
-def test_a_delimiter_header_that_lies_is_told(scan: Any, cdr: Any) -> None:
-    sample = bytearray(cdr.encode_as(scan, b"\0\7"))
+def test_a_delimiter_header_that_lies_is_told(scan: Any, cdr: Any, encode_as: Any) -> None:
+    sample = bytearray(encode_as(scan, b"\0\7"))
     place = sample.index((20).to_bytes(4, "little"))  # of corners: a count and two numbers
     sample[place] = 24
     with pytest.raises(cdr.DecodeError, match=r"Scan.corners: expected a delimiter header of 20 at byte \d+, got 24"):

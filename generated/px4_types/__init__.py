@@ -280,8 +280,8 @@ if TYPE_CHECKING:
     from .msg import YawEstimatorStatus as YawEstimatorStatus
 
 _MODULES = (
-    "arrays", "batch", "cdr", "lazy", "lookup", "msg", "orb_id", "places", "records", "registry", "srv",
-    "topics",
+    "arrays", "batch", "cdr", "encapsulation", "explain", "info", "lazy", "lookup", "msg", "orb_id", "places",
+    "primitives", "records", "registry", "srv", "topics",
 )
 _AttributeError = AttributeError  # a message may have this name
 _ERRORS = {"DecodeError", "EncodeError"}

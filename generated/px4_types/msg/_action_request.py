@@ -103,7 +103,7 @@ class ActionRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ActionRequest",
         ros_type="px4_msgs/msg/ActionRequest",
         dds_type="px4_msgs::msg::dds_::ActionRequest_",
@@ -114,9 +114,9 @@ class ActionRequest(_cdr.Message):
         message_version=0,
         topics=("action_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("action", "uint8", 8, 1, enum="ACTION"),
-            _cdr.Field("source", "uint8", 9, 1, enum="SOURCE"),
-            _cdr.Field("mode", "uint8", 10, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("action", "uint8", 8, 1, enum="ACTION"),
+            info.Field("source", "uint8", 9, 1, enum="SOURCE"),
+            info.Field("mode", "uint8", 10, 1),
         ),
     ))

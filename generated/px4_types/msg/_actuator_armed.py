@@ -109,7 +109,7 @@ class ActuatorArmed(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ActuatorArmed",
         ros_type="px4_msgs/msg/ActuatorArmed",
         dds_type="px4_msgs::msg::dds_::ActuatorArmed_",
@@ -120,13 +120,13 @@ class ActuatorArmed(_cdr.Message):
         message_version=0,
         topics=("actuator_armed",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("armed", "bool", 8, 1),
-            _cdr.Field("prearmed", "bool", 9, 1),
-            _cdr.Field("ready_to_arm", "bool", 10, 1),
-            _cdr.Field("lockdown", "bool", 11, 1),
-            _cdr.Field("kill", "bool", 12, 1),
-            _cdr.Field("termination", "bool", 13, 1),
-            _cdr.Field("in_esc_calibration_mode", "bool", 14, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("armed", "bool", 8, 1),
+            info.Field("prearmed", "bool", 9, 1),
+            info.Field("ready_to_arm", "bool", 10, 1),
+            info.Field("lockdown", "bool", 11, 1),
+            info.Field("kill", "bool", 12, 1),
+            info.Field("termination", "bool", 13, 1),
+            info.Field("in_esc_calibration_mode", "bool", 14, 1),
         ),
     ))

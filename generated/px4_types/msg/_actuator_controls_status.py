@@ -65,7 +65,7 @@ class ActuatorControlsStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ActuatorControlsStatus",
         ros_type="px4_msgs/msg/ActuatorControlsStatus",
         dds_type="px4_msgs::msg::dds_::ActuatorControlsStatus_",
@@ -76,7 +76,7 @@ class ActuatorControlsStatus(_cdr.Message):
         message_version=0,
         topics=("actuator_controls_status_0", "actuator_controls_status_1"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("control_power", "float32[3]", 8, 12, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("control_power", "float32[3]", 8, 12, unit="-"),
         ),
     ))

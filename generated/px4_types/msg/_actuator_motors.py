@@ -95,7 +95,7 @@ class ActuatorMotors(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ActuatorMotors",
         ros_type="px4_msgs/msg/ActuatorMotors",
         dds_type="px4_msgs::msg::dds_::ActuatorMotors_",
@@ -106,10 +106,10 @@ class ActuatorMotors(_cdr.Message):
         message_version=0,
         topics=("actuator_motors",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("reversible_flags", "uint16", 16, 2, unit="-"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("reversible_flags", "uint16", 16, 2, unit="-"),
+            info.Field(
                 "control", "float32[12]", 20, 48, range="-1, 1", invalid="NaN Stops the motor",
             ),
         ),

@@ -74,7 +74,7 @@ class ActuatorOutputs(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ActuatorOutputs",
         ros_type="px4_msgs/msg/ActuatorOutputs",
         dds_type="px4_msgs::msg::dds_::ActuatorOutputs_",
@@ -85,8 +85,8 @@ class ActuatorOutputs(_cdr.Message):
         message_version=0,
         topics=("actuator_outputs", "actuator_outputs_sim", "actuator_outputs_debug"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("noutputs", "uint32", 8, 4),
-            _cdr.Field("output", "float32[16]", 12, 64),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("noutputs", "uint32", 8, 4),
+            info.Field("output", "float32[16]", 12, 64),
         ),
     ))

@@ -91,7 +91,7 @@ class ActuatorServos(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ActuatorServos",
         ros_type="px4_msgs/msg/ActuatorServos",
         dds_type="px4_msgs::msg::dds_::ActuatorServos_",
@@ -102,8 +102,8 @@ class ActuatorServos(_cdr.Message):
         message_version=1,
         topics=("actuator_servos",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("control", "float32[15]", 16, 60, unit="-", range="-1, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("control", "float32[15]", 16, 60, unit="-", range="-1, 1"),
         ),
     ))

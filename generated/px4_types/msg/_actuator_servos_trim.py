@@ -79,7 +79,7 @@ class ActuatorServosTrim(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ActuatorServosTrim",
         ros_type="px4_msgs/msg/ActuatorServosTrim",
         dds_type="px4_msgs::msg::dds_::ActuatorServosTrim_",
@@ -90,7 +90,7 @@ class ActuatorServosTrim(_cdr.Message):
         message_version=0,
         topics=("actuator_servos_trim",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("trim", "float32[15]", 8, 60, range="-1, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("trim", "float32[15]", 8, 60, range="-1, 1"),
         ),
     ))

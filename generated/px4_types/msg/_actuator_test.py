@@ -93,7 +93,7 @@ class ActuatorTest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ActuatorTest",
         ros_type="px4_msgs/msg/ActuatorTest",
         dds_type="px4_msgs::msg::dds_::ActuatorTest_",
@@ -104,10 +104,10 @@ class ActuatorTest(_cdr.Message):
         message_version=0,
         topics=("actuator_test",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("action", "uint8", 8, 1, enum="ACTION"),
-            _cdr.Field("function", "uint16", 10, 2),
-            _cdr.Field("value", "float32", 12, 4, range="-1, 1"),
-            _cdr.Field("timeout_ms", "uint32", 16, 4, unit="ms"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("action", "uint8", 8, 1, enum="ACTION"),
+            info.Field("function", "uint16", 10, 2),
+            info.Field("value", "float32", 12, 4, range="-1, 1"),
+            info.Field("timeout_ms", "uint32", 16, 4, unit="ms"),
         ),
     ))

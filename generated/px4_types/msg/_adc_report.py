@@ -91,7 +91,7 @@ class AdcReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="AdcReport",
         ros_type="px4_msgs/msg/AdcReport",
         dds_type="px4_msgs::msg::dds_::AdcReport_",
@@ -102,11 +102,11 @@ class AdcReport(_cdr.Message):
         message_version=0,
         topics=("adc_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 8, 4, unit="-"),
-            _cdr.Field("channel_id", "int16[16]", 12, 32, unit="-", invalid="-1"),
-            _cdr.Field("raw_data", "int32[16]", 44, 64, unit="-"),
-            _cdr.Field("resolution", "uint32", 108, 4, unit="-"),
-            _cdr.Field("v_ref", "float32", 112, 4, unit="V"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("device_id", "uint32", 8, 4, unit="-"),
+            info.Field("channel_id", "int16[16]", 12, 32, unit="-", invalid="-1"),
+            info.Field("raw_data", "int32[16]", 44, 64, unit="-"),
+            info.Field("resolution", "uint32", 108, 4, unit="-"),
+            info.Field("v_ref", "float32", 112, 4, unit="V"),
         ),
     ))

@@ -87,7 +87,7 @@ class Airspeed(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="Airspeed",
         ros_type="px4_msgs/msg/Airspeed",
         dds_type="px4_msgs::msg::dds_::Airspeed_",
@@ -98,10 +98,10 @@ class Airspeed(_cdr.Message):
         message_version=0,
         topics=("airspeed",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("indicated_airspeed_m_s", "float32", 16, 4, unit="m/s"),
-            _cdr.Field("true_airspeed_m_s", "float32", 20, 4, unit="m/s"),
-            _cdr.Field("confidence", "float32", 24, 4, range="0,1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("indicated_airspeed_m_s", "float32", 16, 4, unit="m/s"),
+            info.Field("true_airspeed_m_s", "float32", 20, 4, unit="m/s"),
+            info.Field("confidence", "float32", 24, 4, range="0,1"),
         ),
     ))

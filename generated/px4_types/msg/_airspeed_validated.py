@@ -154,7 +154,7 @@ class AirspeedValidated(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="AirspeedValidated",
         ros_type="px4_msgs/msg/AirspeedValidated",
         dds_type="px4_msgs::msg::dds_::AirspeedValidated_",
@@ -165,19 +165,19 @@ class AirspeedValidated(_cdr.Message):
         message_version=1,
         topics=("airspeed_validated",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("indicated_airspeed_m_s", "float32", 8, 4, unit="m/s", invalid="NaN"),
-            _cdr.Field("calibrated_airspeed_m_s", "float32", 12, 4, unit="m/s", invalid="NaN"),
-            _cdr.Field("true_airspeed_m_s", "float32", 16, 4, unit="m/s", invalid="NaN"),
-            _cdr.Field("airspeed_source", "int8", 20, 1, enum="SOURCE"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("indicated_airspeed_m_s", "float32", 8, 4, unit="m/s", invalid="NaN"),
+            info.Field("calibrated_airspeed_m_s", "float32", 12, 4, unit="m/s", invalid="NaN"),
+            info.Field("true_airspeed_m_s", "float32", 16, 4, unit="m/s", invalid="NaN"),
+            info.Field("airspeed_source", "int8", 20, 1, enum="SOURCE"),
+            info.Field(
                 "calibrated_ground_minus_wind_m_s", "float32", 24, 4, unit="m/s", invalid="NaN",
             ),
-            _cdr.Field(
+            info.Field(
                 "calibraded_airspeed_synth_m_s", "float32", 28, 4, unit="m/s", invalid="NaN",
             ),
-            _cdr.Field("airspeed_derivative_filtered", "float32", 32, 4, unit="m/s^2"),
-            _cdr.Field("throttle_filtered", "float32", 36, 4, unit="-"),
-            _cdr.Field("pitch_filtered", "float32", 40, 4, unit="rad"),
+            info.Field("airspeed_derivative_filtered", "float32", 32, 4, unit="m/s^2"),
+            info.Field("throttle_filtered", "float32", 36, 4, unit="-"),
+            info.Field("pitch_filtered", "float32", 40, 4, unit="rad"),
         ),
     ))

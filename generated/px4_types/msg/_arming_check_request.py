@@ -73,7 +73,7 @@ class ArmingCheckRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ArmingCheckRequest",
         ros_type="px4_msgs/msg/ArmingCheckRequest",
         dds_type="px4_msgs::msg::dds_::ArmingCheckRequest_",
@@ -84,8 +84,8 @@ class ArmingCheckRequest(_cdr.Message):
         message_version=1,
         topics=("arming_check_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("request_id", "uint8", 8, 1, unit="-"),
-            _cdr.Field("valid_registrations_mask", "uint32", 12, 4, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("request_id", "uint8", 8, 1, unit="-"),
+            info.Field("valid_registrations_mask", "uint32", 12, 4, unit="-"),
         ),
     ))

@@ -187,7 +187,7 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="AutotuneAttitudeControlStatus",
         ros_type="px4_msgs/msg/AutotuneAttitudeControlStatus",
         dds_type="px4_msgs::msg::dds_::AutotuneAttitudeControlStatus_",
@@ -198,20 +198,20 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
         message_version=0,
         topics=("autotune_attitude_control_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("coeff", "float32[5]", 8, 20, unit="-"),
-            _cdr.Field("coeff_var", "float32[5]", 28, 20, unit="-"),
-            _cdr.Field("fitness", "float32", 48, 4, unit="-"),
-            _cdr.Field("innov", "float32", 52, 4, unit="rad/s"),
-            _cdr.Field("dt_model", "float32", 56, 4, unit="s"),
-            _cdr.Field("kc", "float32", 60, 4, unit="-"),
-            _cdr.Field("ki", "float32", 64, 4, unit="-"),
-            _cdr.Field("kd", "float32", 68, 4, unit="-"),
-            _cdr.Field("kff", "float32", 72, 4, unit="-"),
-            _cdr.Field("att_p", "float32", 76, 4, unit="-"),
-            _cdr.Field("rate_sp", "float32[3]", 80, 12, unit="rad/s"),
-            _cdr.Field("u_filt", "float32", 92, 4, unit="-"),
-            _cdr.Field("y_filt", "float32", 96, 4, unit="rad/s"),
-            _cdr.Field("state", "uint8", 100, 1, enum="STATE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("coeff", "float32[5]", 8, 20, unit="-"),
+            info.Field("coeff_var", "float32[5]", 28, 20, unit="-"),
+            info.Field("fitness", "float32", 48, 4, unit="-"),
+            info.Field("innov", "float32", 52, 4, unit="rad/s"),
+            info.Field("dt_model", "float32", 56, 4, unit="s"),
+            info.Field("kc", "float32", 60, 4, unit="-"),
+            info.Field("ki", "float32", 64, 4, unit="-"),
+            info.Field("kd", "float32", 68, 4, unit="-"),
+            info.Field("kff", "float32", 72, 4, unit="-"),
+            info.Field("att_p", "float32", 76, 4, unit="-"),
+            info.Field("rate_sp", "float32[3]", 80, 12, unit="rad/s"),
+            info.Field("u_filt", "float32", 92, 4, unit="-"),
+            info.Field("y_filt", "float32", 96, 4, unit="rad/s"),
+            info.Field("state", "uint8", 100, 1, enum="STATE"),
         ),
     ))

@@ -136,7 +136,7 @@ class AuxGlobalPosition(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="AuxGlobalPosition",
         ros_type="px4_msgs/msg/AuxGlobalPosition",
         dds_type="px4_msgs::msg::dds_::AuxGlobalPosition_",
@@ -147,15 +147,15 @@ class AuxGlobalPosition(_cdr.Message):
         message_version=1,
         topics=("aux_global_position",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("id", "uint8", 16, 1, unit="-"),
-            _cdr.Field("source", "uint8", 17, 1, enum="SOURCE"),
-            _cdr.Field("lat", "float64", 24, 8, unit="deg"),
-            _cdr.Field("lon", "float64", 32, 8, unit="deg"),
-            _cdr.Field("alt", "float32", 40, 4, unit="m", invalid="NaN"),
-            _cdr.Field("eph", "float32", 44, 4, unit="m", invalid="NaN"),
-            _cdr.Field("epv", "float32", 48, 4, unit="m", invalid="NaN"),
-            _cdr.Field("lat_lon_reset_counter", "uint8", 52, 1, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("id", "uint8", 16, 1, unit="-"),
+            info.Field("source", "uint8", 17, 1, enum="SOURCE"),
+            info.Field("lat", "float64", 24, 8, unit="deg"),
+            info.Field("lon", "float64", 32, 8, unit="deg"),
+            info.Field("alt", "float32", 40, 4, unit="m", invalid="NaN"),
+            info.Field("eph", "float32", 44, 4, unit="m", invalid="NaN"),
+            info.Field("epv", "float32", 48, 4, unit="m", invalid="NaN"),
+            info.Field("lat_lon_reset_counter", "uint8", 52, 1, unit="-"),
         ),
     ))

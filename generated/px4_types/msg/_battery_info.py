@@ -68,7 +68,7 @@ class BatteryInfo(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="BatteryInfo",
         ros_type="px4_msgs/msg/BatteryInfo",
         dds_type="px4_msgs::msg::dds_::BatteryInfo_",
@@ -79,8 +79,8 @@ class BatteryInfo(_cdr.Message):
         message_version=0,
         topics=("battery_info",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("id", "uint8", 8, 1),
-            _cdr.Field("serial_number", "char[32]", 9, 32, invalid="0 All bytes"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("id", "uint8", 8, 1),
+            info.Field("serial_number", "char[32]", 9, 32, invalid="0 All bytes"),
         ),
     ))

@@ -67,7 +67,7 @@ class ButtonEvent(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ButtonEvent",
         ros_type="px4_msgs/msg/ButtonEvent",
         dds_type="px4_msgs::msg::dds_::ButtonEvent_",
@@ -78,7 +78,7 @@ class ButtonEvent(_cdr.Message):
         message_version=0,
         topics=("button_event", "safety_button"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("triggered", "bool", 8, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("triggered", "bool", 8, 1),
         ),
     ))

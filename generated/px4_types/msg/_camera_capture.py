@@ -109,7 +109,7 @@ class CameraCapture(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="CameraCapture",
         ros_type="px4_msgs/msg/CameraCapture",
         dds_type="px4_msgs::msg::dds_::CameraCapture_",
@@ -120,14 +120,14 @@ class CameraCapture(_cdr.Message):
         message_version=0,
         topics=("camera_capture",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_utc", "uint64", 8, 8, unit="us"),
-            _cdr.Field("seq", "uint32", 16, 4),
-            _cdr.Field("lat", "float64", 24, 8, unit="deg"),
-            _cdr.Field("lon", "float64", 32, 8, unit="deg"),
-            _cdr.Field("alt", "float32", 40, 4, unit="m"),
-            _cdr.Field("ground_distance", "float32", 44, 4, unit="m", invalid="-1"),
-            _cdr.Field("q", "float32[4]", 48, 16, frame="NED"),
-            _cdr.Field("result", "int8", 64, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_utc", "uint64", 8, 8, unit="us"),
+            info.Field("seq", "uint32", 16, 4),
+            info.Field("lat", "float64", 24, 8, unit="deg"),
+            info.Field("lon", "float64", 32, 8, unit="deg"),
+            info.Field("alt", "float32", 40, 4, unit="m"),
+            info.Field("ground_distance", "float32", 44, 4, unit="m", invalid="-1"),
+            info.Field("q", "float32[4]", 48, 16, frame="NED"),
+            info.Field("result", "int8", 64, 1),
         ),
     ))

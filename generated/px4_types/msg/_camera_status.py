@@ -66,7 +66,7 @@ class CameraStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="CameraStatus",
         ros_type="px4_msgs/msg/CameraStatus",
         dds_type="px4_msgs::msg::dds_::CameraStatus_",
@@ -77,8 +77,8 @@ class CameraStatus(_cdr.Message):
         message_version=0,
         topics=("camera_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("active_sys_id", "uint8", 8, 1),
-            _cdr.Field("active_comp_id", "uint8", 9, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("active_sys_id", "uint8", 8, 1),
+            info.Field("active_comp_id", "uint8", 9, 1),
         ),
     ))

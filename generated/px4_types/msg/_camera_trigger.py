@@ -79,7 +79,7 @@ class CameraTrigger(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="CameraTrigger",
         ros_type="px4_msgs/msg/CameraTrigger",
         dds_type="px4_msgs::msg::dds_::CameraTrigger_",
@@ -90,9 +90,9 @@ class CameraTrigger(_cdr.Message):
         message_version=0,
         topics=("camera_trigger",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_utc", "uint64", 8, 8, unit="us"),
-            _cdr.Field("seq", "uint32", 16, 4),
-            _cdr.Field("feedback", "bool", 20, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_utc", "uint64", 8, 8, unit="us"),
+            info.Field("seq", "uint32", 16, 4),
+            info.Field("feedback", "bool", 20, 1),
         ),
     ))

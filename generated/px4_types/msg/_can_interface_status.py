@@ -81,7 +81,7 @@ class CanInterfaceStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="CanInterfaceStatus",
         ros_type="px4_msgs/msg/CanInterfaceStatus",
         dds_type="px4_msgs::msg::dds_::CanInterfaceStatus_",
@@ -92,10 +92,10 @@ class CanInterfaceStatus(_cdr.Message):
         message_version=0,
         topics=("can_interface_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("interface", "uint8", 8, 1),
-            _cdr.Field("io_errors", "uint64", 16, 8),
-            _cdr.Field("frames_tx", "uint64", 24, 8),
-            _cdr.Field("frames_rx", "uint64", 32, 8),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("interface", "uint8", 8, 1),
+            info.Field("io_errors", "uint64", 16, 8),
+            info.Field("frames_tx", "uint64", 24, 8),
+            info.Field("frames_rx", "uint64", 32, 8),
         ),
     ))

@@ -78,7 +78,7 @@ class CollisionConstraints(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="CollisionConstraints",
         ros_type="px4_msgs/msg/CollisionConstraints",
         dds_type="px4_msgs::msg::dds_::CollisionConstraints_",
@@ -89,11 +89,11 @@ class CollisionConstraints(_cdr.Message):
         message_version=0,
         topics=("collision_constraints",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "original_setpoint", "float32[2]", 8, 8, invalid="NaN No limit", frame="NED",
             ),
-            _cdr.Field(
+            info.Field(
                 "adapted_setpoint", "float32[2]", 16, 8, invalid="NaN No limit", frame="NED",
             ),
         ),

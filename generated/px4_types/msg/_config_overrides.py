@@ -111,7 +111,7 @@ class ConfigOverrides(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ConfigOverrides",
         ros_type="px4_msgs/msg/ConfigOverrides",
         dds_type="px4_msgs::msg::dds_::ConfigOverrides_",
@@ -122,12 +122,12 @@ class ConfigOverrides(_cdr.Message):
         message_version=1,
         topics=("config_overrides", "config_overrides_request", "config_overrides_confirm"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("disable_auto_disarm", "bool", 8, 1),
-            _cdr.Field("defer_failsafes", "bool", 9, 1),
-            _cdr.Field("defer_failsafes_timeout_s", "int16", 10, 2, unit="s"),
-            _cdr.Field("disable_auto_set_home", "bool", 12, 1),
-            _cdr.Field("source_type", "int8", 13, 1, enum="SOURCE_TYPE"),
-            _cdr.Field("source_id", "uint8", 14, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("disable_auto_disarm", "bool", 8, 1),
+            info.Field("defer_failsafes", "bool", 9, 1),
+            info.Field("defer_failsafes_timeout_s", "int16", 10, 2, unit="s"),
+            info.Field("disable_auto_set_home", "bool", 12, 1),
+            info.Field("source_type", "int8", 13, 1, enum="SOURCE_TYPE"),
+            info.Field("source_id", "uint8", 14, 1),
         ),
     ))

@@ -153,7 +153,7 @@ class ControlAllocatorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ControlAllocatorStatus",
         ros_type="px4_msgs/msg/ControlAllocatorStatus",
         dds_type="px4_msgs::msg::dds_::ControlAllocatorStatus_",
@@ -164,14 +164,14 @@ class ControlAllocatorStatus(_cdr.Message):
         message_version=0,
         topics=("control_allocator_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("torque_setpoint_achieved", "bool", 8, 1),
-            _cdr.Field("unallocated_torque", "float32[3]", 12, 12, unit="-", frame="Body"),
-            _cdr.Field("thrust_setpoint_achieved", "bool", 24, 1),
-            _cdr.Field("unallocated_thrust", "float32[3]", 28, 12, unit="-", frame="Body"),
-            _cdr.Field("actuator_saturation", "int8[16]", 40, 16, enum="ACTUATOR_SATURATION"),
-            _cdr.Field("handled_motor_failure_mask", "uint16", 56, 2),
-            _cdr.Field("motor_stop_mask", "uint16", 58, 2),
-            _cdr.Field("actuator_group_preflight_check_active", "bool", 60, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("torque_setpoint_achieved", "bool", 8, 1),
+            info.Field("unallocated_torque", "float32[3]", 12, 12, unit="-", frame="Body"),
+            info.Field("thrust_setpoint_achieved", "bool", 24, 1),
+            info.Field("unallocated_thrust", "float32[3]", 28, 12, unit="-", frame="Body"),
+            info.Field("actuator_saturation", "int8[16]", 40, 16, enum="ACTUATOR_SATURATION"),
+            info.Field("handled_motor_failure_mask", "uint16", 56, 2),
+            info.Field("motor_stop_mask", "uint16", 58, 2),
+            info.Field("actuator_group_preflight_check_active", "bool", 60, 1),
         ),
     ))

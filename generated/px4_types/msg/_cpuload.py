@@ -65,7 +65,7 @@ class Cpuload(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="Cpuload",
         ros_type="px4_msgs/msg/Cpuload",
         dds_type="px4_msgs::msg::dds_::Cpuload_",
@@ -76,8 +76,8 @@ class Cpuload(_cdr.Message):
         message_version=0,
         topics=("cpuload",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("load", "float32", 8, 4, unit="-", range="0, 1"),
-            _cdr.Field("ram_usage", "float32", 12, 4, unit="-", range="0, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("load", "float32", 8, 4, unit="-", range="0, 1"),
+            info.Field("ram_usage", "float32", 12, 4, unit="-", range="0, 1"),
         ),
     ))

@@ -94,7 +94,7 @@ class DatamanRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="DatamanRequest",
         ros_type="px4_msgs/msg/DatamanRequest",
         dds_type="px4_msgs::msg::dds_::DatamanRequest_",
@@ -105,12 +105,12 @@ class DatamanRequest(_cdr.Message):
         message_version=0,
         topics=("dataman_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("client_id", "uint8", 8, 1),
-            _cdr.Field("request_type", "uint8", 9, 1),
-            _cdr.Field("item", "uint8", 10, 1),
-            _cdr.Field("index", "uint32", 12, 4),
-            _cdr.Field("data", "uint8[56]", 16, 56),
-            _cdr.Field("data_length", "uint32", 72, 4, unit="bytes"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("client_id", "uint8", 8, 1),
+            info.Field("request_type", "uint8", 9, 1),
+            info.Field("item", "uint8", 10, 1),
+            info.Field("index", "uint32", 12, 4),
+            info.Field("data", "uint8[56]", 16, 56),
+            info.Field("data_length", "uint32", 72, 4, unit="bytes"),
         ),
     ))

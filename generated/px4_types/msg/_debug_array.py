@@ -80,7 +80,7 @@ class DebugArray(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="DebugArray",
         ros_type="px4_msgs/msg/DebugArray",
         dds_type="px4_msgs::msg::dds_::DebugArray_",
@@ -91,9 +91,9 @@ class DebugArray(_cdr.Message):
         message_version=0,
         topics=("debug_array",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("id", "uint16", 8, 2),
-            _cdr.Field("name", "char[10]", 10, 10),
-            _cdr.Field("data", "float32[58]", 20, 232),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("id", "uint16", 8, 2),
+            info.Field("name", "char[10]", 10, 10),
+            info.Field("data", "float32[58]", 20, 232),
         ),
     ))

@@ -68,7 +68,7 @@ class DebugKeyValue(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="DebugKeyValue",
         ros_type="px4_msgs/msg/DebugKeyValue",
         dds_type="px4_msgs::msg::dds_::DebugKeyValue_",
@@ -79,8 +79,8 @@ class DebugKeyValue(_cdr.Message):
         message_version=0,
         topics=("debug_key_value",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("key", "char[10]", 8, 10),
-            _cdr.Field("value", "float32", 20, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("key", "char[10]", 8, 10),
+            info.Field("value", "float32", 20, 4),
         ),
     ))

@@ -66,7 +66,7 @@ class DebugValue(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="DebugValue",
         ros_type="px4_msgs/msg/DebugValue",
         dds_type="px4_msgs::msg::dds_::DebugValue_",
@@ -77,8 +77,8 @@ class DebugValue(_cdr.Message):
         message_version=0,
         topics=("debug_value",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("ind", "int8", 8, 1),
-            _cdr.Field("value", "float32", 12, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("ind", "int8", 8, 1),
+            info.Field("value", "float32", 12, 4),
         ),
     ))

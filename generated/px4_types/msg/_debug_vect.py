@@ -78,7 +78,7 @@ class DebugVect(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="DebugVect",
         ros_type="px4_msgs/msg/DebugVect",
         dds_type="px4_msgs::msg::dds_::DebugVect_",
@@ -89,10 +89,10 @@ class DebugVect(_cdr.Message):
         message_version=0,
         topics=("debug_vect",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("name", "char[10]", 8, 10),
-            _cdr.Field("x", "float32", 20, 4),
-            _cdr.Field("y", "float32", 24, 4),
-            _cdr.Field("z", "float32", 28, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("name", "char[10]", 8, 10),
+            info.Field("x", "float32", 20, 4),
+            info.Field("y", "float32", 24, 4),
+            info.Field("z", "float32", 28, 4),
         ),
     ))

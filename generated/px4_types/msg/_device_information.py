@@ -130,7 +130,7 @@ class DeviceInformation(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="DeviceInformation",
         ros_type="px4_msgs/msg/DeviceInformation",
         dds_type="px4_msgs::msg::dds_::DeviceInformation_",
@@ -141,17 +141,17 @@ class DeviceInformation(_cdr.Message):
         message_version=0,
         topics=("device_information",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_type", "uint8", 8, 1, enum="DEVICE_TYPE"),
-            _cdr.Field("name", "char[80]", 9, 80),
-            _cdr.Field("device_id", "uint32", 92, 4, unit="-", invalid="0 if not available"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("device_type", "uint8", 8, 1, enum="DEVICE_TYPE"),
+            info.Field("name", "char[80]", 9, 80),
+            info.Field("device_id", "uint32", 92, 4, unit="-", invalid="0 if not available"),
+            info.Field(
                 "firmware_version", "char[24]", 96, 24, unit="-", invalid="empty if not available",
             ),
-            _cdr.Field(
+            info.Field(
                 "hardware_version", "char[24]", 120, 24, unit="-", invalid="empty if not available",
             ),
-            _cdr.Field(
+            info.Field(
                 "serial_number", "char[33]", 144, 33, unit="-", invalid="empty if not available",
             ),
         ),

@@ -102,7 +102,7 @@ class DifferentialPressure(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="DifferentialPressure",
         ros_type="px4_msgs/msg/DifferentialPressure",
         dds_type="px4_msgs::msg::dds_::DifferentialPressure_",
@@ -113,14 +113,14 @@ class DifferentialPressure(_cdr.Message):
         message_version=0,
         topics=("differential_pressure",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4, unit="-"),
-            _cdr.Field("differential_pressure_pa", "float32", 20, 4, unit="Pa"),
-            _cdr.Field("temperature", "float32", 24, 4, unit="degC", invalid="NaN if unknown"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4, unit="-"),
+            info.Field("differential_pressure_pa", "float32", 20, 4, unit="Pa"),
+            info.Field("temperature", "float32", 24, 4, unit="degC", invalid="NaN if unknown"),
+            info.Field(
                 "pitot_temperature", "float32", 28, 4, unit="degC", invalid="NaN if unknown",
             ),
-            _cdr.Field("error_count", "uint32", 32, 4, unit="-"),
+            info.Field("error_count", "uint32", 32, 4, unit="-"),
         ),
     ))

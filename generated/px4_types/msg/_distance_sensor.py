@@ -174,7 +174,7 @@ class DistanceSensor(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="DistanceSensor",
         ros_type="px4_msgs/msg/DistanceSensor",
         dds_type="px4_msgs::msg::dds_::DistanceSensor_",
@@ -185,18 +185,18 @@ class DistanceSensor(_cdr.Message):
         message_version=0,
         topics=("distance_sensor",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 8, 4),
-            _cdr.Field("min_distance", "float32", 12, 4, unit="m"),
-            _cdr.Field("max_distance", "float32", 16, 4, unit="m"),
-            _cdr.Field("current_distance", "float32", 20, 4, unit="m"),
-            _cdr.Field("variance", "float32", 24, 4, unit="m^2", invalid="0"),
-            _cdr.Field("signal_quality", "int8", 28, 1, unit="%", range="0, 100", invalid="-1"),
-            _cdr.Field("type", "uint8", 29, 1, enum="MAV_DISTANCE_SENSOR"),
-            _cdr.Field("h_fov", "float32", 32, 4, unit="rad"),
-            _cdr.Field("v_fov", "float32", 36, 4, unit="rad"),
-            _cdr.Field("q", "float32[4]", 40, 16),
-            _cdr.Field("orientation", "uint8", 56, 1, enum="ROTATION"),
-            _cdr.Field("mode", "uint8", 57, 1, enum="MODE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("device_id", "uint32", 8, 4),
+            info.Field("min_distance", "float32", 12, 4, unit="m"),
+            info.Field("max_distance", "float32", 16, 4, unit="m"),
+            info.Field("current_distance", "float32", 20, 4, unit="m"),
+            info.Field("variance", "float32", 24, 4, unit="m^2", invalid="0"),
+            info.Field("signal_quality", "int8", 28, 1, unit="%", range="0, 100", invalid="-1"),
+            info.Field("type", "uint8", 29, 1, enum="MAV_DISTANCE_SENSOR"),
+            info.Field("h_fov", "float32", 32, 4, unit="rad"),
+            info.Field("v_fov", "float32", 36, 4, unit="rad"),
+            info.Field("q", "float32[4]", 40, 16),
+            info.Field("orientation", "uint8", 56, 1, enum="ROTATION"),
+            info.Field("mode", "uint8", 57, 1, enum="MODE"),
         ),
     ))

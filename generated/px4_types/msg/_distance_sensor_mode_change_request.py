@@ -66,7 +66,7 @@ class DistanceSensorModeChangeRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="DistanceSensorModeChangeRequest",
         ros_type="px4_msgs/msg/DistanceSensorModeChangeRequest",
         dds_type="px4_msgs::msg::dds_::DistanceSensorModeChangeRequest_",
@@ -77,7 +77,7 @@ class DistanceSensorModeChangeRequest(_cdr.Message):
         message_version=0,
         topics=("distance_sensor_mode_change_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("request_on_off", "uint8", 8, 1, enum="REQUEST"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("request_on_off", "uint8", 8, 1, enum="REQUEST"),
         ),
     ))

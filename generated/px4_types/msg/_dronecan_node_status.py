@@ -108,7 +108,7 @@ class DronecanNodeStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="DronecanNodeStatus",
         ros_type="px4_msgs/msg/DronecanNodeStatus",
         dds_type="px4_msgs::msg::dds_::DronecanNodeStatus_",
@@ -119,12 +119,12 @@ class DronecanNodeStatus(_cdr.Message):
         message_version=0,
         topics=("dronecan_node_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("node_id", "uint16", 8, 2),
-            _cdr.Field("uptime_sec", "uint32", 12, 4, unit="s"),
-            _cdr.Field("health", "uint8", 16, 1, enum="HEALTH"),
-            _cdr.Field("mode", "uint8", 17, 1, enum="MODE"),
-            _cdr.Field("sub_mode", "uint8", 18, 1),
-            _cdr.Field("vendor_specific_status_code", "uint16", 20, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("node_id", "uint16", 8, 2),
+            info.Field("uptime_sec", "uint32", 12, 4, unit="s"),
+            info.Field("health", "uint8", 16, 1, enum="HEALTH"),
+            info.Field("mode", "uint8", 17, 1, enum="MODE"),
+            info.Field("sub_mode", "uint8", 18, 1),
+            info.Field("vendor_specific_status_code", "uint16", 20, 2),
         ),
     ))

@@ -115,7 +115,7 @@ class Ekf2Timestamps(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="Ekf2Timestamps",
         ros_type="px4_msgs/msg/Ekf2Timestamps",
         dds_type="px4_msgs::msg::dds_::Ekf2Timestamps_",
@@ -126,24 +126,24 @@ class Ekf2Timestamps(_cdr.Message):
         message_version=0,
         topics=("ekf2_timestamps",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("airspeed_timestamp_rel", "int16", 8, 2, invalid="32767 No new sample"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("airspeed_timestamp_rel", "int16", 8, 2, invalid="32767 No new sample"),
+            info.Field(
                 "airspeed_validated_timestamp_rel", "int16", 10, 2, invalid="32767 No new sample",
             ),
-            _cdr.Field(
+            info.Field(
                 "distance_sensor_timestamp_rel", "int16", 12, 2, invalid="32767 No new sample",
             ),
-            _cdr.Field(
+            info.Field(
                 "optical_flow_timestamp_rel", "int16", 14, 2, invalid="32767 No new sample",
             ),
-            _cdr.Field(
+            info.Field(
                 "vehicle_air_data_timestamp_rel", "int16", 16, 2, invalid="32767 No new sample",
             ),
-            _cdr.Field(
+            info.Field(
                 "vehicle_magnetometer_timestamp_rel", "int16", 18, 2, invalid="32767 No new sample",
             ),
-            _cdr.Field(
+            info.Field(
                 "visual_odometry_timestamp_rel", "int16", 20, 2, invalid="32767 No new sample",
             ),
         ),

@@ -95,7 +95,7 @@ class EscEepromWrite(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="EscEepromWrite",
         ros_type="px4_msgs/msg/EscEepromWrite",
         dds_type="px4_msgs::msg::dds_::EscEepromWrite_",
@@ -106,11 +106,11 @@ class EscEepromWrite(_cdr.Message):
         message_version=0,
         topics=("esc_eeprom_write",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("firmware", "uint8", 8, 1, unit="-"),
-            _cdr.Field("index", "uint8", 9, 1, unit="-"),
-            _cdr.Field("length", "uint16", 10, 2, unit="-"),
-            _cdr.Field("data", "uint8[48]", 12, 48, unit="-"),
-            _cdr.Field("write_mask", "uint32[2]", 60, 8, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("firmware", "uint8", 8, 1, unit="-"),
+            info.Field("index", "uint8", 9, 1, unit="-"),
+            info.Field("length", "uint16", 10, 2, unit="-"),
+            info.Field("data", "uint8[48]", 12, 48, unit="-"),
+            info.Field("write_mask", "uint32[2]", 60, 8, unit="-"),
         ),
     ))

@@ -143,7 +143,7 @@ class EscReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="EscReport",
         ros_type="px4_msgs/msg/EscReport",
         dds_type="px4_msgs::msg::dds_::EscReport_",
@@ -154,16 +154,16 @@ class EscReport(_cdr.Message):
         message_version=0,
         topics=("esc_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("esc_errorcount", "uint32", 8, 4, unit="-"),
-            _cdr.Field("esc_rpm", "int32", 12, 4, unit="rpm"),
-            _cdr.Field("esc_voltage", "float32", 16, 4, unit="V"),
-            _cdr.Field("esc_current", "float32", 20, 4, unit="A"),
-            _cdr.Field("esc_temperature", "float32", 24, 4, unit="degC"),
-            _cdr.Field("motor_temperature", "int16", 28, 2, unit="degC"),
-            _cdr.Field("esc_state", "uint8", 30, 1, unit="-"),
-            _cdr.Field("actuator_function", "uint8", 31, 1, unit="-"),
-            _cdr.Field("failures", "uint16", 32, 2, enum="FAILURE"),
-            _cdr.Field("esc_power", "int8", 34, 1, unit="%", range="0,100"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("esc_errorcount", "uint32", 8, 4, unit="-"),
+            info.Field("esc_rpm", "int32", 12, 4, unit="rpm"),
+            info.Field("esc_voltage", "float32", 16, 4, unit="V"),
+            info.Field("esc_current", "float32", 20, 4, unit="A"),
+            info.Field("esc_temperature", "float32", 24, 4, unit="degC"),
+            info.Field("motor_temperature", "int16", 28, 2, unit="degC"),
+            info.Field("esc_state", "uint8", 30, 1, unit="-"),
+            info.Field("actuator_function", "uint8", 31, 1, unit="-"),
+            info.Field("failures", "uint16", 32, 2, enum="FAILURE"),
+            info.Field("esc_power", "int8", 34, 1, unit="%", range="0,100"),
         ),
     ))

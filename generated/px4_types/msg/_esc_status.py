@@ -192,7 +192,7 @@ class EscStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="EscStatus",
         ros_type="px4_msgs/msg/EscStatus",
         dds_type="px4_msgs::msg::dds_::EscStatus_",
@@ -203,12 +203,12 @@ class EscStatus(_cdr.Message):
         message_version=0,
         topics=("esc_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("counter", "uint16", 8, 2, unit="-"),
-            _cdr.Field("esc_count", "uint8", 10, 1, unit="-"),
-            _cdr.Field("esc_connectiontype", "uint8", 11, 1, enum="ESC_CONNECTION_TYPE"),
-            _cdr.Field("esc_online_flags", "uint16", 12, 2),
-            _cdr.Field("esc_armed_flags", "uint16", 14, 2, unit="-"),
-            _cdr.Field("esc", "EscReport[12]", 16, 475),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("counter", "uint16", 8, 2, unit="-"),
+            info.Field("esc_count", "uint8", 10, 1, unit="-"),
+            info.Field("esc_connectiontype", "uint8", 11, 1, enum="ESC_CONNECTION_TYPE"),
+            info.Field("esc_online_flags", "uint16", 12, 2),
+            info.Field("esc_armed_flags", "uint16", 14, 2, unit="-"),
+            info.Field("esc", "EscReport[12]", 16, 475),
         ),
     ))

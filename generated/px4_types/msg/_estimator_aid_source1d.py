@@ -146,7 +146,7 @@ class EstimatorAidSource1d(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="EstimatorAidSource1d",
         ros_type="px4_msgs/msg/EstimatorAidSource1d",
         dds_type="px4_msgs::msg::dds_::EstimatorAidSource1d_",
@@ -162,19 +162,19 @@ class EstimatorAidSource1d(_cdr.Message):
             "estimator_aid_src_ev_yaw",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("estimator_instance", "uint8", 16, 1),
-            _cdr.Field("device_id", "uint32", 20, 4),
-            _cdr.Field("time_last_fuse", "uint64", 24, 8, unit="us"),
-            _cdr.Field("observation", "float32", 32, 4),
-            _cdr.Field("observation_variance", "float32", 36, 4),
-            _cdr.Field("innovation", "float32", 40, 4),
-            _cdr.Field("innovation_filtered", "float32", 44, 4),
-            _cdr.Field("innovation_variance", "float32", 48, 4),
-            _cdr.Field("test_ratio", "float32", 52, 4, unit="-"),
-            _cdr.Field("test_ratio_filtered", "float32", 56, 4, unit="-"),
-            _cdr.Field("innovation_rejected", "bool", 60, 1),
-            _cdr.Field("fused", "bool", 61, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("estimator_instance", "uint8", 16, 1),
+            info.Field("device_id", "uint32", 20, 4),
+            info.Field("time_last_fuse", "uint64", 24, 8, unit="us"),
+            info.Field("observation", "float32", 32, 4),
+            info.Field("observation_variance", "float32", 36, 4),
+            info.Field("innovation", "float32", 40, 4),
+            info.Field("innovation_filtered", "float32", 44, 4),
+            info.Field("innovation_variance", "float32", 48, 4),
+            info.Field("test_ratio", "float32", 52, 4, unit="-"),
+            info.Field("test_ratio_filtered", "float32", 56, 4, unit="-"),
+            info.Field("innovation_rejected", "bool", 60, 1),
+            info.Field("fused", "bool", 61, 1),
         ),
     ))

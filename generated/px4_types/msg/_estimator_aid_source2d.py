@@ -164,7 +164,7 @@ class EstimatorAidSource2d(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="EstimatorAidSource2d",
         ros_type="px4_msgs/msg/EstimatorAidSource2d",
         dds_type="px4_msgs::msg::dds_::EstimatorAidSource2d_",
@@ -179,19 +179,19 @@ class EstimatorAidSource2d(_cdr.Message):
             "estimator_aid_src_optical_flow", "estimator_aid_src_drag",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("estimator_instance", "uint8", 16, 1),
-            _cdr.Field("device_id", "uint32", 20, 4),
-            _cdr.Field("time_last_fuse", "uint64", 24, 8, unit="us"),
-            _cdr.Field("observation", "float64[2]", 32, 16),
-            _cdr.Field("observation_variance", "float32[2]", 48, 8),
-            _cdr.Field("innovation", "float32[2]", 56, 8),
-            _cdr.Field("innovation_filtered", "float32[2]", 64, 8),
-            _cdr.Field("innovation_variance", "float32[2]", 72, 8),
-            _cdr.Field("test_ratio", "float32[2]", 80, 8, unit="-"),
-            _cdr.Field("test_ratio_filtered", "float32[2]", 88, 8, unit="-"),
-            _cdr.Field("innovation_rejected", "bool", 96, 1),
-            _cdr.Field("fused", "bool", 97, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("estimator_instance", "uint8", 16, 1),
+            info.Field("device_id", "uint32", 20, 4),
+            info.Field("time_last_fuse", "uint64", 24, 8, unit="us"),
+            info.Field("observation", "float64[2]", 32, 16),
+            info.Field("observation_variance", "float32[2]", 48, 8),
+            info.Field("innovation", "float32[2]", 56, 8),
+            info.Field("innovation_filtered", "float32[2]", 64, 8),
+            info.Field("innovation_variance", "float32[2]", 72, 8),
+            info.Field("test_ratio", "float32[2]", 80, 8, unit="-"),
+            info.Field("test_ratio_filtered", "float32[2]", 88, 8, unit="-"),
+            info.Field("innovation_rejected", "bool", 96, 1),
+            info.Field("fused", "bool", 97, 1),
         ),
     ))

@@ -164,7 +164,7 @@ class EstimatorAidSource3d(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="EstimatorAidSource3d",
         ros_type="px4_msgs/msg/EstimatorAidSource3d",
         dds_type="px4_msgs::msg::dds_::EstimatorAidSource3d_",
@@ -178,19 +178,19 @@ class EstimatorAidSource3d(_cdr.Message):
             "estimator_aid_src_mag",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("estimator_instance", "uint8", 16, 1),
-            _cdr.Field("device_id", "uint32", 20, 4),
-            _cdr.Field("time_last_fuse", "uint64", 24, 8, unit="us"),
-            _cdr.Field("observation", "float32[3]", 32, 12),
-            _cdr.Field("observation_variance", "float32[3]", 44, 12),
-            _cdr.Field("innovation", "float32[3]", 56, 12),
-            _cdr.Field("innovation_filtered", "float32[3]", 68, 12),
-            _cdr.Field("innovation_variance", "float32[3]", 80, 12),
-            _cdr.Field("test_ratio", "float32[3]", 92, 12, unit="-"),
-            _cdr.Field("test_ratio_filtered", "float32[3]", 104, 12, unit="-"),
-            _cdr.Field("innovation_rejected", "bool", 116, 1),
-            _cdr.Field("fused", "bool", 117, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("estimator_instance", "uint8", 16, 1),
+            info.Field("device_id", "uint32", 20, 4),
+            info.Field("time_last_fuse", "uint64", 24, 8, unit="us"),
+            info.Field("observation", "float32[3]", 32, 12),
+            info.Field("observation_variance", "float32[3]", 44, 12),
+            info.Field("innovation", "float32[3]", 56, 12),
+            info.Field("innovation_filtered", "float32[3]", 68, 12),
+            info.Field("innovation_variance", "float32[3]", 80, 12),
+            info.Field("test_ratio", "float32[3]", 92, 12, unit="-"),
+            info.Field("test_ratio_filtered", "float32[3]", 104, 12, unit="-"),
+            info.Field("innovation_rejected", "bool", 116, 1),
+            info.Field("fused", "bool", 117, 1),
         ),
     ))

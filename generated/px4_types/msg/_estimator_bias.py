@@ -103,7 +103,7 @@ class EstimatorBias(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="EstimatorBias",
         ros_type="px4_msgs/msg/EstimatorBias",
         dds_type="px4_msgs::msg::dds_::EstimatorBias_",
@@ -114,13 +114,13 @@ class EstimatorBias(_cdr.Message):
         message_version=0,
         topics=("estimator_baro_bias", "estimator_gnss_hgt_bias"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
-            _cdr.Field("bias", "float32", 20, 4, unit="m"),
-            _cdr.Field("bias_var", "float32", 24, 4, unit="m^2"),
-            _cdr.Field("innov", "float32", 28, 4, unit="m"),
-            _cdr.Field("innov_var", "float32", 32, 4, unit="m^2"),
-            _cdr.Field("innov_test_ratio", "float32", 36, 4, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4),
+            info.Field("bias", "float32", 20, 4, unit="m"),
+            info.Field("bias_var", "float32", 24, 4, unit="m^2"),
+            info.Field("innov", "float32", 28, 4, unit="m"),
+            info.Field("innov_var", "float32", 32, 4, unit="m^2"),
+            info.Field("innov_test_ratio", "float32", 36, 4, unit="-"),
         ),
     ))

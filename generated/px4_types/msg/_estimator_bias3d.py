@@ -116,7 +116,7 @@ class EstimatorBias3d(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="EstimatorBias3d",
         ros_type="px4_msgs/msg/EstimatorBias3d",
         dds_type="px4_msgs::msg::dds_::EstimatorBias3d_",
@@ -127,13 +127,13 @@ class EstimatorBias3d(_cdr.Message):
         message_version=0,
         topics=("estimator_bias3d", "estimator_ev_pos_bias"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
-            _cdr.Field("bias", "float32[3]", 20, 12, unit="m"),
-            _cdr.Field("bias_var", "float32[3]", 32, 12, unit="m^2"),
-            _cdr.Field("innov", "float32[3]", 44, 12, unit="m"),
-            _cdr.Field("innov_var", "float32[3]", 56, 12, unit="m^2"),
-            _cdr.Field("innov_test_ratio", "float32[3]", 68, 12, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4),
+            info.Field("bias", "float32[3]", 20, 12, unit="m"),
+            info.Field("bias_var", "float32[3]", 32, 12, unit="m^2"),
+            info.Field("innov", "float32[3]", 44, 12, unit="m"),
+            info.Field("innov_var", "float32[3]", 56, 12, unit="m^2"),
+            info.Field("innov_test_ratio", "float32[3]", 68, 12, unit="-"),
         ),
     ))

@@ -177,7 +177,7 @@ class EstimatorGpsStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="EstimatorGpsStatus",
         ros_type="px4_msgs/msg/EstimatorGpsStatus",
         dds_type="px4_msgs::msg::dds_::EstimatorGpsStatus_",
@@ -188,22 +188,22 @@ class EstimatorGpsStatus(_cdr.Message):
         message_version=0,
         topics=("estimator_gps_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("checks_passed", "bool", 16, 1),
-            _cdr.Field("check_fail_gps_fix", "bool", 17, 1),
-            _cdr.Field("check_fail_min_sat_count", "bool", 18, 1),
-            _cdr.Field("check_fail_max_pdop", "bool", 19, 1),
-            _cdr.Field("check_fail_max_horz_err", "bool", 20, 1),
-            _cdr.Field("check_fail_max_vert_err", "bool", 21, 1),
-            _cdr.Field("check_fail_max_spd_err", "bool", 22, 1),
-            _cdr.Field("check_fail_max_horz_drift", "bool", 23, 1),
-            _cdr.Field("check_fail_max_vert_drift", "bool", 24, 1),
-            _cdr.Field("check_fail_max_horz_spd_err", "bool", 25, 1),
-            _cdr.Field("check_fail_max_vert_spd_err", "bool", 26, 1),
-            _cdr.Field("check_fail_spoofed_gps", "bool", 27, 1),
-            _cdr.Field("position_drift_rate_horizontal_m_s", "float32", 28, 4, unit="m/s"),
-            _cdr.Field("position_drift_rate_vertical_m_s", "float32", 32, 4, unit="m/s"),
-            _cdr.Field("filtered_horizontal_speed_m_s", "float32", 36, 4, unit="m/s"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("checks_passed", "bool", 16, 1),
+            info.Field("check_fail_gps_fix", "bool", 17, 1),
+            info.Field("check_fail_min_sat_count", "bool", 18, 1),
+            info.Field("check_fail_max_pdop", "bool", 19, 1),
+            info.Field("check_fail_max_horz_err", "bool", 20, 1),
+            info.Field("check_fail_max_vert_err", "bool", 21, 1),
+            info.Field("check_fail_max_spd_err", "bool", 22, 1),
+            info.Field("check_fail_max_horz_drift", "bool", 23, 1),
+            info.Field("check_fail_max_vert_drift", "bool", 24, 1),
+            info.Field("check_fail_max_horz_spd_err", "bool", 25, 1),
+            info.Field("check_fail_max_vert_spd_err", "bool", 26, 1),
+            info.Field("check_fail_spoofed_gps", "bool", 27, 1),
+            info.Field("position_drift_rate_horizontal_m_s", "float32", 28, 4, unit="m/s"),
+            info.Field("position_drift_rate_vertical_m_s", "float32", 32, 4, unit="m/s"),
+            info.Field("filtered_horizontal_speed_m_s", "float32", 36, 4, unit="m/s"),
         ),
     ))

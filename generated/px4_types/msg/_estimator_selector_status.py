@@ -218,7 +218,7 @@ class EstimatorSelectorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="EstimatorSelectorStatus",
         ros_type="px4_msgs/msg/EstimatorSelectorStatus",
         dds_type="px4_msgs::msg::dds_::EstimatorSelectorStatus_",
@@ -229,23 +229,23 @@ class EstimatorSelectorStatus(_cdr.Message):
         message_version=0,
         topics=("estimator_selector_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("primary_instance", "uint8", 8, 1, invalid="UINT8_MAX"),
-            _cdr.Field("instances_available", "uint8", 9, 1),
-            _cdr.Field("instance_changed_count", "uint32", 12, 4),
-            _cdr.Field("last_instance_change", "uint64", 16, 8, unit="us"),
-            _cdr.Field("accel_device_id", "uint32", 24, 4),
-            _cdr.Field("baro_device_id", "uint32", 28, 4),
-            _cdr.Field("gyro_device_id", "uint32", 32, 4),
-            _cdr.Field("mag_device_id", "uint32", 36, 4),
-            _cdr.Field("combined_test_ratio", "float32[9]", 40, 36, unit="-"),
-            _cdr.Field("relative_test_ratio", "float32[9]", 76, 36, unit="-"),
-            _cdr.Field("healthy", "bool[9]", 112, 9),
-            _cdr.Field("accumulated_gyro_error", "float32[4]", 124, 16, unit="rad", invalid="NaN"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("primary_instance", "uint8", 8, 1, invalid="UINT8_MAX"),
+            info.Field("instances_available", "uint8", 9, 1),
+            info.Field("instance_changed_count", "uint32", 12, 4),
+            info.Field("last_instance_change", "uint64", 16, 8, unit="us"),
+            info.Field("accel_device_id", "uint32", 24, 4),
+            info.Field("baro_device_id", "uint32", 28, 4),
+            info.Field("gyro_device_id", "uint32", 32, 4),
+            info.Field("mag_device_id", "uint32", 36, 4),
+            info.Field("combined_test_ratio", "float32[9]", 40, 36, unit="-"),
+            info.Field("relative_test_ratio", "float32[9]", 76, 36, unit="-"),
+            info.Field("healthy", "bool[9]", 112, 9),
+            info.Field("accumulated_gyro_error", "float32[4]", 124, 16, unit="rad", invalid="NaN"),
+            info.Field(
                 "accumulated_accel_error", "float32[4]", 140, 16, unit="m/s", invalid="NaN",
             ),
-            _cdr.Field("gyro_fault_detected", "bool", 156, 1),
-            _cdr.Field("accel_fault_detected", "bool", 157, 1),
+            info.Field("gyro_fault_detected", "bool", 156, 1),
+            info.Field("accel_fault_detected", "bool", 157, 1),
         ),
     ))

@@ -85,7 +85,7 @@ class EstimatorStates(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="EstimatorStates",
         ros_type="px4_msgs/msg/EstimatorStates",
         dds_type="px4_msgs::msg::dds_::EstimatorStates_",
@@ -96,10 +96,10 @@ class EstimatorStates(_cdr.Message):
         message_version=0,
         topics=("estimator_states",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("states", "float32[25]", 16, 100),
-            _cdr.Field("n_states", "uint8", 116, 1),
-            _cdr.Field("covariances", "float32[24]", 120, 96),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("states", "float32[25]", 16, 100),
+            info.Field("n_states", "uint8", 116, 1),
+            info.Field("covariances", "float32[24]", 120, 96),
         ),
     ))

@@ -90,7 +90,7 @@ class Event(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="Event",
         ros_type="px4_msgs/msg/Event",
         dds_type="px4_msgs::msg::dds_::Event_",
@@ -101,10 +101,10 @@ class Event(_cdr.Message):
         message_version=1,
         topics=("event",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("id", "uint32", 8, 4),
-            _cdr.Field("event_sequence", "uint16", 12, 2),
-            _cdr.Field("arguments", "uint8[25]", 14, 25),
-            _cdr.Field("log_levels", "uint8", 39, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("id", "uint32", 8, 4),
+            info.Field("event_sequence", "uint16", 12, 2),
+            info.Field("arguments", "uint8[25]", 14, 25),
+            info.Field("log_levels", "uint8", 39, 1),
         ),
     ))

@@ -131,7 +131,7 @@ class FailureDetectorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FailureDetectorStatus",
         ros_type="px4_msgs/msg/FailureDetectorStatus",
         dds_type="px4_msgs::msg::dds_::FailureDetectorStatus_",
@@ -142,17 +142,17 @@ class FailureDetectorStatus(_cdr.Message):
         message_version=0,
         topics=("failure_detector_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("fd_roll", "bool", 8, 1),
-            _cdr.Field("fd_pitch", "bool", 9, 1),
-            _cdr.Field("fd_alt", "bool", 10, 1),
-            _cdr.Field("fd_ext", "bool", 11, 1),
-            _cdr.Field("fd_arm_escs", "bool", 12, 1),
-            _cdr.Field("fd_battery", "bool", 13, 1),
-            _cdr.Field("fd_imbalanced_prop", "bool", 14, 1),
-            _cdr.Field("fd_motor", "bool", 15, 1),
-            _cdr.Field("imbalanced_prop_metric", "float32", 16, 4, unit="m/s^2"),
-            _cdr.Field("motor_failure_mask", "uint16", 20, 2),
-            _cdr.Field("motor_stop_mask", "uint16", 22, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("fd_roll", "bool", 8, 1),
+            info.Field("fd_pitch", "bool", 9, 1),
+            info.Field("fd_alt", "bool", 10, 1),
+            info.Field("fd_ext", "bool", 11, 1),
+            info.Field("fd_arm_escs", "bool", 12, 1),
+            info.Field("fd_battery", "bool", 13, 1),
+            info.Field("fd_imbalanced_prop", "bool", 14, 1),
+            info.Field("fd_motor", "bool", 15, 1),
+            info.Field("imbalanced_prop_metric", "float32", 16, 4, unit="m/s^2"),
+            info.Field("motor_failure_mask", "uint16", 20, 2),
+            info.Field("motor_stop_mask", "uint16", 22, 2),
         ),
     ))

@@ -133,7 +133,7 @@ class FailureInjection(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FailureInjection",
         ros_type="px4_msgs/msg/FailureInjection",
         dds_type="px4_msgs::msg::dds_::FailureInjection_",
@@ -144,10 +144,10 @@ class FailureInjection(_cdr.Message):
         message_version=0,
         topics=("failure_injection",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("count", "uint8", 8, 1),
-            _cdr.Field("unit", "uint8[4]", 9, 4, enum="FAILURE_UNIT"),
-            _cdr.Field("instance_mask", "uint16[4]", 14, 8),
-            _cdr.Field("failure_type", "uint8[4]", 22, 4, enum="FAILURE_TYPE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("count", "uint8", 8, 1),
+            info.Field("unit", "uint8[4]", 9, 4, enum="FAILURE_UNIT"),
+            info.Field("instance_mask", "uint16[4]", 14, 8),
+            info.Field("failure_type", "uint8[4]", 22, 4, enum="FAILURE_TYPE"),
         ),
     ))

@@ -88,7 +88,7 @@ class FiducialMarkerPosReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FiducialMarkerPosReport",
         ros_type="px4_msgs/msg/FiducialMarkerPosReport",
         dds_type="px4_msgs::msg::dds_::FiducialMarkerPosReport_",
@@ -99,10 +99,10 @@ class FiducialMarkerPosReport(_cdr.Message):
         message_version=0,
         topics=("fiducial_marker_pos_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("rel_pos", "float32[3]", 16, 12, unit="m"),
-            _cdr.Field("cov_rel_pos", "float32[3]", 28, 12, unit="m^2"),
-            _cdr.Field("q", "float32[4]", 40, 16, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("rel_pos", "float32[3]", 16, 12, unit="m"),
+            info.Field("cov_rel_pos", "float32[3]", 28, 12, unit="m^2"),
+            info.Field("q", "float32[4]", 40, 16, unit="-"),
         ),
     ))

@@ -75,7 +75,7 @@ class FiducialMarkerYawReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FiducialMarkerYawReport",
         ros_type="px4_msgs/msg/FiducialMarkerYawReport",
         dds_type="px4_msgs::msg::dds_::FiducialMarkerYawReport_",
@@ -86,9 +86,9 @@ class FiducialMarkerYawReport(_cdr.Message):
         message_version=0,
         topics=("fiducial_marker_yaw_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("yaw_ned", "float32", 16, 4, unit="rad", frame="NED"),
-            _cdr.Field("yaw_var_ned", "float32", 20, 4, unit="rad^2"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("yaw_ned", "float32", 16, 4, unit="rad", frame="NED"),
+            info.Field("yaw_var_ned", "float32", 20, 4, unit="rad^2"),
         ),
     ))

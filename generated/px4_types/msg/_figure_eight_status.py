@@ -97,7 +97,7 @@ class FigureEightStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FigureEightStatus",
         ros_type="px4_msgs/msg/FigureEightStatus",
         dds_type="px4_msgs::msg::dds_::FigureEightStatus_",
@@ -108,13 +108,13 @@ class FigureEightStatus(_cdr.Message):
         message_version=0,
         topics=("figure_eight_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("major_radius", "float32", 8, 4, unit="m"),
-            _cdr.Field("minor_radius", "float32", 12, 4, unit="m"),
-            _cdr.Field("orientation", "float32", 16, 4, unit="rad"),
-            _cdr.Field("frame", "uint8", 20, 1),
-            _cdr.Field("x", "int32", 24, 4),
-            _cdr.Field("y", "int32", 28, 4),
-            _cdr.Field("z", "float32", 32, 4, unit="m"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("major_radius", "float32", 8, 4, unit="m"),
+            info.Field("minor_radius", "float32", 12, 4, unit="m"),
+            info.Field("orientation", "float32", 16, 4, unit="rad"),
+            info.Field("frame", "uint8", 20, 1),
+            info.Field("x", "int32", 24, 4),
+            info.Field("y", "int32", 28, 4),
+            info.Field("z", "float32", 32, 4, unit="m"),
         ),
     ))

@@ -120,7 +120,7 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FixedWingLateralGuidanceStatus",
         ros_type="px4_msgs/msg/FixedWingLateralGuidanceStatus",
         dds_type="px4_msgs::msg::dds_::FixedWingLateralGuidanceStatus_",
@@ -131,17 +131,17 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_lateral_guidance_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("course_setpoint", "float32", 8, 4, unit="rad", range="-pi, pi"),
-            _cdr.Field("lateral_acceleration_ff", "float32", 12, 4, unit="m/s^2", frame="FRD"),
-            _cdr.Field("bearing_feas", "float32", 16, 4, range="0,1"),
-            _cdr.Field("bearing_feas_on_track", "float32", 20, 4, range="0,1"),
-            _cdr.Field("signed_track_error", "float32", 24, 4, unit="m"),
-            _cdr.Field("track_error_bound", "float32", 28, 4, unit="m"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("course_setpoint", "float32", 8, 4, unit="rad", range="-pi, pi"),
+            info.Field("lateral_acceleration_ff", "float32", 12, 4, unit="m/s^2", frame="FRD"),
+            info.Field("bearing_feas", "float32", 16, 4, range="0,1"),
+            info.Field("bearing_feas_on_track", "float32", 20, 4, range="0,1"),
+            info.Field("signed_track_error", "float32", 24, 4, unit="m"),
+            info.Field("track_error_bound", "float32", 28, 4, unit="m"),
+            info.Field(
                 "switch_distance", "float32", 32, 4, unit="m", range="0, INF", invalid="NaN",
             ),
-            _cdr.Field("adapted_period", "float32", 36, 4, unit="s"),
-            _cdr.Field("wind_est_valid", "uint8", 40, 1),
+            info.Field("adapted_period", "float32", 36, 4, unit="s"),
+            info.Field("wind_est_valid", "uint8", 40, 1),
         ),
     ))

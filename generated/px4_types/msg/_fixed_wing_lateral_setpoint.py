@@ -87,7 +87,7 @@ class FixedWingLateralSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FixedWingLateralSetpoint",
         ros_type="px4_msgs/msg/FixedWingLateralSetpoint",
         dds_type="px4_msgs::msg::dds_::FixedWingLateralSetpoint_",
@@ -98,12 +98,12 @@ class FixedWingLateralSetpoint(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_lateral_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("course", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("course", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN"),
+            info.Field(
                 "airspeed_direction", "float32", 12, 4, unit="rad", range="-pi, pi", invalid="NaN",
             ),
-            _cdr.Field(
+            info.Field(
                 "lateral_acceleration", "float32", 16, 4, unit="m/s^2", invalid="NaN", frame="FRD",
             ),
         ),

@@ -70,7 +70,7 @@ class FixedWingLateralStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FixedWingLateralStatus",
         ros_type="px4_msgs/msg/FixedWingLateralStatus",
         dds_type="px4_msgs::msg::dds_::FixedWingLateralStatus_",
@@ -81,10 +81,10 @@ class FixedWingLateralStatus(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_lateral_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "lateral_acceleration_setpoint", "float32", 8, 4, unit="m/s^2", frame="FRD",
             ),
-            _cdr.Field("can_run_factor", "float32", 12, 4, unit="norm", range="0, 1"),
+            info.Field("can_run_factor", "float32", 12, 4, unit="norm", range="0, 1"),
         ),
     ))

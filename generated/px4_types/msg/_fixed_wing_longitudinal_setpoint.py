@@ -103,7 +103,7 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FixedWingLongitudinalSetpoint",
         ros_type="px4_msgs/msg/FixedWingLongitudinalSetpoint",
         dds_type="px4_msgs::msg::dds_::FixedWingLongitudinalSetpoint_",
@@ -114,16 +114,16 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_longitudinal_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("altitude", "float32", 8, 4, unit="m", invalid="NaN"),
-            _cdr.Field("height_rate", "float32", 12, 4, unit="m/s", invalid="NaN", frame="ENU"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("altitude", "float32", 8, 4, unit="m", invalid="NaN"),
+            info.Field("height_rate", "float32", 12, 4, unit="m/s", invalid="NaN", frame="ENU"),
+            info.Field(
                 "equivalent_airspeed", "float32", 16, 4, unit="m/s", range="0, inf", invalid="NaN",
             ),
-            _cdr.Field(
+            info.Field(
                 "pitch_direct", "float32", 20, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="FRD",
             ),
-            _cdr.Field(
+            info.Field(
                 "throttle_direct", "float32", 24, 4, unit="norm", range="0,1", invalid="NaN",
             ),
         ),

@@ -100,7 +100,7 @@ class FixedWingRunwayControl(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FixedWingRunwayControl",
         ros_type="px4_msgs/msg/FixedWingRunwayControl",
         dds_type="px4_msgs::msg::dds_::FixedWingRunwayControl_",
@@ -111,10 +111,10 @@ class FixedWingRunwayControl(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_runway_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("runway_takeoff_state", "uint8", 8, 1, enum="STATE"),
-            _cdr.Field("wheel_steering_enabled", "bool", 9, 1),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("runway_takeoff_state", "uint8", 8, 1, enum="STATE"),
+            info.Field("wheel_steering_enabled", "bool", 9, 1),
+            info.Field(
                 "wheel_steering_nudging_rate", "float32", 12, 4, unit="norm", range="-1, 1", invalid="NaN",
                 frame="FRD",
             ),

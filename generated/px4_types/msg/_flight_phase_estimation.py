@@ -68,7 +68,7 @@ class FlightPhaseEstimation(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FlightPhaseEstimation",
         ros_type="px4_msgs/msg/FlightPhaseEstimation",
         dds_type="px4_msgs::msg::dds_::FlightPhaseEstimation_",
@@ -79,7 +79,7 @@ class FlightPhaseEstimation(_cdr.Message):
         message_version=0,
         topics=("flight_phase_estimation",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("flight_phase", "uint8", 8, 1, enum="FLIGHT_PHASE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("flight_phase", "uint8", 8, 1, enum="FLIGHT_PHASE"),
         ),
     ))

@@ -96,7 +96,7 @@ class FollowTarget(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FollowTarget",
         ros_type="px4_msgs/msg/FollowTarget",
         dds_type="px4_msgs::msg::dds_::FollowTarget_",
@@ -107,13 +107,13 @@ class FollowTarget(_cdr.Message):
         message_version=0,
         topics=("follow_target",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("lat", "float64", 8, 8, unit="deg"),
-            _cdr.Field("lon", "float64", 16, 8, unit="deg"),
-            _cdr.Field("alt", "float32", 24, 4, unit="m"),
-            _cdr.Field("vy", "float32", 28, 4, unit="m/s", frame="NED"),
-            _cdr.Field("vx", "float32", 32, 4, unit="m/s", frame="NED"),
-            _cdr.Field("vz", "float32", 36, 4, unit="m/s", frame="NED"),
-            _cdr.Field("est_cap", "uint8", 40, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("lat", "float64", 8, 8, unit="deg"),
+            info.Field("lon", "float64", 16, 8, unit="deg"),
+            info.Field("alt", "float32", 24, 4, unit="m"),
+            info.Field("vy", "float32", 28, 4, unit="m/s", frame="NED"),
+            info.Field("vx", "float32", 32, 4, unit="m/s", frame="NED"),
+            info.Field("vz", "float32", 36, 4, unit="m/s", frame="NED"),
+            info.Field("est_cap", "uint8", 40, 1),
         ),
     ))

@@ -135,7 +135,7 @@ class FollowTargetEstimator(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FollowTargetEstimator",
         ros_type="px4_msgs/msg/FollowTargetEstimator",
         dds_type="px4_msgs::msg::dds_::FollowTargetEstimator_",
@@ -146,17 +146,17 @@ class FollowTargetEstimator(_cdr.Message):
         message_version=0,
         topics=("follow_target_estimator",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("last_filter_reset_timestamp", "uint64", 8, 8, unit="us"),
-            _cdr.Field("valid", "bool", 16, 1),
-            _cdr.Field("stale", "bool", 17, 1),
-            _cdr.Field("lat_est", "float64", 24, 8, unit="deg", invalid="NaN"),
-            _cdr.Field("lon_est", "float64", 32, 8, unit="deg", invalid="NaN"),
-            _cdr.Field("alt_est", "float32", 40, 4, unit="m", invalid="NaN"),
-            _cdr.Field("pos_est", "float32[3]", 44, 12, unit="m", invalid="NaN", frame="NED"),
-            _cdr.Field("vel_est", "float32[3]", 56, 12, unit="m/s", invalid="NaN", frame="NED"),
-            _cdr.Field("acc_est", "float32[3]", 68, 12, unit="m/s^2", invalid="NaN", frame="NED"),
-            _cdr.Field("prediction_count", "uint64", 80, 8),
-            _cdr.Field("fusion_count", "uint64", 88, 8),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("last_filter_reset_timestamp", "uint64", 8, 8, unit="us"),
+            info.Field("valid", "bool", 16, 1),
+            info.Field("stale", "bool", 17, 1),
+            info.Field("lat_est", "float64", 24, 8, unit="deg", invalid="NaN"),
+            info.Field("lon_est", "float64", 32, 8, unit="deg", invalid="NaN"),
+            info.Field("alt_est", "float32", 40, 4, unit="m", invalid="NaN"),
+            info.Field("pos_est", "float32[3]", 44, 12, unit="m", invalid="NaN", frame="NED"),
+            info.Field("vel_est", "float32[3]", 56, 12, unit="m/s", invalid="NaN", frame="NED"),
+            info.Field("acc_est", "float32[3]", 68, 12, unit="m/s^2", invalid="NaN", frame="NED"),
+            info.Field("prediction_count", "uint64", 80, 8),
+            info.Field("fusion_count", "uint64", 88, 8),
         ),
     ))

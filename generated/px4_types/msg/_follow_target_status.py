@@ -111,7 +111,7 @@ class FollowTargetStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FollowTargetStatus",
         ros_type="px4_msgs/msg/FollowTargetStatus",
         dds_type="px4_msgs::msg::dds_::FollowTargetStatus_",
@@ -122,13 +122,13 @@ class FollowTargetStatus(_cdr.Message):
         message_version=0,
         topics=("follow_target_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("tracked_target_course", "float32", 8, 4, unit="rad", frame="NED"),
-            _cdr.Field("follow_angle", "float32", 12, 4, unit="rad"),
-            _cdr.Field("orbit_angle_setpoint", "float32", 16, 4, unit="rad"),
-            _cdr.Field("angular_rate_setpoint", "float32", 20, 4, unit="rad/s"),
-            _cdr.Field("desired_position_raw", "float32[3]", 24, 12, unit="m", frame="NED"),
-            _cdr.Field("in_emergency_ascent", "bool", 36, 1),
-            _cdr.Field("gimbal_pitch", "float32", 40, 4, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("tracked_target_course", "float32", 8, 4, unit="rad", frame="NED"),
+            info.Field("follow_angle", "float32", 12, 4, unit="rad"),
+            info.Field("orbit_angle_setpoint", "float32", 16, 4, unit="rad"),
+            info.Field("angular_rate_setpoint", "float32", 20, 4, unit="rad/s"),
+            info.Field("desired_position_raw", "float32[3]", 24, 12, unit="m", frame="NED"),
+            info.Field("in_emergency_ascent", "bool", 36, 1),
+            info.Field("gimbal_pitch", "float32", 40, 4, unit="rad"),
         ),
     ))

@@ -122,7 +122,7 @@ class FuelTankStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="FuelTankStatus",
         ros_type="px4_msgs/msg/FuelTankStatus",
         dds_type="px4_msgs::msg::dds_::FuelTankStatus_",
@@ -133,16 +133,16 @@ class FuelTankStatus(_cdr.Message):
         message_version=0,
         topics=("fuel_tank_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("maximum_fuel_capacity", "float32", 8, 4),
-            _cdr.Field("consumed_fuel", "float32", 12, 4, invalid="NaN"),
-            _cdr.Field("fuel_consumption_rate", "float32", 16, 4, invalid="NaN"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("maximum_fuel_capacity", "float32", 8, 4),
+            info.Field("consumed_fuel", "float32", 12, 4, invalid="NaN"),
+            info.Field("fuel_consumption_rate", "float32", 16, 4, invalid="NaN"),
+            info.Field(
                 "percent_remaining", "uint8", 20, 1, unit="%", range="0, 100", invalid="UINT8_MAX",
             ),
-            _cdr.Field("remaining_fuel", "float32", 24, 4, invalid="NaN"),
-            _cdr.Field("fuel_tank_id", "uint8", 28, 1),
-            _cdr.Field("fuel_type", "uint32", 32, 4, enum="MAV_FUEL_TYPE"),
-            _cdr.Field("temperature", "float32", 36, 4, unit="K", invalid="NaN"),
+            info.Field("remaining_fuel", "float32", 24, 4, invalid="NaN"),
+            info.Field("fuel_tank_id", "uint8", 28, 1),
+            info.Field("fuel_type", "uint32", 32, 4, enum="MAV_FUEL_TYPE"),
+            info.Field("temperature", "float32", 36, 4, unit="K", invalid="NaN"),
         ),
     ))

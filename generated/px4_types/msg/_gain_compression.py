@@ -87,7 +87,7 @@ class GainCompression(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GainCompression",
         ros_type="px4_msgs/msg/GainCompression",
         dds_type="px4_msgs::msg::dds_::GainCompression_",
@@ -98,11 +98,11 @@ class GainCompression(_cdr.Message):
         message_version=0,
         topics=("gain_compression",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "compression_gains", "float32[3]", 8, 12, unit="-", range="0, 1", frame="FRD",
             ),
-            _cdr.Field("spectral_damper_hpf", "float32[3]", 20, 12, unit="-", frame="FRD"),
-            _cdr.Field("spectral_damper_out", "float32[3]", 32, 12, unit="-", frame="FRD"),
+            info.Field("spectral_damper_hpf", "float32[3]", 20, 12, unit="-", frame="FRD"),
+            info.Field("spectral_damper_out", "float32[3]", 32, 12, unit="-", frame="FRD"),
         ),
     ))

@@ -175,7 +175,7 @@ class GeneratorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GeneratorStatus",
         ros_type="px4_msgs/msg/GeneratorStatus",
         dds_type="px4_msgs::msg::dds_::GeneratorStatus_",
@@ -186,17 +186,17 @@ class GeneratorStatus(_cdr.Message):
         message_version=0,
         topics=("generator_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("status", "uint64", 8, 8, enum="STATUS_FLAG"),
-            _cdr.Field("battery_current", "float32", 16, 4, unit="A", invalid="NaN"),
-            _cdr.Field("load_current", "float32", 20, 4, unit="A", invalid="NaN"),
-            _cdr.Field("power_generated", "float32", 24, 4, unit="W", invalid="NaN"),
-            _cdr.Field("bus_voltage", "float32", 28, 4, unit="V"),
-            _cdr.Field("bat_current_setpoint", "float32", 32, 4, unit="A", invalid="NaN"),
-            _cdr.Field("runtime", "uint32", 36, 4, unit="s", invalid="UINT32_MAX"),
-            _cdr.Field("time_until_maintenance", "int32", 40, 4, unit="s", invalid="INT32_MAX"),
-            _cdr.Field("generator_speed", "uint16", 44, 2, unit="rpm", invalid="UINT16_MAX"),
-            _cdr.Field("rectifier_temperature", "int16", 46, 2, unit="degC", invalid="INT16_MAX"),
-            _cdr.Field("generator_temperature", "int16", 48, 2, unit="degC", invalid="INT16_MAX"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("status", "uint64", 8, 8, enum="STATUS_FLAG"),
+            info.Field("battery_current", "float32", 16, 4, unit="A", invalid="NaN"),
+            info.Field("load_current", "float32", 20, 4, unit="A", invalid="NaN"),
+            info.Field("power_generated", "float32", 24, 4, unit="W", invalid="NaN"),
+            info.Field("bus_voltage", "float32", 28, 4, unit="V"),
+            info.Field("bat_current_setpoint", "float32", 32, 4, unit="A", invalid="NaN"),
+            info.Field("runtime", "uint32", 36, 4, unit="s", invalid="UINT32_MAX"),
+            info.Field("time_until_maintenance", "int32", 40, 4, unit="s", invalid="INT32_MAX"),
+            info.Field("generator_speed", "uint16", 44, 2, unit="rpm", invalid="UINT16_MAX"),
+            info.Field("rectifier_temperature", "int16", 46, 2, unit="degC", invalid="INT16_MAX"),
+            info.Field("generator_temperature", "int16", 48, 2, unit="degC", invalid="INT16_MAX"),
         ),
     ))

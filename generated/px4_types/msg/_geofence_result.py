@@ -113,7 +113,7 @@ class GeofenceResult(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GeofenceResult",
         ros_type="px4_msgs/msg/GeofenceResult",
         dds_type="px4_msgs::msg::dds_::GeofenceResult_",
@@ -124,10 +124,10 @@ class GeofenceResult(_cdr.Message):
         message_version=0,
         topics=("geofence_result",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("geofence_max_dist_triggered", "bool", 8, 1),
-            _cdr.Field("geofence_max_alt_triggered", "bool", 9, 1),
-            _cdr.Field("geofence_custom_fence_triggered", "bool", 10, 1),
-            _cdr.Field("geofence_action", "uint8", 11, 1, enum="GF_ACTION"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("geofence_max_dist_triggered", "bool", 8, 1),
+            info.Field("geofence_max_alt_triggered", "bool", 9, 1),
+            info.Field("geofence_custom_fence_triggered", "bool", 10, 1),
+            info.Field("geofence_action", "uint8", 11, 1, enum="GF_ACTION"),
         ),
     ))

@@ -71,7 +71,7 @@ class GeofenceStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GeofenceStatus",
         ros_type="px4_msgs/msg/GeofenceStatus",
         dds_type="px4_msgs::msg::dds_::GeofenceStatus_",
@@ -82,8 +82,8 @@ class GeofenceStatus(_cdr.Message):
         message_version=0,
         topics=("geofence_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("geofence_id", "uint32", 8, 4),
-            _cdr.Field("status", "uint8", 12, 1, enum="GF_STATUS"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("geofence_id", "uint32", 8, 4),
+            info.Field("status", "uint8", 12, 1, enum="GF_STATUS"),
         ),
     ))

@@ -78,7 +78,7 @@ class GimbalControls(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GimbalControls",
         ros_type="px4_msgs/msg/GimbalControls",
         dds_type="px4_msgs::msg::dds_::GimbalControls_",
@@ -89,8 +89,8 @@ class GimbalControls(_cdr.Message):
         message_version=0,
         topics=("gimbal_controls",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("control", "float32[3]", 16, 12, range="-1, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("control", "float32[3]", 16, 12, range="-1, 1"),
         ),
     ))

@@ -166,7 +166,7 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GimbalDeviceAttitudeStatus",
         ros_type="px4_msgs/msg/GimbalDeviceAttitudeStatus",
         dds_type="px4_msgs::msg::dds_::GimbalDeviceAttitudeStatus_",
@@ -177,18 +177,18 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
         message_version=0,
         topics=("gimbal_device_attitude_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("target_system", "uint8", 8, 1),
-            _cdr.Field("target_component", "uint8", 9, 1),
-            _cdr.Field("device_flags", "uint16", 10, 2, enum="DEVICE_FLAGS"),
-            _cdr.Field("q", "float32[4]", 12, 16),
-            _cdr.Field("angular_velocity_x", "float32", 28, 4, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN"),
-            _cdr.Field("failure_flags", "uint32", 40, 4),
-            _cdr.Field("delta_yaw", "float32", 44, 4, unit="rad", invalid="NaN"),
-            _cdr.Field("delta_yaw_velocity", "float32", 48, 4, unit="rad/s", invalid="NaN"),
-            _cdr.Field("gimbal_device_id", "uint8", 52, 1),
-            _cdr.Field("received_from_mavlink", "bool", 53, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("target_system", "uint8", 8, 1),
+            info.Field("target_component", "uint8", 9, 1),
+            info.Field("device_flags", "uint16", 10, 2, enum="DEVICE_FLAGS"),
+            info.Field("q", "float32[4]", 12, 16),
+            info.Field("angular_velocity_x", "float32", 28, 4, unit="rad/s", invalid="NaN"),
+            info.Field("angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN"),
+            info.Field("angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN"),
+            info.Field("failure_flags", "uint32", 40, 4),
+            info.Field("delta_yaw", "float32", 44, 4, unit="rad", invalid="NaN"),
+            info.Field("delta_yaw_velocity", "float32", 48, 4, unit="rad/s", invalid="NaN"),
+            info.Field("gimbal_device_id", "uint8", 52, 1),
+            info.Field("received_from_mavlink", "bool", 53, 1),
         ),
     ))

@@ -172,7 +172,7 @@ class GimbalDeviceInformation(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GimbalDeviceInformation",
         ros_type="px4_msgs/msg/GimbalDeviceInformation",
         dds_type="px4_msgs::msg::dds_::GimbalDeviceInformation_",
@@ -183,21 +183,21 @@ class GimbalDeviceInformation(_cdr.Message):
         message_version=0,
         topics=("gimbal_device_information",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("vendor_name", "uint8[32]", 8, 32),
-            _cdr.Field("model_name", "uint8[32]", 40, 32),
-            _cdr.Field("custom_name", "uint8[32]", 72, 32),
-            _cdr.Field("firmware_version", "uint32", 104, 4),
-            _cdr.Field("hardware_version", "uint32", 108, 4),
-            _cdr.Field("uid", "uint64", 112, 8),
-            _cdr.Field("cap_flags", "uint16", 120, 2, enum="GIMBAL_DEVICE_CAP_FLAGS"),
-            _cdr.Field("custom_cap_flags", "uint16", 122, 2),
-            _cdr.Field("roll_min", "float32", 124, 4, unit="rad"),
-            _cdr.Field("roll_max", "float32", 128, 4, unit="rad"),
-            _cdr.Field("pitch_min", "float32", 132, 4, unit="rad"),
-            _cdr.Field("pitch_max", "float32", 136, 4, unit="rad"),
-            _cdr.Field("yaw_min", "float32", 140, 4, unit="rad"),
-            _cdr.Field("yaw_max", "float32", 144, 4, unit="rad"),
-            _cdr.Field("gimbal_device_id", "uint8", 148, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("vendor_name", "uint8[32]", 8, 32),
+            info.Field("model_name", "uint8[32]", 40, 32),
+            info.Field("custom_name", "uint8[32]", 72, 32),
+            info.Field("firmware_version", "uint32", 104, 4),
+            info.Field("hardware_version", "uint32", 108, 4),
+            info.Field("uid", "uint64", 112, 8),
+            info.Field("cap_flags", "uint16", 120, 2, enum="GIMBAL_DEVICE_CAP_FLAGS"),
+            info.Field("custom_cap_flags", "uint16", 122, 2),
+            info.Field("roll_min", "float32", 124, 4, unit="rad"),
+            info.Field("roll_max", "float32", 128, 4, unit="rad"),
+            info.Field("pitch_min", "float32", 132, 4, unit="rad"),
+            info.Field("pitch_max", "float32", 136, 4, unit="rad"),
+            info.Field("yaw_min", "float32", 140, 4, unit="rad"),
+            info.Field("yaw_max", "float32", 144, 4, unit="rad"),
+            info.Field("gimbal_device_id", "uint8", 148, 1),
         ),
     ))

@@ -121,7 +121,7 @@ class GimbalDeviceSetAttitude(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GimbalDeviceSetAttitude",
         ros_type="px4_msgs/msg/GimbalDeviceSetAttitude",
         dds_type="px4_msgs::msg::dds_::GimbalDeviceSetAttitude_",
@@ -132,13 +132,13 @@ class GimbalDeviceSetAttitude(_cdr.Message):
         message_version=0,
         topics=("gimbal_device_set_attitude",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("target_system", "uint8", 8, 1),
-            _cdr.Field("target_component", "uint8", 9, 1),
-            _cdr.Field("flags", "uint16", 10, 2, enum="GIMBAL_DEVICE_FLAGS"),
-            _cdr.Field("q", "float32[4]", 12, 16, invalid="NaN"),
-            _cdr.Field("angular_velocity_x", "float32", 28, 4, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("target_system", "uint8", 8, 1),
+            info.Field("target_component", "uint8", 9, 1),
+            info.Field("flags", "uint16", 10, 2, enum="GIMBAL_DEVICE_FLAGS"),
+            info.Field("q", "float32[4]", 12, 16, invalid="NaN"),
+            info.Field("angular_velocity_x", "float32", 28, 4, unit="rad/s", invalid="NaN"),
+            info.Field("angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN"),
+            info.Field("angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN"),
         ),
     ))

@@ -131,7 +131,7 @@ class GimbalManagerInformation(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GimbalManagerInformation",
         ros_type="px4_msgs/msg/GimbalManagerInformation",
         dds_type="px4_msgs::msg::dds_::GimbalManagerInformation_",
@@ -142,14 +142,14 @@ class GimbalManagerInformation(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_information",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("cap_flags", "uint32", 8, 4, enum="GIMBAL_MANAGER_CAP_FLAGS"),
-            _cdr.Field("gimbal_device_id", "uint8", 12, 1),
-            _cdr.Field("roll_min", "float32", 16, 4, unit="rad"),
-            _cdr.Field("roll_max", "float32", 20, 4, unit="rad"),
-            _cdr.Field("pitch_min", "float32", 24, 4, unit="rad"),
-            _cdr.Field("pitch_max", "float32", 28, 4, unit="rad"),
-            _cdr.Field("yaw_min", "float32", 32, 4, unit="rad"),
-            _cdr.Field("yaw_max", "float32", 36, 4, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("cap_flags", "uint32", 8, 4, enum="GIMBAL_MANAGER_CAP_FLAGS"),
+            info.Field("gimbal_device_id", "uint8", 12, 1),
+            info.Field("roll_min", "float32", 16, 4, unit="rad"),
+            info.Field("roll_max", "float32", 20, 4, unit="rad"),
+            info.Field("pitch_min", "float32", 24, 4, unit="rad"),
+            info.Field("pitch_max", "float32", 28, 4, unit="rad"),
+            info.Field("yaw_min", "float32", 32, 4, unit="rad"),
+            info.Field("yaw_max", "float32", 36, 4, unit="rad"),
         ),
     ))

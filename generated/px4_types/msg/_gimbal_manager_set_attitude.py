@@ -136,7 +136,7 @@ class GimbalManagerSetAttitude(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GimbalManagerSetAttitude",
         ros_type="px4_msgs/msg/GimbalManagerSetAttitude",
         dds_type="px4_msgs::msg::dds_::GimbalManagerSetAttitude_",
@@ -147,16 +147,16 @@ class GimbalManagerSetAttitude(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_set_attitude",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("origin_sysid", "uint8", 8, 1),
-            _cdr.Field("origin_compid", "uint8", 9, 1),
-            _cdr.Field("target_system", "uint8", 10, 1),
-            _cdr.Field("target_component", "uint8", 11, 1),
-            _cdr.Field("flags", "uint32", 12, 4),
-            _cdr.Field("gimbal_device_id", "uint8", 16, 1),
-            _cdr.Field("q", "float32[4]", 20, 16, invalid="NaN"),
-            _cdr.Field("angular_velocity_x", "float32", 36, 4, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_y", "float32", 40, 4, unit="rad/s", invalid="NaN"),
-            _cdr.Field("angular_velocity_z", "float32", 44, 4, unit="rad/s", invalid="NaN"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("origin_sysid", "uint8", 8, 1),
+            info.Field("origin_compid", "uint8", 9, 1),
+            info.Field("target_system", "uint8", 10, 1),
+            info.Field("target_component", "uint8", 11, 1),
+            info.Field("flags", "uint32", 12, 4),
+            info.Field("gimbal_device_id", "uint8", 16, 1),
+            info.Field("q", "float32[4]", 20, 16, invalid="NaN"),
+            info.Field("angular_velocity_x", "float32", 36, 4, unit="rad/s", invalid="NaN"),
+            info.Field("angular_velocity_y", "float32", 40, 4, unit="rad/s", invalid="NaN"),
+            info.Field("angular_velocity_z", "float32", 44, 4, unit="rad/s", invalid="NaN"),
         ),
     ))

@@ -129,7 +129,7 @@ class GimbalManagerSetManualControl(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GimbalManagerSetManualControl",
         ros_type="px4_msgs/msg/GimbalManagerSetManualControl",
         dds_type="px4_msgs::msg::dds_::GimbalManagerSetManualControl_",
@@ -140,16 +140,16 @@ class GimbalManagerSetManualControl(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_set_manual_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("origin_sysid", "uint8", 8, 1),
-            _cdr.Field("origin_compid", "uint8", 9, 1),
-            _cdr.Field("target_system", "uint8", 10, 1),
-            _cdr.Field("target_component", "uint8", 11, 1),
-            _cdr.Field("flags", "uint32", 12, 4, enum="GIMBAL_MANAGER_FLAGS"),
-            _cdr.Field("gimbal_device_id", "uint8", 16, 1),
-            _cdr.Field("pitch", "float32", 20, 4, unit="-", range="-1, 1", invalid="NaN"),
-            _cdr.Field("yaw", "float32", 24, 4, unit="-", range="-1, 1", invalid="NaN"),
-            _cdr.Field("pitch_rate", "float32", 28, 4, unit="-", range="-1, 1", invalid="NaN"),
-            _cdr.Field("yaw_rate", "float32", 32, 4, unit="-", range="-1, 1", invalid="NaN"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("origin_sysid", "uint8", 8, 1),
+            info.Field("origin_compid", "uint8", 9, 1),
+            info.Field("target_system", "uint8", 10, 1),
+            info.Field("target_component", "uint8", 11, 1),
+            info.Field("flags", "uint32", 12, 4, enum="GIMBAL_MANAGER_FLAGS"),
+            info.Field("gimbal_device_id", "uint8", 16, 1),
+            info.Field("pitch", "float32", 20, 4, unit="-", range="-1, 1", invalid="NaN"),
+            info.Field("yaw", "float32", 24, 4, unit="-", range="-1, 1", invalid="NaN"),
+            info.Field("pitch_rate", "float32", 28, 4, unit="-", range="-1, 1", invalid="NaN"),
+            info.Field("yaw_rate", "float32", 32, 4, unit="-", range="-1, 1", invalid="NaN"),
         ),
     ))

@@ -100,7 +100,7 @@ class GimbalManagerStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GimbalManagerStatus",
         ros_type="px4_msgs/msg/GimbalManagerStatus",
         dds_type="px4_msgs::msg::dds_::GimbalManagerStatus_",
@@ -111,12 +111,12 @@ class GimbalManagerStatus(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("flags", "uint32", 8, 4),
-            _cdr.Field("gimbal_device_id", "uint8", 12, 1),
-            _cdr.Field("primary_control_sysid", "uint8", 13, 1),
-            _cdr.Field("primary_control_compid", "uint8", 14, 1),
-            _cdr.Field("secondary_control_sysid", "uint8", 15, 1),
-            _cdr.Field("secondary_control_compid", "uint8", 16, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("flags", "uint32", 8, 4),
+            info.Field("gimbal_device_id", "uint8", 12, 1),
+            info.Field("primary_control_sysid", "uint8", 13, 1),
+            info.Field("primary_control_compid", "uint8", 14, 1),
+            info.Field("secondary_control_sysid", "uint8", 15, 1),
+            info.Field("secondary_control_compid", "uint8", 16, 1),
         ),
     ))

@@ -134,7 +134,7 @@ class GotoSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GotoSetpoint",
         ros_type="px4_msgs/msg/GotoSetpoint",
         dds_type="px4_msgs::msg::dds_::GotoSetpoint_",
@@ -145,15 +145,15 @@ class GotoSetpoint(_cdr.Message):
         message_version=0,
         topics=("goto_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("position", "float32[3]", 8, 12, unit="m", frame="NED"),
-            _cdr.Field("flag_control_heading", "bool", 20, 1),
-            _cdr.Field("heading", "float32", 24, 4, unit="rad", range="-pi, pi"),
-            _cdr.Field("flag_set_max_horizontal_speed", "bool", 28, 1),
-            _cdr.Field("max_horizontal_speed", "float32", 32, 4, unit="m/s"),
-            _cdr.Field("flag_set_max_vertical_speed", "bool", 36, 1),
-            _cdr.Field("max_vertical_speed", "float32", 40, 4, unit="m/s"),
-            _cdr.Field("flag_set_max_heading_rate", "bool", 44, 1),
-            _cdr.Field("max_heading_rate", "float32", 48, 4, unit="rad/s"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("position", "float32[3]", 8, 12, unit="m", frame="NED"),
+            info.Field("flag_control_heading", "bool", 20, 1),
+            info.Field("heading", "float32", 24, 4, unit="rad", range="-pi, pi"),
+            info.Field("flag_set_max_horizontal_speed", "bool", 28, 1),
+            info.Field("max_horizontal_speed", "float32", 32, 4, unit="m/s"),
+            info.Field("flag_set_max_vertical_speed", "bool", 36, 1),
+            info.Field("max_vertical_speed", "float32", 40, 4, unit="m/s"),
+            info.Field("flag_set_max_heading_rate", "bool", 44, 1),
+            info.Field("max_heading_rate", "float32", 48, 4, unit="rad/s"),
         ),
     ))

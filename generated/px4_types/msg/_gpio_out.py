@@ -70,7 +70,7 @@ class GpioOut(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GpioOut",
         ros_type="px4_msgs/msg/GpioOut",
         dds_type="px4_msgs::msg::dds_::GpioOut_",
@@ -81,9 +81,9 @@ class GpioOut(_cdr.Message):
         message_version=0,
         topics=("gpio_out",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 8, 4),
-            _cdr.Field("mask", "uint32", 12, 4),
-            _cdr.Field("state", "uint32", 16, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("device_id", "uint32", 8, 4),
+            info.Field("mask", "uint32", 12, 4),
+            info.Field("state", "uint32", 16, 4),
         ),
     ))

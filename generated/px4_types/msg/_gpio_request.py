@@ -60,7 +60,7 @@ class GpioRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GpioRequest",
         ros_type="px4_msgs/msg/GpioRequest",
         dds_type="px4_msgs::msg::dds_::GpioRequest_",
@@ -71,7 +71,7 @@ class GpioRequest(_cdr.Message):
         message_version=0,
         topics=("gpio_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 8, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("device_id", "uint32", 8, 4),
         ),
     ))

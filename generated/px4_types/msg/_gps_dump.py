@@ -92,7 +92,7 @@ class GpsDump(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="GpsDump",
         ros_type="px4_msgs/msg/GpsDump",
         dds_type="px4_msgs::msg::dds_::GpsDump_",
@@ -103,10 +103,10 @@ class GpsDump(_cdr.Message):
         message_version=0,
         topics=("gps_dump",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("instance", "uint8", 8, 1),
-            _cdr.Field("device_id", "uint32", 12, 4),
-            _cdr.Field("len", "uint8", 16, 1),
-            _cdr.Field("data", "uint8[79]", 17, 79),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("instance", "uint8", 8, 1),
+            info.Field("device_id", "uint32", 12, 4),
+            info.Field("len", "uint8", 16, 1),
+            info.Field("data", "uint8[79]", 17, 79),
         ),
     ))

@@ -65,7 +65,7 @@ class Gripper(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="Gripper",
         ros_type="px4_msgs/msg/Gripper",
         dds_type="px4_msgs::msg::dds_::Gripper_",
@@ -76,7 +76,7 @@ class Gripper(_cdr.Message):
         message_version=0,
         topics=("gripper",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("command", "int8", 8, 1, enum="COMMAND"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("command", "int8", 8, 1, enum="COMMAND"),
         ),
     ))

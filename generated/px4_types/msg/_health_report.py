@@ -109,7 +109,7 @@ class HealthReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="HealthReport",
         ros_type="px4_msgs/msg/HealthReport",
         dds_type="px4_msgs::msg::dds_::HealthReport_",
@@ -120,13 +120,13 @@ class HealthReport(_cdr.Message):
         message_version=0,
         topics=("health_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("can_arm_mode_flags", "uint64", 8, 8),
-            _cdr.Field("can_run_mode_flags", "uint64", 16, 8),
-            _cdr.Field("health_is_present_flags", "uint64", 24, 8),
-            _cdr.Field("health_warning_flags", "uint64", 32, 8),
-            _cdr.Field("health_error_flags", "uint64", 40, 8),
-            _cdr.Field("arming_check_warning_flags", "uint64", 48, 8),
-            _cdr.Field("arming_check_error_flags", "uint64", 56, 8),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("can_arm_mode_flags", "uint64", 8, 8),
+            info.Field("can_run_mode_flags", "uint64", 16, 8),
+            info.Field("health_is_present_flags", "uint64", 24, 8),
+            info.Field("health_warning_flags", "uint64", 32, 8),
+            info.Field("health_error_flags", "uint64", 40, 8),
+            info.Field("arming_check_warning_flags", "uint64", 48, 8),
+            info.Field("arming_check_error_flags", "uint64", 56, 8),
         ),
     ))

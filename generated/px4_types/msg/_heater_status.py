@@ -168,7 +168,7 @@ class HeaterStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="HeaterStatus",
         ros_type="px4_msgs/msg/HeaterStatus",
         dds_type="px4_msgs::msg::dds_::HeaterStatus_",
@@ -179,21 +179,21 @@ class HeaterStatus(_cdr.Message):
         message_version=0,
         topics=("heater_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 8, 4),
-            _cdr.Field("heater_on", "bool", 12, 1),
-            _cdr.Field("temperature_target_met", "bool", 13, 1),
-            _cdr.Field("temperature_sensor", "float32", 16, 4, unit="degC"),
-            _cdr.Field("temperature_target", "float32", 20, 4, unit="degC"),
-            _cdr.Field("controller_period_usec", "uint32", 24, 4, unit="us"),
-            _cdr.Field("controller_time_on_usec", "uint32", 28, 4, unit="us"),
-            _cdr.Field("proportional_value", "float32", 32, 4, unit="-"),
-            _cdr.Field("integrator_value", "float32", 36, 4, unit="-"),
-            _cdr.Field("feed_forward_value", "float32", 40, 4, unit="-"),
-            _cdr.Field("supply_voltage", "float32", 44, 4, unit="V"),
-            _cdr.Field("heater_current", "float32", 48, 4, unit="A"),
-            _cdr.Field("nominal_multiplier", "float32", 52, 4, unit="-"),
-            _cdr.Field("mode", "uint8", 56, 1, enum="MODE"),
-            _cdr.Field("temperature_source", "uint8", 57, 1, enum="TEMPERATURE_SOURCE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("device_id", "uint32", 8, 4),
+            info.Field("heater_on", "bool", 12, 1),
+            info.Field("temperature_target_met", "bool", 13, 1),
+            info.Field("temperature_sensor", "float32", 16, 4, unit="degC"),
+            info.Field("temperature_target", "float32", 20, 4, unit="degC"),
+            info.Field("controller_period_usec", "uint32", 24, 4, unit="us"),
+            info.Field("controller_time_on_usec", "uint32", 28, 4, unit="us"),
+            info.Field("proportional_value", "float32", 32, 4, unit="-"),
+            info.Field("integrator_value", "float32", 36, 4, unit="-"),
+            info.Field("feed_forward_value", "float32", 40, 4, unit="-"),
+            info.Field("supply_voltage", "float32", 44, 4, unit="V"),
+            info.Field("heater_current", "float32", 48, 4, unit="A"),
+            info.Field("nominal_multiplier", "float32", 52, 4, unit="-"),
+            info.Field("mode", "uint8", 56, 1, enum="MODE"),
+            info.Field("temperature_source", "uint8", 57, 1, enum="TEMPERATURE_SOURCE"),
         ),
     ))

@@ -149,7 +149,7 @@ class HomePosition(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="HomePosition",
         ros_type="px4_msgs/msg/HomePosition",
         dds_type="px4_msgs::msg::dds_::HomePosition_",
@@ -160,20 +160,20 @@ class HomePosition(_cdr.Message):
         message_version=1,
         topics=("home_position",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("lat", "float64", 8, 8, unit="deg"),
-            _cdr.Field("lon", "float64", 16, 8, unit="deg"),
-            _cdr.Field("alt", "float32", 24, 4, unit="m"),
-            _cdr.Field("x", "float32", 28, 4, unit="m", frame="NED"),
-            _cdr.Field("y", "float32", 32, 4, unit="m", frame="NED"),
-            _cdr.Field("z", "float32", 36, 4, unit="m", frame="NED"),
-            _cdr.Field("roll", "float32", 40, 4, unit="rad"),
-            _cdr.Field("pitch", "float32", 44, 4, unit="rad"),
-            _cdr.Field("yaw", "float32", 48, 4, unit="rad", frame="NED"),
-            _cdr.Field("valid_alt", "bool", 52, 1),
-            _cdr.Field("valid_hpos", "bool", 53, 1),
-            _cdr.Field("valid_lpos", "bool", 54, 1),
-            _cdr.Field("manual_home", "bool", 55, 1),
-            _cdr.Field("update_count", "uint32", 56, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("lat", "float64", 8, 8, unit="deg"),
+            info.Field("lon", "float64", 16, 8, unit="deg"),
+            info.Field("alt", "float32", 24, 4, unit="m"),
+            info.Field("x", "float32", 28, 4, unit="m", frame="NED"),
+            info.Field("y", "float32", 32, 4, unit="m", frame="NED"),
+            info.Field("z", "float32", 36, 4, unit="m", frame="NED"),
+            info.Field("roll", "float32", 40, 4, unit="rad"),
+            info.Field("pitch", "float32", 44, 4, unit="rad"),
+            info.Field("yaw", "float32", 48, 4, unit="rad", frame="NED"),
+            info.Field("valid_alt", "bool", 52, 1),
+            info.Field("valid_hpos", "bool", 53, 1),
+            info.Field("valid_lpos", "bool", 54, 1),
+            info.Field("manual_home", "bool", 55, 1),
+            info.Field("update_count", "uint32", 56, 4),
         ),
     ))

@@ -114,7 +114,7 @@ class HoverThrustEstimate(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="HoverThrustEstimate",
         ros_type="px4_msgs/msg/HoverThrustEstimate",
         dds_type="px4_msgs::msg::dds_::HoverThrustEstimate_",
@@ -125,14 +125,14 @@ class HoverThrustEstimate(_cdr.Message):
         message_version=0,
         topics=("hover_thrust_estimate",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("hover_thrust", "float32", 16, 4, unit="norm", range="0.1, 0.9"),
-            _cdr.Field("hover_thrust_var", "float32", 20, 4, unit="-"),
-            _cdr.Field("accel_innov", "float32", 24, 4, unit="m/s^2"),
-            _cdr.Field("accel_innov_var", "float32", 28, 4, unit="(m/s^2)^2"),
-            _cdr.Field("accel_innov_test_ratio", "float32", 32, 4, unit="-"),
-            _cdr.Field("accel_noise_var", "float32", 36, 4, unit="(m/s^2)^2"),
-            _cdr.Field("valid", "bool", 40, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("hover_thrust", "float32", 16, 4, unit="norm", range="0.1, 0.9"),
+            info.Field("hover_thrust_var", "float32", 20, 4, unit="-"),
+            info.Field("accel_innov", "float32", 24, 4, unit="m/s^2"),
+            info.Field("accel_innov_var", "float32", 28, 4, unit="(m/s^2)^2"),
+            info.Field("accel_innov_test_ratio", "float32", 32, 4, unit="-"),
+            info.Field("accel_noise_var", "float32", 36, 4, unit="(m/s^2)^2"),
+            info.Field("valid", "bool", 40, 1),
         ),
     ))

@@ -175,7 +175,7 @@ class InputRc(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="InputRc",
         ros_type="px4_msgs/msg/InputRc",
         dds_type="px4_msgs::msg::dds_::InputRc_",
@@ -186,20 +186,20 @@ class InputRc(_cdr.Message):
         message_version=0,
         topics=("input_rc",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_last_signal", "uint64", 8, 8, unit="us"),
-            _cdr.Field("channel_count", "uint8", 16, 1),
-            _cdr.Field("rssi", "int32", 20, 4, range="0, 100", invalid="-1"),
-            _cdr.Field("rc_failsafe", "bool", 24, 1),
-            _cdr.Field("rc_lost", "bool", 25, 1),
-            _cdr.Field("rc_lost_frame_count", "uint16", 26, 2),
-            _cdr.Field("rc_total_frame_count", "uint16", 28, 2),
-            _cdr.Field("rc_ppm_frame_length", "uint16", 30, 2, unit="us", invalid="0"),
-            _cdr.Field("rc_frame_rate", "uint16", 32, 2, unit="Hz"),
-            _cdr.Field("input_source", "uint8", 34, 1, enum="RC_INPUT_SOURCE"),
-            _cdr.Field("values", "uint16[18]", 36, 36, unit="us"),
-            _cdr.Field("link_quality", "int8", 72, 1, unit="%", range="0, 100", invalid="-1"),
-            _cdr.Field("rssi_dbm", "float32", 76, 4, unit="dBm", invalid="NaN"),
-            _cdr.Field("link_snr", "int8", 80, 1, unit="dB"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_last_signal", "uint64", 8, 8, unit="us"),
+            info.Field("channel_count", "uint8", 16, 1),
+            info.Field("rssi", "int32", 20, 4, range="0, 100", invalid="-1"),
+            info.Field("rc_failsafe", "bool", 24, 1),
+            info.Field("rc_lost", "bool", 25, 1),
+            info.Field("rc_lost_frame_count", "uint16", 26, 2),
+            info.Field("rc_total_frame_count", "uint16", 28, 2),
+            info.Field("rc_ppm_frame_length", "uint16", 30, 2, unit="us", invalid="0"),
+            info.Field("rc_frame_rate", "uint16", 32, 2, unit="Hz"),
+            info.Field("input_source", "uint8", 34, 1, enum="RC_INPUT_SOURCE"),
+            info.Field("values", "uint16[18]", 36, 36, unit="us"),
+            info.Field("link_quality", "int8", 72, 1, unit="%", range="0, 100", invalid="-1"),
+            info.Field("rssi_dbm", "float32", 76, 4, unit="dBm", invalid="NaN"),
+            info.Field("link_snr", "int8", 80, 1, unit="dB"),
         ),
     ))

@@ -98,7 +98,7 @@ class InternalCombustionEngineControl(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="InternalCombustionEngineControl",
         ros_type="px4_msgs/msg/InternalCombustionEngineControl",
         dds_type="px4_msgs::msg::dds_::InternalCombustionEngineControl_",
@@ -109,11 +109,11 @@ class InternalCombustionEngineControl(_cdr.Message):
         message_version=0,
         topics=("internal_combustion_engine_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("ignition_on", "bool", 8, 1),
-            _cdr.Field("throttle_control", "float32", 12, 4, unit="norm", range="0,1"),
-            _cdr.Field("choke_control", "float32", 16, 4, unit="norm", range="0,1"),
-            _cdr.Field("starter_engine_control", "float32", 20, 4, unit="norm", range="0,1"),
-            _cdr.Field("user_request", "uint8", 24, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("ignition_on", "bool", 8, 1),
+            info.Field("throttle_control", "float32", 12, 4, unit="norm", range="0,1"),
+            info.Field("choke_control", "float32", 16, 4, unit="norm", range="0,1"),
+            info.Field("starter_engine_control", "float32", 20, 4, unit="norm", range="0,1"),
+            info.Field("user_request", "uint8", 24, 1),
         ),
     ))

@@ -266,7 +266,7 @@ class InternalCombustionEngineStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="InternalCombustionEngineStatus",
         ros_type="px4_msgs/msg/InternalCombustionEngineStatus",
         dds_type="px4_msgs::msg::dds_::InternalCombustionEngineStatus_",
@@ -277,36 +277,36 @@ class InternalCombustionEngineStatus(_cdr.Message):
         message_version=0,
         topics=("internal_combustion_engine_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("state", "uint8", 8, 1, enum="STATE"),
-            _cdr.Field("substate", "uint8", 9, 1, enum="SUBSTATE"),
-            _cdr.Field("flags", "uint32", 12, 4, enum="FLAG"),
-            _cdr.Field("engine_load_percent", "uint8", 16, 1, unit="%", range="0, 127"),
-            _cdr.Field("engine_speed_rpm", "uint32", 20, 4, unit="rpm", range="0, inf"),
-            _cdr.Field("spark_dwell_time_ms", "float32", 24, 4, unit="ms", range="0, inf"),
-            _cdr.Field("atmospheric_pressure_kpa", "float32", 28, 4, unit="kPa", range="0, inf"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("state", "uint8", 8, 1, enum="STATE"),
+            info.Field("substate", "uint8", 9, 1, enum="SUBSTATE"),
+            info.Field("flags", "uint32", 12, 4, enum="FLAG"),
+            info.Field("engine_load_percent", "uint8", 16, 1, unit="%", range="0, 127"),
+            info.Field("engine_speed_rpm", "uint32", 20, 4, unit="rpm", range="0, inf"),
+            info.Field("spark_dwell_time_ms", "float32", 24, 4, unit="ms", range="0, inf"),
+            info.Field("atmospheric_pressure_kpa", "float32", 28, 4, unit="kPa", range="0, inf"),
+            info.Field(
                 "intake_manifold_pressure_kpa", "float32", 32, 4, unit="kPa", range="0, inf",
             ),
-            _cdr.Field("intake_manifold_temperature", "float32", 36, 4, unit="K", range="0, inf"),
-            _cdr.Field("coolant_temperature", "float32", 40, 4, unit="K", range="0, inf"),
-            _cdr.Field("oil_pressure", "float32", 44, 4, unit="kPa", range="0, inf"),
-            _cdr.Field("oil_temperature", "float32", 48, 4, unit="K", range="0, inf"),
-            _cdr.Field("fuel_pressure", "float32", 52, 4, unit="kPa", range="0, inf"),
-            _cdr.Field(
+            info.Field("intake_manifold_temperature", "float32", 36, 4, unit="K", range="0, inf"),
+            info.Field("coolant_temperature", "float32", 40, 4, unit="K", range="0, inf"),
+            info.Field("oil_pressure", "float32", 44, 4, unit="kPa", range="0, inf"),
+            info.Field("oil_temperature", "float32", 48, 4, unit="K", range="0, inf"),
+            info.Field("fuel_pressure", "float32", 52, 4, unit="kPa", range="0, inf"),
+            info.Field(
                 "fuel_consumption_rate_cm3pm", "float32", 56, 4, unit="cm^3/min", range="0, inf",
             ),
-            _cdr.Field(
+            info.Field(
                 "estimated_consumed_fuel_volume_cm3", "float32", 60, 4, unit="cm^3", range="0, inf",
             ),
-            _cdr.Field("throttle_position_percent", "uint8", 64, 1, unit="%", range="0, 100"),
-            _cdr.Field("ecu_index", "uint8", 65, 1, unit="-", range="0, 255"),
-            _cdr.Field("spark_plug_usage", "uint8", 66, 1, enum="SPARK_PLUG"),
-            _cdr.Field("ignition_timing_deg", "float32", 68, 4, unit="deg", range="-inf, inf"),
-            _cdr.Field("injection_time_ms", "float32", 72, 4, unit="ms", range="0, inf"),
-            _cdr.Field("cylinder_head_temperature", "float32", 76, 4, unit="K", range="0, inf"),
-            _cdr.Field("exhaust_gas_temperature", "float32", 80, 4, unit="K", range="0, inf"),
-            _cdr.Field("lambda_coefficient", "float32", 84, 4, unit="-", range="0, inf"),
-            _cdr.Field("pid_idle_rpm_integral", "float32", 88, 4, unit="-", range="-1, 1"),
+            info.Field("throttle_position_percent", "uint8", 64, 1, unit="%", range="0, 100"),
+            info.Field("ecu_index", "uint8", 65, 1, unit="-", range="0, 255"),
+            info.Field("spark_plug_usage", "uint8", 66, 1, enum="SPARK_PLUG"),
+            info.Field("ignition_timing_deg", "float32", 68, 4, unit="deg", range="-inf, inf"),
+            info.Field("injection_time_ms", "float32", 72, 4, unit="ms", range="0, inf"),
+            info.Field("cylinder_head_temperature", "float32", 76, 4, unit="K", range="0, inf"),
+            info.Field("exhaust_gas_temperature", "float32", 80, 4, unit="K", range="0, inf"),
+            info.Field("lambda_coefficient", "float32", 84, 4, unit="-", range="0, inf"),
+            info.Field("pid_idle_rpm_integral", "float32", 88, 4, unit="-", range="-1, 1"),
         ),
     ))

@@ -154,7 +154,7 @@ class IridiumsbdStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="IridiumsbdStatus",
         ros_type="px4_msgs/msg/IridiumsbdStatus",
         dds_type="px4_msgs::msg::dds_::IridiumsbdStatus_",
@@ -165,20 +165,20 @@ class IridiumsbdStatus(_cdr.Message):
         message_version=0,
         topics=("iridiumsbd_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("last_at_ok_timestamp", "uint64", 8, 8, unit="us"),
-            _cdr.Field("tx_buf_write_index", "uint16", 16, 2, unit="bytes"),
-            _cdr.Field("rx_buf_read_index", "uint16", 18, 2, unit="bytes"),
-            _cdr.Field("rx_buf_end_index", "uint16", 20, 2, unit="bytes"),
-            _cdr.Field("failed_sbd_sessions", "uint16", 22, 2),
-            _cdr.Field("successful_sbd_sessions", "uint16", 24, 2),
-            _cdr.Field("num_tx_buf_reset", "uint16", 26, 2),
-            _cdr.Field("signal_quality", "uint8", 28, 1, range="0, 5"),
-            _cdr.Field("state", "uint8", 29, 1),
-            _cdr.Field("ring_pending", "bool", 30, 1),
-            _cdr.Field("tx_buf_write_pending", "bool", 31, 1),
-            _cdr.Field("tx_session_pending", "bool", 32, 1),
-            _cdr.Field("rx_read_pending", "bool", 33, 1),
-            _cdr.Field("rx_session_pending", "bool", 34, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("last_at_ok_timestamp", "uint64", 8, 8, unit="us"),
+            info.Field("tx_buf_write_index", "uint16", 16, 2, unit="bytes"),
+            info.Field("rx_buf_read_index", "uint16", 18, 2, unit="bytes"),
+            info.Field("rx_buf_end_index", "uint16", 20, 2, unit="bytes"),
+            info.Field("failed_sbd_sessions", "uint16", 22, 2),
+            info.Field("successful_sbd_sessions", "uint16", 24, 2),
+            info.Field("num_tx_buf_reset", "uint16", 26, 2),
+            info.Field("signal_quality", "uint8", 28, 1, range="0, 5"),
+            info.Field("state", "uint8", 29, 1),
+            info.Field("ring_pending", "bool", 30, 1),
+            info.Field("tx_buf_write_pending", "bool", 31, 1),
+            info.Field("tx_session_pending", "bool", 32, 1),
+            info.Field("rx_read_pending", "bool", 33, 1),
+            info.Field("rx_session_pending", "bool", 34, 1),
         ),
     ))

@@ -86,7 +86,7 @@ class IrlockReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="IrlockReport",
         ros_type="px4_msgs/msg/IrlockReport",
         dds_type="px4_msgs::msg::dds_::IrlockReport_",
@@ -97,11 +97,11 @@ class IrlockReport(_cdr.Message):
         message_version=0,
         topics=("irlock_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("signature", "uint16", 8, 2),
-            _cdr.Field("pos_x", "float32", 12, 4, unit="-"),
-            _cdr.Field("pos_y", "float32", 16, 4, unit="-"),
-            _cdr.Field("size_x", "float32", 20, 4, unit="-"),
-            _cdr.Field("size_y", "float32", 24, 4, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("signature", "uint16", 8, 2),
+            info.Field("pos_x", "float32", 12, 4, unit="-"),
+            info.Field("pos_y", "float32", 16, 4, unit="-"),
+            info.Field("size_x", "float32", 20, 4, unit="-"),
+            info.Field("size_y", "float32", 24, 4, unit="-"),
         ),
     ))

@@ -72,7 +72,7 @@ class LandingGear(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="LandingGear",
         ros_type="px4_msgs/msg/LandingGear",
         dds_type="px4_msgs::msg::dds_::LandingGear_",
@@ -83,7 +83,7 @@ class LandingGear(_cdr.Message):
         message_version=0,
         topics=("landing_gear",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("landing_gear", "int8", 8, 1, enum="GEAR"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("landing_gear", "int8", 8, 1, enum="GEAR"),
         ),
     ))

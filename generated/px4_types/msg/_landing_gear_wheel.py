@@ -61,7 +61,7 @@ class LandingGearWheel(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="LandingGearWheel",
         ros_type="px4_msgs/msg/LandingGearWheel",
         dds_type="px4_msgs::msg::dds_::LandingGearWheel_",
@@ -72,7 +72,7 @@ class LandingGearWheel(_cdr.Message):
         message_version=0,
         topics=("landing_gear_wheel",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("normalized_wheel_setpoint", "float32", 8, 4, range="-1, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("normalized_wheel_setpoint", "float32", 8, 4, range="-1, 1"),
         ),
     ))

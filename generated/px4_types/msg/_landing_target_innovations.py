@@ -80,7 +80,7 @@ class LandingTargetInnovations(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="LandingTargetInnovations",
         ros_type="px4_msgs/msg/LandingTargetInnovations",
         dds_type="px4_msgs::msg::dds_::LandingTargetInnovations_",
@@ -91,10 +91,10 @@ class LandingTargetInnovations(_cdr.Message):
         message_version=0,
         topics=("landing_target_innovations",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("innov_x", "float32", 8, 4, unit="m", frame="NED"),
-            _cdr.Field("innov_y", "float32", 12, 4, unit="m", frame="NED"),
-            _cdr.Field("innov_cov_x", "float32", 16, 4, unit="m^2"),
-            _cdr.Field("innov_cov_y", "float32", 20, 4, unit="m^2"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("innov_x", "float32", 8, 4, unit="m", frame="NED"),
+            info.Field("innov_y", "float32", 12, 4, unit="m", frame="NED"),
+            info.Field("innov_cov_x", "float32", 16, 4, unit="m^2"),
+            info.Field("innov_cov_y", "float32", 20, 4, unit="m^2"),
         ),
     ))

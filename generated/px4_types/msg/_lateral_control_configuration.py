@@ -67,7 +67,7 @@ class LateralControlConfiguration(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="LateralControlConfiguration",
         ros_type="px4_msgs/msg/LateralControlConfiguration",
         dds_type="px4_msgs::msg::dds_::LateralControlConfiguration_",
@@ -78,7 +78,7 @@ class LateralControlConfiguration(_cdr.Message):
         message_version=0,
         topics=("lateral_control_configuration",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("lateral_accel_max", "float32", 8, 4, unit="m/s^2", invalid="NaN"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("lateral_accel_max", "float32", 8, 4, unit="m/s^2", invalid="NaN"),
         ),
     ))

@@ -82,7 +82,7 @@ class LaunchDetectionStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="LaunchDetectionStatus",
         ros_type="px4_msgs/msg/LaunchDetectionStatus",
         dds_type="px4_msgs::msg::dds_::LaunchDetectionStatus_",
@@ -93,8 +93,8 @@ class LaunchDetectionStatus(_cdr.Message):
         message_version=0,
         topics=("launch_detection_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("launch_detection_state", "uint8", 8, 1, enum="STATE"),
-            _cdr.Field("selected_control_surface_disarmed", "bool", 9, 1, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("launch_detection_state", "uint8", 8, 1, enum="STATE"),
+            info.Field("selected_control_surface_disarmed", "bool", 9, 1, unit="-"),
         ),
     ))

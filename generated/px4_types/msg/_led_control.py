@@ -121,7 +121,7 @@ class LedControl(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="LedControl",
         ros_type="px4_msgs/msg/LedControl",
         dds_type="px4_msgs::msg::dds_::LedControl_",
@@ -132,11 +132,11 @@ class LedControl(_cdr.Message):
         message_version=0,
         topics=("led_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("led_mask", "uint8", 8, 1),
-            _cdr.Field("color", "uint8", 9, 1, enum="COLOR"),
-            _cdr.Field("mode", "uint8", 10, 1, enum="MODE"),
-            _cdr.Field("num_blinks", "uint8", 11, 1),
-            _cdr.Field("priority", "uint8", 12, 1, range="0, 2"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("led_mask", "uint8", 8, 1),
+            info.Field("color", "uint8", 9, 1, enum="COLOR"),
+            info.Field("mode", "uint8", 10, 1, enum="MODE"),
+            info.Field("num_blinks", "uint8", 11, 1),
+            info.Field("priority", "uint8", 12, 1, range="0, 2"),
         ),
     ))

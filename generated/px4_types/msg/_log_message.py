@@ -71,7 +71,7 @@ class LogMessage(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="LogMessage",
         ros_type="px4_msgs/msg/LogMessage",
         dds_type="px4_msgs::msg::dds_::LogMessage_",
@@ -82,8 +82,8 @@ class LogMessage(_cdr.Message):
         message_version=0,
         topics=("log_message",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("severity", "uint8", 8, 1, range="0, 7"),
-            _cdr.Field("text", "char[127]", 9, 127),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("severity", "uint8", 8, 1, range="0, 7"),
+            info.Field("text", "char[127]", 9, 127),
         ),
     ))

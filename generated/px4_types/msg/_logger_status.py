@@ -133,7 +133,7 @@ class LoggerStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="LoggerStatus",
         ros_type="px4_msgs/msg/LoggerStatus",
         dds_type="px4_msgs::msg::dds_::LoggerStatus_",
@@ -144,16 +144,16 @@ class LoggerStatus(_cdr.Message):
         message_version=0,
         topics=("logger_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("type", "uint8", 8, 1, enum="LOGGER_TYPE"),
-            _cdr.Field("backend", "uint8", 9, 1, enum="BACKEND"),
-            _cdr.Field("is_logging", "bool", 10, 1),
-            _cdr.Field("total_written_kb", "float32", 12, 4, unit="kB"),
-            _cdr.Field("write_rate_kb_s", "float32", 16, 4, unit="kB/s"),
-            _cdr.Field("dropouts", "uint32", 20, 4),
-            _cdr.Field("message_gaps", "uint32", 24, 4),
-            _cdr.Field("buffer_used_bytes", "uint32", 28, 4, unit="bytes"),
-            _cdr.Field("buffer_size_bytes", "uint32", 32, 4, unit="bytes"),
-            _cdr.Field("num_messages", "uint8", 36, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("type", "uint8", 8, 1, enum="LOGGER_TYPE"),
+            info.Field("backend", "uint8", 9, 1, enum="BACKEND"),
+            info.Field("is_logging", "bool", 10, 1),
+            info.Field("total_written_kb", "float32", 12, 4, unit="kB"),
+            info.Field("write_rate_kb_s", "float32", 16, 4, unit="kB/s"),
+            info.Field("dropouts", "uint32", 20, 4),
+            info.Field("message_gaps", "uint32", 24, 4),
+            info.Field("buffer_used_bytes", "uint32", 28, 4, unit="bytes"),
+            info.Field("buffer_size_bytes", "uint32", 32, 4, unit="bytes"),
+            info.Field("num_messages", "uint8", 36, 1),
         ),
     ))

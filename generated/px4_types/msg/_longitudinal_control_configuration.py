@@ -131,7 +131,7 @@ class LongitudinalControlConfiguration(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="LongitudinalControlConfiguration",
         ros_type="px4_msgs/msg/LongitudinalControlConfiguration",
         dds_type="px4_msgs::msg::dds_::LongitudinalControlConfiguration_",
@@ -142,29 +142,29 @@ class LongitudinalControlConfiguration(_cdr.Message):
         message_version=0,
         topics=("longitudinal_control_configuration",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "pitch_min", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MIN",
             ),
-            _cdr.Field(
+            info.Field(
                 "pitch_max", "float32", 12, 4, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MAX",
             ),
-            _cdr.Field(
+            info.Field(
                 "throttle_min", "float32", 16, 4, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MIN",
             ),
-            _cdr.Field(
+            info.Field(
                 "throttle_max", "float32", 20, 4, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MAX",
             ),
-            _cdr.Field(
+            info.Field(
                 "climb_rate_target", "float32", 24, 4, unit="m/s", invalid="NaN Uses FW_T_CLMB_R_SP",
             ),
-            _cdr.Field(
+            info.Field(
                 "sink_rate_target", "float32", 28, 4, unit="m/s", invalid="NaN Uses FW_T_SINK_R_SP",
             ),
-            _cdr.Field(
+            info.Field(
                 "speed_weight", "float32", 32, 4, unit="-", range="0,2", invalid="NaN Uses FW_T_SPDWEIGHT",
             ),
-            _cdr.Field("enforce_low_height_condition", "bool", 36, 1),
-            _cdr.Field("disable_underspeed_protection", "bool", 37, 1),
+            info.Field("enforce_low_height_condition", "bool", 36, 1),
+            info.Field("disable_underspeed_protection", "bool", 37, 1),
         ),
     ))

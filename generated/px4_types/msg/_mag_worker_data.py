@@ -152,7 +152,7 @@ class MagWorkerData(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="MagWorkerData",
         ros_type="px4_msgs/msg/MagWorkerData",
         dds_type="px4_msgs::msg::dds_::MagWorkerData_",
@@ -163,15 +163,15 @@ class MagWorkerData(_cdr.Message):
         message_version=0,
         topics=("mag_worker_data",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("done_count", "uint32", 16, 4),
-            _cdr.Field("calibration_points_perside", "uint32", 20, 4),
-            _cdr.Field("calibration_interval_perside_us", "uint64", 24, 8, unit="us"),
-            _cdr.Field("calibration_counter_total", "uint32[4]", 32, 16),
-            _cdr.Field("side_data_collected", "bool[4]", 48, 4),
-            _cdr.Field("x", "float32[4]", 52, 16, unit="Gs"),
-            _cdr.Field("y", "float32[4]", 68, 16, unit="Gs"),
-            _cdr.Field("z", "float32[4]", 84, 16, unit="Gs"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("done_count", "uint32", 16, 4),
+            info.Field("calibration_points_perside", "uint32", 20, 4),
+            info.Field("calibration_interval_perside_us", "uint64", 24, 8, unit="us"),
+            info.Field("calibration_counter_total", "uint32[4]", 32, 16),
+            info.Field("side_data_collected", "bool[4]", 48, 4),
+            info.Field("x", "float32[4]", 52, 16, unit="Gs"),
+            info.Field("y", "float32[4]", 68, 16, unit="Gs"),
+            info.Field("z", "float32[4]", 84, 16, unit="Gs"),
         ),
     ))

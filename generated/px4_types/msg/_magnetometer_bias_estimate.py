@@ -102,7 +102,7 @@ class MagnetometerBiasEstimate(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="MagnetometerBiasEstimate",
         ros_type="px4_msgs/msg/MagnetometerBiasEstimate",
         dds_type="px4_msgs::msg::dds_::MagnetometerBiasEstimate_",
@@ -113,11 +113,11 @@ class MagnetometerBiasEstimate(_cdr.Message):
         message_version=0,
         topics=("magnetometer_bias_estimate",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("bias_x", "float32[4]", 8, 16, unit="Gs"),
-            _cdr.Field("bias_y", "float32[4]", 24, 16, unit="Gs"),
-            _cdr.Field("bias_z", "float32[4]", 40, 16, unit="Gs"),
-            _cdr.Field("valid", "bool[4]", 56, 4),
-            _cdr.Field("stable", "bool[4]", 60, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("bias_x", "float32[4]", 8, 16, unit="Gs"),
+            info.Field("bias_y", "float32[4]", 24, 16, unit="Gs"),
+            info.Field("bias_z", "float32[4]", 40, 16, unit="Gs"),
+            info.Field("valid", "bool[4]", 56, 4),
+            info.Field("stable", "bool[4]", 60, 4),
         ),
     ))

@@ -183,7 +183,7 @@ class ManualControlSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ManualControlSetpoint",
         ros_type="px4_msgs/msg/ManualControlSetpoint",
         dds_type="px4_msgs::msg::dds_::ManualControlSetpoint_",
@@ -194,22 +194,22 @@ class ManualControlSetpoint(_cdr.Message):
         message_version=0,
         topics=("manual_control_setpoint", "manual_control_input"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("valid", "bool", 16, 1),
-            _cdr.Field("data_source", "uint8", 17, 1, enum="SOURCE"),
-            _cdr.Field("roll", "float32", 20, 4, range="-1, 1", invalid="NaN"),
-            _cdr.Field("pitch", "float32", 24, 4, range="-1, 1", invalid="NaN"),
-            _cdr.Field("yaw", "float32", 28, 4, range="-1, 1", invalid="NaN"),
-            _cdr.Field("throttle", "float32", 32, 4, range="-1, 1", invalid="NaN"),
-            _cdr.Field("flaps", "float32", 36, 4, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux1", "float32", 40, 4, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux2", "float32", 44, 4, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux3", "float32", 48, 4, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux4", "float32", 52, 4, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux5", "float32", 56, 4, range="-1, 1", invalid="NaN"),
-            _cdr.Field("aux6", "float32", 60, 4, range="-1, 1", invalid="NaN"),
-            _cdr.Field("sticks_moving", "bool", 64, 1),
-            _cdr.Field("buttons", "uint16", 66, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("valid", "bool", 16, 1),
+            info.Field("data_source", "uint8", 17, 1, enum="SOURCE"),
+            info.Field("roll", "float32", 20, 4, range="-1, 1", invalid="NaN"),
+            info.Field("pitch", "float32", 24, 4, range="-1, 1", invalid="NaN"),
+            info.Field("yaw", "float32", 28, 4, range="-1, 1", invalid="NaN"),
+            info.Field("throttle", "float32", 32, 4, range="-1, 1", invalid="NaN"),
+            info.Field("flaps", "float32", 36, 4, range="-1, 1", invalid="NaN"),
+            info.Field("aux1", "float32", 40, 4, range="-1, 1", invalid="NaN"),
+            info.Field("aux2", "float32", 44, 4, range="-1, 1", invalid="NaN"),
+            info.Field("aux3", "float32", 48, 4, range="-1, 1", invalid="NaN"),
+            info.Field("aux4", "float32", 52, 4, range="-1, 1", invalid="NaN"),
+            info.Field("aux5", "float32", 56, 4, range="-1, 1", invalid="NaN"),
+            info.Field("aux6", "float32", 60, 4, range="-1, 1", invalid="NaN"),
+            info.Field("sticks_moving", "bool", 64, 1),
+            info.Field("buttons", "uint16", 66, 2),
         ),
     ))

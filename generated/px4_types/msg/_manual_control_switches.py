@@ -175,7 +175,7 @@ class ManualControlSwitches(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ManualControlSwitches",
         ros_type="px4_msgs/msg/ManualControlSwitches",
         dds_type="px4_msgs::msg::dds_::ManualControlSwitches_",
@@ -186,21 +186,21 @@ class ManualControlSwitches(_cdr.Message):
         message_version=0,
         topics=("manual_control_switches",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("mode_slot", "uint8", 16, 1, enum="MODE_SLOT"),
-            _cdr.Field("arm_switch", "uint8", 17, 1, enum="SWITCH_POS"),
-            _cdr.Field("return_switch", "uint8", 18, 1, enum="SWITCH_POS"),
-            _cdr.Field("loiter_switch", "uint8", 19, 1, enum="SWITCH_POS"),
-            _cdr.Field("offboard_switch", "uint8", 20, 1, enum="SWITCH_POS"),
-            _cdr.Field("kill_switch", "uint8", 21, 1, enum="SWITCH_POS"),
-            _cdr.Field("termination_switch", "uint8", 22, 1, enum="SWITCH_POS"),
-            _cdr.Field("gear_switch", "uint8", 23, 1, enum="SWITCH_POS"),
-            _cdr.Field("transition_switch", "uint8", 24, 1, enum="SWITCH_POS"),
-            _cdr.Field("photo_switch", "uint8", 25, 1, enum="SWITCH_POS"),
-            _cdr.Field("video_switch", "uint8", 26, 1, enum="SWITCH_POS"),
-            _cdr.Field("engage_main_motor_switch", "uint8", 27, 1, enum="SWITCH_POS"),
-            _cdr.Field("payload_power_switch", "uint8", 28, 1, enum="SWITCH_POS"),
-            _cdr.Field("switch_changes", "uint32", 32, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("mode_slot", "uint8", 16, 1, enum="MODE_SLOT"),
+            info.Field("arm_switch", "uint8", 17, 1, enum="SWITCH_POS"),
+            info.Field("return_switch", "uint8", 18, 1, enum="SWITCH_POS"),
+            info.Field("loiter_switch", "uint8", 19, 1, enum="SWITCH_POS"),
+            info.Field("offboard_switch", "uint8", 20, 1, enum="SWITCH_POS"),
+            info.Field("kill_switch", "uint8", 21, 1, enum="SWITCH_POS"),
+            info.Field("termination_switch", "uint8", 22, 1, enum="SWITCH_POS"),
+            info.Field("gear_switch", "uint8", 23, 1, enum="SWITCH_POS"),
+            info.Field("transition_switch", "uint8", 24, 1, enum="SWITCH_POS"),
+            info.Field("photo_switch", "uint8", 25, 1, enum="SWITCH_POS"),
+            info.Field("video_switch", "uint8", 26, 1, enum="SWITCH_POS"),
+            info.Field("engage_main_motor_switch", "uint8", 27, 1, enum="SWITCH_POS"),
+            info.Field("payload_power_switch", "uint8", 28, 1, enum="SWITCH_POS"),
+            info.Field("switch_changes", "uint32", 32, 4),
         ),
     ))

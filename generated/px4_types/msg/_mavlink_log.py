@@ -71,7 +71,7 @@ class MavlinkLog(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="MavlinkLog",
         ros_type="px4_msgs/msg/MavlinkLog",
         dds_type="px4_msgs::msg::dds_::MavlinkLog_",
@@ -82,8 +82,8 @@ class MavlinkLog(_cdr.Message):
         message_version=0,
         topics=("mavlink_log",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("text", "char[127]", 8, 127),
-            _cdr.Field("severity", "uint8", 135, 1, range="0, 7"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("text", "char[127]", 8, 127),
+            info.Field("severity", "uint8", 135, 1, range="0, 7"),
         ),
     ))

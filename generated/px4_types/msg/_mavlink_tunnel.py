@@ -110,7 +110,7 @@ class MavlinkTunnel(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="MavlinkTunnel",
         ros_type="px4_msgs/msg/MavlinkTunnel",
         dds_type="px4_msgs::msg::dds_::MavlinkTunnel_",
@@ -121,11 +121,11 @@ class MavlinkTunnel(_cdr.Message):
         message_version=0,
         topics=("mavlink_tunnel", "esc_serial_passthru", "io_serial_passthru"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("payload_type", "uint16", 8, 2, enum="MAV_TUNNEL_PAYLOAD_TYPE"),
-            _cdr.Field("target_system", "uint8", 10, 1),
-            _cdr.Field("target_component", "uint8", 11, 1),
-            _cdr.Field("payload_length", "uint8", 12, 1, unit="bytes"),
-            _cdr.Field("payload", "uint8[128]", 13, 128),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("payload_type", "uint16", 8, 2, enum="MAV_TUNNEL_PAYLOAD_TYPE"),
+            info.Field("target_system", "uint8", 10, 1),
+            info.Field("target_component", "uint8", 11, 1),
+            info.Field("payload_length", "uint8", 12, 1, unit="bytes"),
+            info.Field("payload", "uint8[128]", 13, 128),
         ),
     ))

@@ -75,7 +75,7 @@ class MessageFormatRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="MessageFormatRequest",
         ros_type="px4_msgs/msg/MessageFormatRequest",
         dds_type="px4_msgs::msg::dds_::MessageFormatRequest_",
@@ -86,8 +86,8 @@ class MessageFormatRequest(_cdr.Message):
         message_version=0,
         topics=("message_format_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("protocol_version", "uint16", 8, 2),
-            _cdr.Field("topic_name", "char[50]", 10, 50),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("protocol_version", "uint16", 8, 2),
+            info.Field("topic_name", "char[50]", 10, 50),
         ),
     ))

@@ -86,7 +86,7 @@ class MessageFormatResponse(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="MessageFormatResponse",
         ros_type="px4_msgs/msg/MessageFormatResponse",
         dds_type="px4_msgs::msg::dds_::MessageFormatResponse_",
@@ -97,10 +97,10 @@ class MessageFormatResponse(_cdr.Message):
         message_version=0,
         topics=("message_format_response",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("protocol_version", "uint16", 8, 2),
-            _cdr.Field("topic_name", "char[50]", 10, 50),
-            _cdr.Field("success", "bool", 60, 1),
-            _cdr.Field("message_hash", "uint32", 64, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("protocol_version", "uint16", 8, 2),
+            info.Field("topic_name", "char[50]", 10, 50),
+            info.Field("success", "bool", 60, 1),
+            info.Field("message_hash", "uint32", 64, 4),
         ),
     ))

@@ -121,7 +121,7 @@ class Mission(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="Mission",
         ros_type="px4_msgs/msg/Mission",
         dds_type="px4_msgs::msg::dds_::Mission_",
@@ -132,16 +132,16 @@ class Mission(_cdr.Message):
         message_version=0,
         topics=("mission",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("mission_dataman_id", "uint8", 8, 1),
-            _cdr.Field("fence_dataman_id", "uint8", 9, 1),
-            _cdr.Field("safepoint_dataman_id", "uint8", 10, 1),
-            _cdr.Field("count", "uint16", 12, 2),
-            _cdr.Field("current_seq", "int32", 16, 4, invalid="-1"),
-            _cdr.Field("land_start_index", "int32", 20, 4, invalid="-1"),
-            _cdr.Field("land_index", "int32", 24, 4, invalid="-1"),
-            _cdr.Field("mission_id", "uint32", 28, 4),
-            _cdr.Field("geofence_id", "uint32", 32, 4),
-            _cdr.Field("safe_points_id", "uint32", 36, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("mission_dataman_id", "uint8", 8, 1),
+            info.Field("fence_dataman_id", "uint8", 9, 1),
+            info.Field("safepoint_dataman_id", "uint8", 10, 1),
+            info.Field("count", "uint16", 12, 2),
+            info.Field("current_seq", "int32", 16, 4, invalid="-1"),
+            info.Field("land_start_index", "int32", 20, 4, invalid="-1"),
+            info.Field("land_index", "int32", 24, 4, invalid="-1"),
+            info.Field("mission_id", "uint32", 28, 4),
+            info.Field("geofence_id", "uint32", 32, 4),
+            info.Field("safe_points_id", "uint32", 36, 4),
         ),
     ))

@@ -148,7 +148,7 @@ class MissionResult(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="MissionResult",
         ros_type="px4_msgs/msg/MissionResult",
         dds_type="px4_msgs::msg::dds_::MissionResult_",
@@ -159,20 +159,20 @@ class MissionResult(_cdr.Message):
         message_version=0,
         topics=("mission_result",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("mission_id", "uint32", 8, 4),
-            _cdr.Field("geofence_id", "uint32", 12, 4),
-            _cdr.Field("home_position_counter", "uint32", 16, 4),
-            _cdr.Field("seq_reached", "int32", 20, 4, invalid="-1"),
-            _cdr.Field("seq_current", "uint16", 24, 2),
-            _cdr.Field("seq_total", "uint16", 26, 2),
-            _cdr.Field("valid", "bool", 28, 1),
-            _cdr.Field("warning", "bool", 29, 1),
-            _cdr.Field("finished", "bool", 30, 1),
-            _cdr.Field("failure", "bool", 31, 1),
-            _cdr.Field("item_do_jump_changed", "bool", 32, 1),
-            _cdr.Field("item_changed_index", "uint16", 34, 2),
-            _cdr.Field("item_do_jump_remaining", "uint16", 36, 2),
-            _cdr.Field("execution_mode", "uint8", 38, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("mission_id", "uint32", 8, 4),
+            info.Field("geofence_id", "uint32", 12, 4),
+            info.Field("home_position_counter", "uint32", 16, 4),
+            info.Field("seq_reached", "int32", 20, 4, invalid="-1"),
+            info.Field("seq_current", "uint16", 24, 2),
+            info.Field("seq_total", "uint16", 26, 2),
+            info.Field("valid", "bool", 28, 1),
+            info.Field("warning", "bool", 29, 1),
+            info.Field("finished", "bool", 30, 1),
+            info.Field("failure", "bool", 31, 1),
+            info.Field("item_do_jump_changed", "bool", 32, 1),
+            info.Field("item_changed_index", "uint16", 34, 2),
+            info.Field("item_do_jump_remaining", "uint16", 36, 2),
+            info.Field("execution_mode", "uint8", 38, 1),
         ),
     ))

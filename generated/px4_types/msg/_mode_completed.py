@@ -74,7 +74,7 @@ class ModeCompleted(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ModeCompleted",
         ros_type="px4_msgs/msg/ModeCompleted",
         dds_type="px4_msgs::msg::dds_::ModeCompleted_",
@@ -85,8 +85,8 @@ class ModeCompleted(_cdr.Message):
         message_version=0,
         topics=("mode_completed",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("result", "uint8", 8, 1, enum="RESULT"),
-            _cdr.Field("nav_state", "uint8", 9, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("result", "uint8", 8, 1, enum="RESULT"),
+            info.Field("nav_state", "uint8", 9, 1),
         ),
     ))

@@ -68,7 +68,7 @@ class MountOrientation(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="MountOrientation",
         ros_type="px4_msgs/msg/MountOrientation",
         dds_type="px4_msgs::msg::dds_::MountOrientation_",
@@ -79,7 +79,7 @@ class MountOrientation(_cdr.Message):
         message_version=0,
         topics=("mount_orientation",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("attitude_euler_angle", "float32[3]", 8, 12, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("attitude_euler_angle", "float32[3]", 8, 12, unit="rad"),
         ),
     ))

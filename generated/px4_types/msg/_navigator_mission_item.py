@@ -161,7 +161,7 @@ class NavigatorMissionItem(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="NavigatorMissionItem",
         ros_type="px4_msgs/msg/NavigatorMissionItem",
         dds_type="px4_msgs::msg::dds_::NavigatorMissionItem_",
@@ -172,24 +172,24 @@ class NavigatorMissionItem(_cdr.Message):
         message_version=0,
         topics=("navigator_mission_item",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("sequence_current", "uint16", 8, 2),
-            _cdr.Field("nav_cmd", "uint16", 10, 2),
-            _cdr.Field("latitude", "float32", 12, 4, unit="deg"),
-            _cdr.Field("longitude", "float32", 16, 4, unit="deg"),
-            _cdr.Field("time_inside", "float32", 20, 4, unit="s"),
-            _cdr.Field("acceptance_radius", "float32", 24, 4, unit="m"),
-            _cdr.Field("loiter_radius", "float32", 28, 4, unit="m"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("sequence_current", "uint16", 8, 2),
+            info.Field("nav_cmd", "uint16", 10, 2),
+            info.Field("latitude", "float32", 12, 4, unit="deg"),
+            info.Field("longitude", "float32", 16, 4, unit="deg"),
+            info.Field("time_inside", "float32", 20, 4, unit="s"),
+            info.Field("acceptance_radius", "float32", 24, 4, unit="m"),
+            info.Field("loiter_radius", "float32", 28, 4, unit="m"),
+            info.Field(
                 "yaw", "float32", 32, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
             ),
-            _cdr.Field("altitude", "float32", 36, 4, unit="m"),
-            _cdr.Field("frame", "uint8", 40, 1),
-            _cdr.Field("origin", "uint8", 41, 1),
-            _cdr.Field("loiter_exit_xtrack", "bool", 42, 1),
-            _cdr.Field("force_heading", "bool", 43, 1),
-            _cdr.Field("altitude_is_relative", "bool", 44, 1),
-            _cdr.Field("autocontinue", "bool", 45, 1),
-            _cdr.Field("vtol_back_transition", "bool", 46, 1),
+            info.Field("altitude", "float32", 36, 4, unit="m"),
+            info.Field("frame", "uint8", 40, 1),
+            info.Field("origin", "uint8", 41, 1),
+            info.Field("loiter_exit_xtrack", "bool", 42, 1),
+            info.Field("force_heading", "bool", 43, 1),
+            info.Field("altitude_is_relative", "bool", 44, 1),
+            info.Field("autocontinue", "bool", 45, 1),
+            info.Field("vtol_back_transition", "bool", 46, 1),
         ),
     ))

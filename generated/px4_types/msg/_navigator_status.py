@@ -72,7 +72,7 @@ class NavigatorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="NavigatorStatus",
         ros_type="px4_msgs/msg/NavigatorStatus",
         dds_type="px4_msgs::msg::dds_::NavigatorStatus_",
@@ -83,8 +83,8 @@ class NavigatorStatus(_cdr.Message):
         message_version=0,
         topics=("navigator_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("nav_state", "uint8", 8, 1),
-            _cdr.Field("failure", "uint8", 9, 1, enum="FAILURE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("nav_state", "uint8", 8, 1),
+            info.Field("failure", "uint8", 9, 1, enum="FAILURE"),
         ),
     ))

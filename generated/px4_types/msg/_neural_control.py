@@ -99,7 +99,7 @@ class NeuralControl(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="NeuralControl",
         ros_type="px4_msgs/msg/NeuralControl",
         dds_type="px4_msgs::msg::dds_::NeuralControl_",
@@ -110,10 +110,10 @@ class NeuralControl(_cdr.Message):
         message_version=0,
         topics=("neural_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("observation", "float32[15]", 8, 60),
-            _cdr.Field("network_output", "float32[4]", 68, 16),
-            _cdr.Field("controller_time", "int32", 84, 4, unit="us"),
-            _cdr.Field("inference_time", "int32", 88, 4, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("observation", "float32[15]", 8, 60),
+            info.Field("network_output", "float32[4]", 68, 16),
+            info.Field("controller_time", "int32", 84, 4, unit="us"),
+            info.Field("inference_time", "int32", 88, 4, unit="us"),
         ),
     ))

@@ -60,7 +60,7 @@ class NormalizedUnsignedSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="NormalizedUnsignedSetpoint",
         ros_type="px4_msgs/msg/NormalizedUnsignedSetpoint",
         dds_type="px4_msgs::msg::dds_::NormalizedUnsignedSetpoint_",
@@ -71,7 +71,7 @@ class NormalizedUnsignedSetpoint(_cdr.Message):
         message_version=0,
         topics=("flaps_setpoint", "spoilers_setpoint"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("normalized_setpoint", "float32", 8, 4, range="0, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("normalized_setpoint", "float32", 8, 4, range="0, 1"),
         ),
     ))

@@ -120,7 +120,7 @@ class ObstacleDistance(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ObstacleDistance",
         ros_type="px4_msgs/msg/ObstacleDistance",
         dds_type="px4_msgs::msg::dds_::ObstacleDistance_",
@@ -131,13 +131,13 @@ class ObstacleDistance(_cdr.Message):
         message_version=0,
         topics=("obstacle_distance", "obstacle_distance_fused"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("frame", "uint8", 8, 1, enum="MAV_FRAME"),
-            _cdr.Field("sensor_type", "uint8", 9, 1, enum="MAV_DISTANCE_SENSOR"),
-            _cdr.Field("distances", "uint16[72]", 10, 144, unit="cm", invalid="UINT16_MAX"),
-            _cdr.Field("increment", "float32", 156, 4, unit="deg"),
-            _cdr.Field("min_distance", "uint16", 160, 2, unit="cm"),
-            _cdr.Field("max_distance", "uint16", 162, 2, unit="cm"),
-            _cdr.Field("angle_offset", "float32", 164, 4, unit="deg"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("frame", "uint8", 8, 1, enum="MAV_FRAME"),
+            info.Field("sensor_type", "uint8", 9, 1, enum="MAV_DISTANCE_SENSOR"),
+            info.Field("distances", "uint16[72]", 10, 144, unit="cm", invalid="UINT16_MAX"),
+            info.Field("increment", "float32", 156, 4, unit="deg"),
+            info.Field("min_distance", "uint16", 160, 2, unit="cm"),
+            info.Field("max_distance", "uint16", 162, 2, unit="cm"),
+            info.Field("angle_offset", "float32", 164, 4, unit="deg"),
         ),
     ))

@@ -111,7 +111,7 @@ class OffboardControlMode(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="OffboardControlMode",
         ros_type="px4_msgs/msg/OffboardControlMode",
         dds_type="px4_msgs::msg::dds_::OffboardControlMode_",
@@ -122,13 +122,13 @@ class OffboardControlMode(_cdr.Message):
         message_version=0,
         topics=("offboard_control_mode",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("position", "bool", 8, 1),
-            _cdr.Field("velocity", "bool", 9, 1),
-            _cdr.Field("acceleration", "bool", 10, 1),
-            _cdr.Field("attitude", "bool", 11, 1),
-            _cdr.Field("body_rate", "bool", 12, 1),
-            _cdr.Field("thrust_and_torque", "bool", 13, 1),
-            _cdr.Field("direct_actuator", "bool", 14, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("position", "bool", 8, 1),
+            info.Field("velocity", "bool", 9, 1),
+            info.Field("acceleration", "bool", 10, 1),
+            info.Field("attitude", "bool", 11, 1),
+            info.Field("body_rate", "bool", 12, 1),
+            info.Field("thrust_and_torque", "bool", 13, 1),
+            info.Field("direct_actuator", "bool", 14, 1),
         ),
     ))

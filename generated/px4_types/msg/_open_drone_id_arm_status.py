@@ -68,7 +68,7 @@ class OpenDroneIdArmStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="OpenDroneIdArmStatus",
         ros_type="px4_msgs/msg/OpenDroneIdArmStatus",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdArmStatus_",
@@ -79,8 +79,8 @@ class OpenDroneIdArmStatus(_cdr.Message):
         message_version=0,
         topics=("open_drone_id_arm_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("status", "uint8", 8, 1),
-            _cdr.Field("error", "char[50]", 9, 50),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("status", "uint8", 8, 1),
+            info.Field("error", "char[50]", 9, 50),
         ),
     ))

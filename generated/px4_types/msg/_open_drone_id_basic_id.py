@@ -86,7 +86,7 @@ class OpenDroneIdBasicId(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="OpenDroneIdBasicId",
         ros_type="px4_msgs/msg/OpenDroneIdBasicId",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdBasicId_",
@@ -97,10 +97,10 @@ class OpenDroneIdBasicId(_cdr.Message):
         message_version=0,
         topics=("open_drone_id_basic_id",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("id_or_mac", "uint8[20]", 8, 20),
-            _cdr.Field("id_type", "uint8", 28, 1),
-            _cdr.Field("ua_type", "uint8", 29, 1),
-            _cdr.Field("uas_id", "uint8[20]", 30, 20),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("id_or_mac", "uint8[20]", 8, 20),
+            info.Field("id_type", "uint8", 28, 1),
+            info.Field("ua_type", "uint8", 29, 1),
+            info.Field("uas_id", "uint8[20]", 30, 20),
         ),
     ))

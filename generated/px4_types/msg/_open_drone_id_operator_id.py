@@ -79,7 +79,7 @@ class OpenDroneIdOperatorId(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="OpenDroneIdOperatorId",
         ros_type="px4_msgs/msg/OpenDroneIdOperatorId",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdOperatorId_",
@@ -90,9 +90,9 @@ class OpenDroneIdOperatorId(_cdr.Message):
         message_version=0,
         topics=("open_drone_id_operator_id",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("id_or_mac", "uint8[20]", 8, 20),
-            _cdr.Field("operator_id_type", "uint8", 28, 1),
-            _cdr.Field("operator_id", "char[20]", 29, 20),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("id_or_mac", "uint8[20]", 8, 20),
+            info.Field("operator_id_type", "uint8", 28, 1),
+            info.Field("operator_id", "char[20]", 29, 20),
         ),
     ))

@@ -138,7 +138,7 @@ class OpenDroneIdSystem(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="OpenDroneIdSystem",
         ros_type="px4_msgs/msg/OpenDroneIdSystem",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdSystem_",
@@ -149,18 +149,18 @@ class OpenDroneIdSystem(_cdr.Message):
         message_version=0,
         topics=("open_drone_id_system",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("id_or_mac", "uint8[20]", 8, 20),
-            _cdr.Field("operator_location_type", "uint8", 28, 1),
-            _cdr.Field("classification_type", "uint8", 29, 1),
-            _cdr.Field("operator_latitude", "int32", 32, 4),
-            _cdr.Field("operator_longitude", "int32", 36, 4),
-            _cdr.Field("area_count", "uint16", 40, 2),
-            _cdr.Field("area_radius", "uint16", 42, 2, unit="m"),
-            _cdr.Field("area_ceiling", "float32", 44, 4, unit="m", invalid="-1000"),
-            _cdr.Field("area_floor", "float32", 48, 4, unit="m", invalid="-1000"),
-            _cdr.Field("category_eu", "uint8", 52, 1),
-            _cdr.Field("class_eu", "uint8", 53, 1),
-            _cdr.Field("operator_altitude_geo", "float32", 56, 4, unit="m", invalid="-1000"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("id_or_mac", "uint8[20]", 8, 20),
+            info.Field("operator_location_type", "uint8", 28, 1),
+            info.Field("classification_type", "uint8", 29, 1),
+            info.Field("operator_latitude", "int32", 32, 4),
+            info.Field("operator_longitude", "int32", 36, 4),
+            info.Field("area_count", "uint16", 40, 2),
+            info.Field("area_radius", "uint16", 42, 2, unit="m"),
+            info.Field("area_ceiling", "float32", 44, 4, unit="m", invalid="-1000"),
+            info.Field("area_floor", "float32", 48, 4, unit="m", invalid="-1000"),
+            info.Field("category_eu", "uint8", 52, 1),
+            info.Field("class_eu", "uint8", 53, 1),
+            info.Field("operator_altitude_geo", "float32", 56, 4, unit="m", invalid="-1000"),
         ),
     ))

@@ -60,7 +60,7 @@ class OrbTest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="OrbTest",
         ros_type="px4_msgs/msg/OrbTest",
         dds_type="px4_msgs::msg::dds_::OrbTest_",
@@ -71,7 +71,7 @@ class OrbTest(_cdr.Message):
         message_version=0,
         topics=("orb_test", "orb_multitest"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("val", "int32", 8, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("val", "int32", 8, 4),
         ),
     ))

@@ -67,7 +67,7 @@ class OrbTestLarge(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="OrbTestLarge",
         ros_type="px4_msgs/msg/OrbTestLarge",
         dds_type="px4_msgs::msg::dds_::OrbTestLarge_",
@@ -78,8 +78,8 @@ class OrbTestLarge(_cdr.Message):
         message_version=0,
         topics=("orb_test_large",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("val", "int32", 8, 4),
-            _cdr.Field("junk", "uint8[512]", 12, 512),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("val", "int32", 8, 4),
+            info.Field("junk", "uint8[512]", 12, 512),
         ),
     ))

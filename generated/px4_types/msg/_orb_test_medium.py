@@ -72,7 +72,7 @@ class OrbTestMedium(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="OrbTestMedium",
         ros_type="px4_msgs/msg/OrbTestMedium",
         dds_type="px4_msgs::msg::dds_::OrbTestMedium_",
@@ -86,8 +86,8 @@ class OrbTestMedium(_cdr.Message):
             "orb_test_medium_queue", "orb_test_medium_queue_poll",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("val", "int32", 8, 4),
-            _cdr.Field("junk", "uint8[64]", 12, 64),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("val", "int32", 8, 4),
+            info.Field("junk", "uint8[64]", 12, 64),
         ),
     ))

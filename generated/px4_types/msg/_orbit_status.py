@@ -112,7 +112,7 @@ class OrbitStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="OrbitStatus",
         ros_type="px4_msgs/msg/OrbitStatus",
         dds_type="px4_msgs::msg::dds_::OrbitStatus_",
@@ -123,12 +123,12 @@ class OrbitStatus(_cdr.Message):
         message_version=0,
         topics=("orbit_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("radius", "float32", 8, 4, unit="m"),
-            _cdr.Field("frame", "uint8", 12, 1, enum="FRAME"),
-            _cdr.Field("x", "float64", 16, 8),
-            _cdr.Field("y", "float64", 24, 8),
-            _cdr.Field("z", "float32", 32, 4, unit="m"),
-            _cdr.Field("yaw_behaviour", "uint8", 36, 1, enum="ORBIT_YAW_BEHAVIOUR"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("radius", "float32", 8, 4, unit="m"),
+            info.Field("frame", "uint8", 12, 1, enum="FRAME"),
+            info.Field("x", "float64", 16, 8),
+            info.Field("y", "float64", 24, 8),
+            info.Field("z", "float32", 32, 4, unit="m"),
+            info.Field("yaw_behaviour", "uint8", 36, 1, enum="ORBIT_YAW_BEHAVIOUR"),
         ),
     ))

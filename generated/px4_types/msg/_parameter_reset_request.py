@@ -72,7 +72,7 @@ class ParameterResetRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ParameterResetRequest",
         ros_type="px4_msgs/msg/ParameterResetRequest",
         dds_type="px4_msgs::msg::dds_::ParameterResetRequest_",
@@ -83,8 +83,8 @@ class ParameterResetRequest(_cdr.Message):
         message_version=0,
         topics=("parameter_reset_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("parameter_index", "uint16", 8, 2),
-            _cdr.Field("reset_all", "bool", 10, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("parameter_index", "uint16", 8, 2),
+            info.Field("reset_all", "bool", 10, 1),
         ),
     ))

@@ -64,7 +64,7 @@ class ParameterSetUsedRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ParameterSetUsedRequest",
         ros_type="px4_msgs/msg/ParameterSetUsedRequest",
         dds_type="px4_msgs::msg::dds_::ParameterSetUsedRequest_",
@@ -75,7 +75,7 @@ class ParameterSetUsedRequest(_cdr.Message):
         message_version=0,
         topics=("parameter_set_used_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("parameter_index", "uint16", 8, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("parameter_index", "uint16", 8, 2),
         ),
     ))

@@ -79,7 +79,7 @@ class ParameterSetValueRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ParameterSetValueRequest",
         ros_type="px4_msgs/msg/ParameterSetValueRequest",
         dds_type="px4_msgs::msg::dds_::ParameterSetValueRequest_",
@@ -93,9 +93,9 @@ class ParameterSetValueRequest(_cdr.Message):
             "parameter_primary_set_value_request",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("parameter_index", "uint16", 8, 2),
-            _cdr.Field("int_value", "int32", 12, 4),
-            _cdr.Field("float_value", "float32", 16, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("parameter_index", "uint16", 8, 2),
+            info.Field("int_value", "int32", 12, 4),
+            info.Field("float_value", "float32", 16, 4),
         ),
     ))

@@ -73,7 +73,7 @@ class ParameterSetValueResponse(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ParameterSetValueResponse",
         ros_type="px4_msgs/msg/ParameterSetValueResponse",
         dds_type="px4_msgs::msg::dds_::ParameterSetValueResponse_",
@@ -87,8 +87,8 @@ class ParameterSetValueResponse(_cdr.Message):
             "parameter_primary_set_value_response",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("request_timestamp", "uint64", 8, 8, unit="us"),
-            _cdr.Field("parameter_index", "uint16", 16, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("request_timestamp", "uint64", 8, 8, unit="us"),
+            info.Field("parameter_index", "uint16", 16, 2),
         ),
     ))

@@ -110,7 +110,7 @@ class ParameterUpdate(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="ParameterUpdate",
         ros_type="px4_msgs/msg/ParameterUpdate",
         dds_type="px4_msgs::msg::dds_::ParameterUpdate_",
@@ -121,14 +121,14 @@ class ParameterUpdate(_cdr.Message):
         message_version=0,
         topics=("parameter_update",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("instance", "uint32", 8, 4),
-            _cdr.Field("get_count", "uint32", 12, 4),
-            _cdr.Field("set_count", "uint32", 16, 4),
-            _cdr.Field("find_count", "uint32", 20, 4),
-            _cdr.Field("export_count", "uint32", 24, 4),
-            _cdr.Field("active", "uint16", 28, 2),
-            _cdr.Field("changed", "uint16", 30, 2),
-            _cdr.Field("custom_default", "uint16", 32, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("instance", "uint32", 8, 4),
+            info.Field("get_count", "uint32", 12, 4),
+            info.Field("set_count", "uint32", 16, 4),
+            info.Field("find_count", "uint32", 20, 4),
+            info.Field("export_count", "uint32", 24, 4),
+            info.Field("active", "uint16", 28, 2),
+            info.Field("changed", "uint16", 30, 2),
+            info.Field("custom_default", "uint16", 32, 2),
         ),
     ))

@@ -96,7 +96,7 @@ class Ping(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="Ping",
         ros_type="px4_msgs/msg/Ping",
         dds_type="px4_msgs::msg::dds_::Ping_",
@@ -107,12 +107,12 @@ class Ping(_cdr.Message):
         message_version=0,
         topics=("ping",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("ping_time", "uint64", 8, 8, unit="us"),
-            _cdr.Field("ping_sequence", "uint32", 16, 4),
-            _cdr.Field("dropped_packets", "uint32", 20, 4),
-            _cdr.Field("rtt_ms", "float32", 24, 4, unit="ms"),
-            _cdr.Field("system_id", "uint8", 28, 1),
-            _cdr.Field("component_id", "uint8", 29, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("ping_time", "uint64", 8, 8, unit="us"),
+            info.Field("ping_sequence", "uint32", 16, 4),
+            info.Field("dropped_packets", "uint32", 20, 4),
+            info.Field("rtt_ms", "float32", 24, 4, unit="ms"),
+            info.Field("system_id", "uint8", 28, 1),
+            info.Field("component_id", "uint8", 29, 1),
         ),
     ))

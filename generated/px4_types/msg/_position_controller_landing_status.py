@@ -90,7 +90,7 @@ class PositionControllerLandingStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="PositionControllerLandingStatus",
         ros_type="px4_msgs/msg/PositionControllerLandingStatus",
         dds_type="px4_msgs::msg::dds_::PositionControllerLandingStatus_",
@@ -101,9 +101,9 @@ class PositionControllerLandingStatus(_cdr.Message):
         message_version=0,
         topics=("position_controller_landing_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("lateral_touchdown_offset", "float32", 8, 4, unit="m"),
-            _cdr.Field("flaring", "bool", 12, 1),
-            _cdr.Field("abort_status", "uint8", 13, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("lateral_touchdown_offset", "float32", 8, 4, unit="m"),
+            info.Field("flaring", "bool", 12, 1),
+            info.Field("abort_status", "uint8", 13, 1),
         ),
     ))

@@ -110,7 +110,7 @@ class PositionControllerStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="PositionControllerStatus",
         ros_type="px4_msgs/msg/PositionControllerStatus",
         dds_type="px4_msgs::msg::dds_::PositionControllerStatus_",
@@ -121,14 +121,14 @@ class PositionControllerStatus(_cdr.Message):
         message_version=0,
         topics=("position_controller_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("nav_roll", "float32", 8, 4, unit="rad"),
-            _cdr.Field("nav_pitch", "float32", 12, 4, unit="rad"),
-            _cdr.Field("nav_bearing", "float32", 16, 4, unit="rad"),
-            _cdr.Field("target_bearing", "float32", 20, 4, unit="rad"),
-            _cdr.Field("xtrack_error", "float32", 24, 4, unit="m"),
-            _cdr.Field("wp_dist", "float32", 28, 4, unit="m"),
-            _cdr.Field("acceptance_radius", "float32", 32, 4, unit="m"),
-            _cdr.Field("type", "uint8", 36, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("nav_roll", "float32", 8, 4, unit="rad"),
+            info.Field("nav_pitch", "float32", 12, 4, unit="rad"),
+            info.Field("nav_bearing", "float32", 16, 4, unit="rad"),
+            info.Field("target_bearing", "float32", 20, 4, unit="rad"),
+            info.Field("xtrack_error", "float32", 24, 4, unit="m"),
+            info.Field("wp_dist", "float32", 28, 4, unit="m"),
+            info.Field("acceptance_radius", "float32", 32, 4, unit="m"),
+            info.Field("type", "uint8", 36, 1),
         ),
     ))

@@ -215,7 +215,7 @@ class PositionSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="PositionSetpoint",
         ros_type="px4_msgs/msg/PositionSetpoint",
         dds_type="px4_msgs::msg::dds_::PositionSetpoint_",
@@ -226,30 +226,30 @@ class PositionSetpoint(_cdr.Message):
         message_version=0,
         topics=("position_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("valid", "bool", 8, 1),
-            _cdr.Field("type", "uint8", 9, 1, enum="SETPOINT_TYPE"),
-            _cdr.Field("vx", "float32", 12, 4, unit="m/s", frame="NED"),
-            _cdr.Field("vy", "float32", 16, 4, unit="m/s", frame="NED"),
-            _cdr.Field("vz", "float32", 20, 4, unit="m/s", frame="NED"),
-            _cdr.Field("lat", "float64", 24, 8, unit="deg"),
-            _cdr.Field("lon", "float64", 32, 8, unit="deg"),
-            _cdr.Field("alt", "float32", 40, 4, unit="m"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("valid", "bool", 8, 1),
+            info.Field("type", "uint8", 9, 1, enum="SETPOINT_TYPE"),
+            info.Field("vx", "float32", 12, 4, unit="m/s", frame="NED"),
+            info.Field("vy", "float32", 16, 4, unit="m/s", frame="NED"),
+            info.Field("vz", "float32", 20, 4, unit="m/s", frame="NED"),
+            info.Field("lat", "float64", 24, 8, unit="deg"),
+            info.Field("lon", "float64", 32, 8, unit="deg"),
+            info.Field("alt", "float32", 40, 4, unit="m"),
+            info.Field(
                 "yaw", "float32", 44, 4, unit="rad", range="-pi, pi", invalid="NaN Flight task decides",
             ),
-            _cdr.Field("loiter_radius", "float32", 48, 4, unit="m", range="0, INF"),
-            _cdr.Field("loiter_minor_radius", "float32", 52, 4, unit="m", range="0, INF"),
-            _cdr.Field("loiter_direction_counter_clockwise", "bool", 56, 1),
-            _cdr.Field("loiter_orientation", "float32", 60, 4, unit="rad", range="-pi, pi"),
-            _cdr.Field("loiter_pattern", "uint8", 64, 1, enum="LOITER_TYPE"),
-            _cdr.Field("acceptance_radius", "float32", 68, 4, unit="m"),
-            _cdr.Field(
+            info.Field("loiter_radius", "float32", 48, 4, unit="m", range="0, INF"),
+            info.Field("loiter_minor_radius", "float32", 52, 4, unit="m", range="0, INF"),
+            info.Field("loiter_direction_counter_clockwise", "bool", 56, 1),
+            info.Field("loiter_orientation", "float32", 60, 4, unit="rad", range="-pi, pi"),
+            info.Field("loiter_pattern", "uint8", 64, 1, enum="LOITER_TYPE"),
+            info.Field("acceptance_radius", "float32", 68, 4, unit="m"),
+            info.Field(
                 "alt_acceptance_radius", "float32", 72, 4, unit="m", invalid="NaN Guidance picks one",
             ),
-            _cdr.Field("course", "float32", 76, 4, unit="rad", invalid="NaN"),
-            _cdr.Field("cruising_speed", "float32", 80, 4, unit="m/s"),
-            _cdr.Field("gliding_enabled", "bool", 84, 1),
-            _cdr.Field("cruising_throttle", "float32", 88, 4, unit="-"),
+            info.Field("course", "float32", 76, 4, unit="rad", invalid="NaN"),
+            info.Field("cruising_speed", "float32", 80, 4, unit="m/s"),
+            info.Field("gliding_enabled", "bool", 84, 1),
+            info.Field("cruising_throttle", "float32", 88, 4, unit="-"),
         ),
     ))

@@ -127,7 +127,7 @@ class PositionSetpointTriplet(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="PositionSetpointTriplet",
         ros_type="px4_msgs/msg/PositionSetpointTriplet",
         dds_type="px4_msgs::msg::dds_::PositionSetpointTriplet_",
@@ -138,9 +138,9 @@ class PositionSetpointTriplet(_cdr.Message):
         message_version=0,
         topics=("position_setpoint_triplet",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("previous", "PositionSetpoint", 8, 92),
-            _cdr.Field("current", "PositionSetpoint", 104, 92),
-            _cdr.Field("next", "PositionSetpoint", 200, 92),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("previous", "PositionSetpoint", 8, 92),
+            info.Field("current", "PositionSetpoint", 104, 92),
+            info.Field("next", "PositionSetpoint", 200, 92),
         ),
     ))

@@ -71,7 +71,7 @@ class PowerButtonState(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="PowerButtonState",
         ros_type="px4_msgs/msg/PowerButtonState",
         dds_type="px4_msgs::msg::dds_::PowerButtonState_",
@@ -82,7 +82,7 @@ class PowerButtonState(_cdr.Message):
         message_version=0,
         topics=("power_button_state",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("event", "uint8", 8, 1, enum="PWR_BUTTON_STATE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("event", "uint8", 8, 1, enum="PWR_BUTTON_STATE"),
         ),
     ))

@@ -126,7 +126,7 @@ class PowerMonitor(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="PowerMonitor",
         ros_type="px4_msgs/msg/PowerMonitor",
         dds_type="px4_msgs::msg::dds_::PowerMonitor_",
@@ -137,17 +137,17 @@ class PowerMonitor(_cdr.Message):
         message_version=0,
         topics=("power_monitor",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("voltage_v", "float32", 8, 4, unit="V", invalid="0"),
-            _cdr.Field("current_a", "float32", 12, 4, unit="A", invalid="-1"),
-            _cdr.Field("power_w", "float32", 16, 4, unit="W", invalid="-1"),
-            _cdr.Field("rconf", "int16", 20, 2),
-            _cdr.Field("rsv", "int16", 22, 2),
-            _cdr.Field("rbv", "int16", 24, 2),
-            _cdr.Field("rp", "int16", 26, 2),
-            _cdr.Field("rc", "int16", 28, 2),
-            _cdr.Field("rcal", "int16", 30, 2),
-            _cdr.Field("me", "int16", 32, 2),
-            _cdr.Field("al", "int16", 34, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("voltage_v", "float32", 8, 4, unit="V", invalid="0"),
+            info.Field("current_a", "float32", 12, 4, unit="A", invalid="-1"),
+            info.Field("power_w", "float32", 16, 4, unit="W", invalid="-1"),
+            info.Field("rconf", "int16", 20, 2),
+            info.Field("rsv", "int16", 22, 2),
+            info.Field("rbv", "int16", 24, 2),
+            info.Field("rp", "int16", 26, 2),
+            info.Field("rc", "int16", 28, 2),
+            info.Field("rcal", "int16", 30, 2),
+            info.Field("me", "int16", 32, 2),
+            info.Field("al", "int16", 34, 2),
         ),
     ))

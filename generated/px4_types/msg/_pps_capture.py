@@ -68,7 +68,7 @@ class PpsCapture(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="PpsCapture",
         ros_type="px4_msgs/msg/PpsCapture",
         dds_type="px4_msgs::msg::dds_::PpsCapture_",
@@ -79,8 +79,8 @@ class PpsCapture(_cdr.Message):
         message_version=0,
         topics=("pps_capture",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("rtc_timestamp", "uint64", 8, 8, unit="us"),
-            _cdr.Field("pps_rate_exceeded_counter", "uint8", 16, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("rtc_timestamp", "uint64", 8, 8, unit="us"),
+            info.Field("pps_rate_exceeded_counter", "uint8", 16, 1),
         ),
     ))

@@ -86,7 +86,7 @@ class PrecLandStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="PrecLandStatus",
         ros_type="px4_msgs/msg/PrecLandStatus",
         dds_type="px4_msgs::msg::dds_::PrecLandStatus_",
@@ -97,7 +97,7 @@ class PrecLandStatus(_cdr.Message):
         message_version=0,
         topics=("prec_land_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("state", "uint8", 8, 1, enum="PREC_LAND_STATE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("state", "uint8", 8, 1, enum="PREC_LAND_STATE"),
         ),
     ))

@@ -96,7 +96,7 @@ class PurePursuitStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="PurePursuitStatus",
         ros_type="px4_msgs/msg/PurePursuitStatus",
         dds_type="px4_msgs::msg::dds_::PurePursuitStatus_",
@@ -107,17 +107,17 @@ class PurePursuitStatus(_cdr.Message):
         message_version=0,
         topics=("pure_pursuit_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("lookahead_distance", "float32", 8, 4, unit="m", range="0, inf"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("lookahead_distance", "float32", 8, 4, unit="m", range="0, inf"),
+            info.Field(
                 "target_bearing", "float32", 12, 4, unit="rad", range="-pi, pi", frame="NED",
             ),
-            _cdr.Field(
+            info.Field(
                 "crosstrack_error", "float32", 16, 4, unit="m",
                 range="-inf (Left of the path), inf (Right of the path)",
             ),
-            _cdr.Field("distance_to_waypoint", "float32", 20, 4, unit="m", range="-inf, inf"),
-            _cdr.Field(
+            info.Field("distance_to_waypoint", "float32", 20, 4, unit="m", range="-inf, inf"),
+            info.Field(
                 "bearing_to_waypoint", "float32", 24, 4, unit="rad", range="-pi, pi", frame="NED",
             ),
         ),

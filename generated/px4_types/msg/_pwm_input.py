@@ -73,7 +73,7 @@ class PwmInput(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="PwmInput",
         ros_type="px4_msgs/msg/PwmInput",
         dds_type="px4_msgs::msg::dds_::PwmInput_",
@@ -84,9 +84,9 @@ class PwmInput(_cdr.Message):
         message_version=0,
         topics=("pwm_input",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("error_count", "uint64", 8, 8),
-            _cdr.Field("pulse_width", "uint32", 16, 4, unit="us"),
-            _cdr.Field("period", "uint32", 20, 4, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("error_count", "uint64", 8, 8),
+            info.Field("pulse_width", "uint32", 16, 4, unit="us"),
+            info.Field("period", "uint32", 20, 4, unit="us"),
         ),
     ))

@@ -79,7 +79,7 @@ class QshellReq(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="QshellReq",
         ros_type="px4_msgs/msg/QshellReq",
         dds_type="px4_msgs::msg::dds_::QshellReq_",
@@ -90,9 +90,9 @@ class QshellReq(_cdr.Message):
         message_version=0,
         topics=("qshell_req",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("cmd", "char[100]", 8, 100),
-            _cdr.Field("strlen", "uint32", 108, 4, unit="bytes"),
-            _cdr.Field("request_sequence", "uint32", 112, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("cmd", "char[100]", 8, 100),
+            info.Field("strlen", "uint32", 108, 4, unit="bytes"),
+            info.Field("request_sequence", "uint32", 112, 4),
         ),
     ))

@@ -66,7 +66,7 @@ class QshellRetval(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="QshellRetval",
         ros_type="px4_msgs/msg/QshellRetval",
         dds_type="px4_msgs::msg::dds_::QshellRetval_",
@@ -77,8 +77,8 @@ class QshellRetval(_cdr.Message):
         message_version=0,
         topics=("qshell_retval",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("return_value", "int32", 8, 4),
-            _cdr.Field("return_sequence", "uint32", 12, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("return_value", "int32", 8, 4),
+            info.Field("return_sequence", "uint32", 12, 4),
         ),
     ))

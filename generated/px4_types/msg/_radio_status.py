@@ -101,7 +101,7 @@ class RadioStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RadioStatus",
         ros_type="px4_msgs/msg/RadioStatus",
         dds_type="px4_msgs::msg::dds_::RadioStatus_",
@@ -112,13 +112,13 @@ class RadioStatus(_cdr.Message):
         message_version=0,
         topics=("radio_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("rssi", "uint8", 8, 1, invalid="255"),
-            _cdr.Field("remote_rssi", "uint8", 9, 1, invalid="255"),
-            _cdr.Field("txbuf", "uint8", 10, 1, unit="%", range="0, 100"),
-            _cdr.Field("noise", "uint8", 11, 1, invalid="255"),
-            _cdr.Field("remote_noise", "uint8", 12, 1, invalid="255"),
-            _cdr.Field("rxerrors", "uint16", 14, 2),
-            _cdr.Field("fix", "uint16", 16, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("rssi", "uint8", 8, 1, invalid="255"),
+            info.Field("remote_rssi", "uint8", 9, 1, invalid="255"),
+            info.Field("txbuf", "uint8", 10, 1, unit="%", range="0, 100"),
+            info.Field("noise", "uint8", 11, 1, invalid="255"),
+            info.Field("remote_noise", "uint8", 12, 1, invalid="255"),
+            info.Field("rxerrors", "uint16", 14, 2),
+            info.Field("fix", "uint16", 16, 2),
         ),
     ))

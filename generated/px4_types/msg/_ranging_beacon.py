@@ -144,7 +144,7 @@ class RangingBeacon(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RangingBeacon",
         ros_type="px4_msgs/msg/RangingBeacon",
         dds_type="px4_msgs::msg::dds_::RangingBeacon_",
@@ -155,19 +155,19 @@ class RangingBeacon(_cdr.Message):
         message_version=0,
         topics=("ranging_beacon",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("beacon_id", "uint8", 16, 1),
-            _cdr.Field("range", "float32", 20, 4, unit="m"),
-            _cdr.Field("lat", "float64", 24, 8, unit="deg"),
-            _cdr.Field("lon", "float64", 32, 8, unit="deg"),
-            _cdr.Field("alt", "float32", 40, 4, unit="m"),
-            _cdr.Field("alt_type", "uint8", 44, 1, enum="ALT_TYPE"),
-            _cdr.Field("hacc", "float32", 48, 4, unit="m"),
-            _cdr.Field("vacc", "float32", 52, 4, unit="m"),
-            _cdr.Field("sequence_nr", "uint8", 56, 1),
-            _cdr.Field("status", "uint8", 57, 1),
-            _cdr.Field("carrier_freq", "uint16", 58, 2, unit="MHz"),
-            _cdr.Field("range_accuracy", "float32", 60, 4, unit="m"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("beacon_id", "uint8", 16, 1),
+            info.Field("range", "float32", 20, 4, unit="m"),
+            info.Field("lat", "float64", 24, 8, unit="deg"),
+            info.Field("lon", "float64", 32, 8, unit="deg"),
+            info.Field("alt", "float32", 40, 4, unit="m"),
+            info.Field("alt_type", "uint8", 44, 1, enum="ALT_TYPE"),
+            info.Field("hacc", "float32", 48, 4, unit="m"),
+            info.Field("vacc", "float32", 52, 4, unit="m"),
+            info.Field("sequence_nr", "uint8", 56, 1),
+            info.Field("status", "uint8", 57, 1),
+            info.Field("carrier_freq", "uint16", 58, 2, unit="MHz"),
+            info.Field("range_accuracy", "float32", 60, 4, unit="m"),
         ),
     ))

@@ -128,7 +128,7 @@ class RaptorInput(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RaptorInput",
         ros_type="px4_msgs/msg/RaptorInput",
         dds_type="px4_msgs::msg::dds_::RaptorInput_",
@@ -139,13 +139,13 @@ class RaptorInput(_cdr.Message):
         message_version=0,
         topics=("raptor_input",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("active", "bool", 16, 1),
-            _cdr.Field("position", "float32[3]", 20, 12, unit="m", frame="FLU"),
-            _cdr.Field("orientation", "float32[4]", 32, 16, unit="-"),
-            _cdr.Field("linear_velocity", "float32[3]", 48, 12, unit="m/s", frame="FLU"),
-            _cdr.Field("angular_velocity", "float32[3]", 60, 12, unit="rad/s", frame="FLU"),
-            _cdr.Field("previous_action", "float32[4]", 72, 16, range="-1, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("active", "bool", 16, 1),
+            info.Field("position", "float32[3]", 20, 12, unit="m", frame="FLU"),
+            info.Field("orientation", "float32[4]", 32, 16, unit="-"),
+            info.Field("linear_velocity", "float32[3]", 48, 12, unit="m/s", frame="FLU"),
+            info.Field("angular_velocity", "float32[3]", 60, 12, unit="rad/s", frame="FLU"),
+            info.Field("previous_action", "float32[4]", 72, 16, range="-1, 1"),
         ),
     ))

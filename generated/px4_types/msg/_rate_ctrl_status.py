@@ -75,7 +75,7 @@ class RateCtrlStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RateCtrlStatus",
         ros_type="px4_msgs/msg/RateCtrlStatus",
         dds_type="px4_msgs::msg::dds_::RateCtrlStatus_",
@@ -86,9 +86,9 @@ class RateCtrlStatus(_cdr.Message):
         message_version=0,
         topics=("rate_ctrl_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("rollspeed_integ", "float32", 8, 4),
-            _cdr.Field("pitchspeed_integ", "float32", 12, 4),
-            _cdr.Field("yawspeed_integ", "float32", 16, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("rollspeed_integ", "float32", 8, 4),
+            info.Field("pitchspeed_integ", "float32", 12, 4),
+            info.Field("yawspeed_integ", "float32", 16, 4),
         ),
     ))

@@ -145,7 +145,7 @@ class RcChannels(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RcChannels",
         ros_type="px4_msgs/msg/RcChannels",
         dds_type="px4_msgs::msg::dds_::RcChannels_",
@@ -156,13 +156,13 @@ class RcChannels(_cdr.Message):
         message_version=0,
         topics=("rc_channels",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_last_valid", "uint64", 8, 8, unit="us"),
-            _cdr.Field("channels", "float32[18]", 16, 72, range="-1, 1"),
-            _cdr.Field("channel_count", "uint8", 88, 1),
-            _cdr.Field("function", "int8[30]", 89, 30, invalid="-1"),
-            _cdr.Field("rssi", "uint8", 119, 1),
-            _cdr.Field("signal_lost", "bool", 120, 1),
-            _cdr.Field("frame_drop_count", "uint32", 124, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_last_valid", "uint64", 8, 8, unit="us"),
+            info.Field("channels", "float32[18]", 16, 72, range="-1, 1"),
+            info.Field("channel_count", "uint8", 88, 1),
+            info.Field("function", "int8[30]", 89, 30, invalid="-1"),
+            info.Field("rssi", "uint8", 119, 1),
+            info.Field("signal_lost", "bool", 120, 1),
+            info.Field("frame_drop_count", "uint32", 124, 4),
         ),
     ))

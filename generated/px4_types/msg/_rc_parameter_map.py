@@ -124,7 +124,7 @@ class RcParameterMap(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RcParameterMap",
         ros_type="px4_msgs/msg/RcParameterMap",
         dds_type="px4_msgs::msg::dds_::RcParameterMap_",
@@ -135,13 +135,13 @@ class RcParameterMap(_cdr.Message):
         message_version=0,
         topics=("rc_parameter_map",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("valid", "bool[3]", 8, 3),
-            _cdr.Field("param_index", "int32[3]", 12, 12, invalid="-1"),
-            _cdr.Field("param_id", "char[51]", 24, 51),
-            _cdr.Field("scale", "float32[3]", 76, 12),
-            _cdr.Field("value0", "float32[3]", 88, 12),
-            _cdr.Field("value_min", "float32[3]", 100, 12),
-            _cdr.Field("value_max", "float32[3]", 112, 12),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("valid", "bool[3]", 8, 3),
+            info.Field("param_index", "int32[3]", 12, 12, invalid="-1"),
+            info.Field("param_id", "char[51]", 24, 51),
+            info.Field("scale", "float32[3]", 76, 12),
+            info.Field("value0", "float32[3]", 88, 12),
+            info.Field("value_min", "float32[3]", 100, 12),
+            info.Field("value_max", "float32[3]", 112, 12),
         ),
     ))

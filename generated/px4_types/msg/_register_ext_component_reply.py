@@ -121,7 +121,7 @@ class RegisterExtComponentReply(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RegisterExtComponentReply",
         ros_type="px4_msgs/msg/RegisterExtComponentReply",
         dds_type="px4_msgs::msg::dds_::RegisterExtComponentReply_",
@@ -132,14 +132,14 @@ class RegisterExtComponentReply(_cdr.Message):
         message_version=1,
         topics=("register_ext_component_reply",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("request_id", "uint64", 8, 8),
-            _cdr.Field("name", "char[25]", 16, 25),
-            _cdr.Field("px4_ros2_api_version", "uint16", 42, 2),
-            _cdr.Field("success", "bool", 44, 1),
-            _cdr.Field("arming_check_id", "int8", 45, 1, invalid="-1"),
-            _cdr.Field("mode_id", "int8", 46, 1, invalid="-1"),
-            _cdr.Field("mode_executor_id", "int8", 47, 1, invalid="-1"),
-            _cdr.Field("not_user_selectable", "bool", 48, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("request_id", "uint64", 8, 8),
+            info.Field("name", "char[25]", 16, 25),
+            info.Field("px4_ros2_api_version", "uint16", 42, 2),
+            info.Field("success", "bool", 44, 1),
+            info.Field("arming_check_id", "int8", 45, 1, invalid="-1"),
+            info.Field("mode_id", "int8", 46, 1, invalid="-1"),
+            info.Field("mode_executor_id", "int8", 47, 1, invalid="-1"),
+            info.Field("not_user_selectable", "bool", 48, 1),
         ),
     ))

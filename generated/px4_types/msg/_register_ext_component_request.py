@@ -151,7 +151,7 @@ class RegisterExtComponentRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RegisterExtComponentRequest",
         ros_type="px4_msgs/msg/RegisterExtComponentRequest",
         dds_type="px4_msgs::msg::dds_::RegisterExtComponentRequest_",
@@ -162,17 +162,17 @@ class RegisterExtComponentRequest(_cdr.Message):
         message_version=2,
         topics=("register_ext_component_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("request_id", "uint64", 8, 8),
-            _cdr.Field("name", "char[25]", 16, 25),
-            _cdr.Field("px4_ros2_api_version", "uint16", 42, 2),
-            _cdr.Field("register_arming_check", "bool", 44, 1),
-            _cdr.Field("register_mode", "bool", 45, 1),
-            _cdr.Field("register_mode_executor", "bool", 46, 1),
-            _cdr.Field("enable_replace_internal_mode", "bool", 47, 1),
-            _cdr.Field("replace_internal_mode", "uint8", 48, 1),
-            _cdr.Field("activate_mode_immediately", "bool", 49, 1),
-            _cdr.Field("not_user_selectable", "bool", 50, 1),
-            _cdr.Field("request_offboard_setpoints", "bool", 51, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("request_id", "uint64", 8, 8),
+            info.Field("name", "char[25]", 16, 25),
+            info.Field("px4_ros2_api_version", "uint16", 42, 2),
+            info.Field("register_arming_check", "bool", 44, 1),
+            info.Field("register_mode", "bool", 45, 1),
+            info.Field("register_mode_executor", "bool", 46, 1),
+            info.Field("enable_replace_internal_mode", "bool", 47, 1),
+            info.Field("replace_internal_mode", "uint8", 48, 1),
+            info.Field("activate_mode_immediately", "bool", 49, 1),
+            info.Field("not_user_selectable", "bool", 50, 1),
+            info.Field("request_offboard_setpoints", "bool", 51, 1),
         ),
     ))

@@ -63,7 +63,7 @@ class RoverAttitudeSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RoverAttitudeSetpoint",
         ros_type="px4_msgs/msg/RoverAttitudeSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverAttitudeSetpoint_",
@@ -74,8 +74,8 @@ class RoverAttitudeSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_attitude_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "yaw_setpoint", "float32", 8, 4, unit="rad", range="-inf, inf", frame="NED",
             ),
         ),

@@ -67,7 +67,7 @@ class RoverAttitudeStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RoverAttitudeStatus",
         ros_type="px4_msgs/msg/RoverAttitudeStatus",
         dds_type="px4_msgs::msg::dds_::RoverAttitudeStatus_",
@@ -78,9 +78,9 @@ class RoverAttitudeStatus(_cdr.Message):
         message_version=0,
         topics=("rover_attitude_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("measured_yaw", "float32", 8, 4, unit="rad", range="-pi, pi", frame="NED"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("measured_yaw", "float32", 8, 4, unit="rad", range="-pi, pi", frame="NED"),
+            info.Field(
                 "adjusted_yaw_setpoint", "float32", 12, 4, unit="rad", range="-pi, pi", frame="NED",
             ),
         ),

@@ -96,7 +96,7 @@ class RoverPositionSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RoverPositionSetpoint",
         ros_type="px4_msgs/msg/RoverPositionSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverPositionSetpoint_",
@@ -107,22 +107,22 @@ class RoverPositionSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_position_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "position_ned", "float32[2]", 8, 8, unit="m", range="-inf, inf", frame="NED",
             ),
-            _cdr.Field(
+            info.Field(
                 "start_ned", "float32[2]", 16, 8, unit="m", range="-inf, inf",
                 invalid="NaN Defaults to vehicle position", frame="NED",
             ),
-            _cdr.Field(
+            info.Field(
                 "cruising_speed", "float32", 24, 4, unit="m/s", range="0, inf",
                 invalid="NaN Defaults to maximum speed",
             ),
-            _cdr.Field(
+            info.Field(
                 "arrival_speed", "float32", 28, 4, unit="m/s", range="0, inf", invalid="NaN Defaults to 0",
             ),
-            _cdr.Field(
+            info.Field(
                 "yaw", "float32", 32, 4, unit="rad", range="-pi,pi", invalid="NaN Defaults to vehicle yaw",
                 frame="NED",
             ),

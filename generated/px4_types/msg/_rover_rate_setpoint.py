@@ -61,7 +61,7 @@ class RoverRateSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RoverRateSetpoint",
         ros_type="px4_msgs/msg/RoverRateSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverRateSetpoint_",
@@ -72,8 +72,8 @@ class RoverRateSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_rate_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "yaw_rate_setpoint", "float32", 8, 4, unit="rad/s", range="-inf, inf", frame="NED",
             ),
         ),

@@ -81,7 +81,7 @@ class RoverRateStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RoverRateStatus",
         ros_type="px4_msgs/msg/RoverRateStatus",
         dds_type="px4_msgs::msg::dds_::RoverRateStatus_",
@@ -92,13 +92,13 @@ class RoverRateStatus(_cdr.Message):
         message_version=0,
         topics=("rover_rate_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "measured_yaw_rate", "float32", 8, 4, unit="rad/s", range="-inf, inf", frame="NED",
             ),
-            _cdr.Field(
+            info.Field(
                 "adjusted_yaw_rate_setpoint", "float32", 12, 4, unit="rad/s", range="-inf, inf", frame="NED",
             ),
-            _cdr.Field("pid_yaw_rate_integral", "float32", 16, 4, unit="-", range="-1, 1"),
+            info.Field("pid_yaw_rate_integral", "float32", 16, 4, unit="-", range="-1, 1"),
         ),
     ))

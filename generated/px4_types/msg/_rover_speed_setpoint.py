@@ -67,7 +67,7 @@ class RoverSpeedSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RoverSpeedSetpoint",
         ros_type="px4_msgs/msg/RoverSpeedSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverSpeedSetpoint_",
@@ -78,12 +78,12 @@ class RoverSpeedSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_speed_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "speed_body_x", "float32", 8, 4, unit="m/s", range="-inf (Backwards), inf (Forwards)",
                 frame="Body",
             ),
-            _cdr.Field(
+            info.Field(
                 "speed_body_y", "float32", 12, 4, unit="m/s", range="-inf (Left), inf (Right)",
                 invalid="NaN If not mecanum", frame="Body",
             ),

@@ -106,7 +106,7 @@ class RoverSpeedStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RoverSpeedStatus",
         ros_type="px4_msgs/msg/RoverSpeedStatus",
         dds_type="px4_msgs::msg::dds_::RoverSpeedStatus_",
@@ -117,25 +117,25 @@ class RoverSpeedStatus(_cdr.Message):
         message_version=0,
         topics=("rover_speed_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "measured_speed_body_x", "float32", 8, 4, unit="m/s",
                 range="-inf (Backwards), inf (Forwards)", frame="Body",
             ),
-            _cdr.Field(
+            info.Field(
                 "adjusted_speed_body_x_setpoint", "float32", 12, 4, unit="m/s",
                 range="-inf (Backwards), inf (Forwards)", frame="Body",
             ),
-            _cdr.Field("pid_throttle_body_x_integral", "float32", 16, 4, unit="-", range="-1, 1"),
-            _cdr.Field(
+            info.Field("pid_throttle_body_x_integral", "float32", 16, 4, unit="-", range="-1, 1"),
+            info.Field(
                 "measured_speed_body_y", "float32", 20, 4, unit="m/s", range="-inf (Left), inf (Right)",
                 invalid="NaN If not mecanum", frame="Body",
             ),
-            _cdr.Field(
+            info.Field(
                 "adjusted_speed_body_y_setpoint", "float32", 24, 4, unit="m/s",
                 range="-inf (Left), inf (Right)", invalid="NaN If not mecanum", frame="Body",
             ),
-            _cdr.Field(
+            info.Field(
                 "pid_throttle_body_y_integral", "float32", 28, 4, unit="-", range="-1, 1",
                 invalid="NaN If not mecanum",
             ),

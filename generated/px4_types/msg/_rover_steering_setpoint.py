@@ -63,7 +63,7 @@ class RoverSteeringSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RoverSteeringSetpoint",
         ros_type="px4_msgs/msg/RoverSteeringSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverSteeringSetpoint_",
@@ -74,8 +74,8 @@ class RoverSteeringSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_steering_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "normalized_steering_setpoint", "float32", 8, 4, unit="-", range="-1 (Left), 1 (Right)",
                 frame="Body",
             ),

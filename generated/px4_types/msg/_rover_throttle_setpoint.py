@@ -70,7 +70,7 @@ class RoverThrottleSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RoverThrottleSetpoint",
         ros_type="px4_msgs/msg/RoverThrottleSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverThrottleSetpoint_",
@@ -81,12 +81,12 @@ class RoverThrottleSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_throttle_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field(
                 "throttle_body_x", "float32", 8, 4, unit="-", range="-1 (Backwards), 1 (Forwards)",
                 frame="Body",
             ),
-            _cdr.Field(
+            info.Field(
                 "throttle_body_y", "float32", 12, 4, unit="-", range="-1 (Left), 1 (Right)",
                 invalid="NaN If not mecanum", frame="Body",
             ),

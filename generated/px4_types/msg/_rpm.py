@@ -66,7 +66,7 @@ class Rpm(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="Rpm",
         ros_type="px4_msgs/msg/Rpm",
         dds_type="px4_msgs::msg::dds_::Rpm_",
@@ -77,8 +77,8 @@ class Rpm(_cdr.Message):
         message_version=0,
         topics=("rpm",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("rpm_estimate", "float32", 8, 4, unit="rpm"),
-            _cdr.Field("rpm_raw", "float32", 12, 4, unit="rpm"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("rpm_estimate", "float32", 8, 4, unit="rpm"),
+            info.Field("rpm_raw", "float32", 12, 4, unit="rpm"),
         ),
     ))

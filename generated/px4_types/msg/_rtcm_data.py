@@ -87,7 +87,7 @@ class RtcmData(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RtcmData",
         ros_type="px4_msgs/msg/RtcmData",
         dds_type="px4_msgs::msg::dds_::RtcmData_",
@@ -98,10 +98,10 @@ class RtcmData(_cdr.Message):
         message_version=0,
         topics=("rtcm_corrections", "rtcm_moving_baseline"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 8, 4, unit="-"),
-            _cdr.Field("len", "uint16", 12, 2, unit="-"),
-            _cdr.Field("flags", "uint8", 14, 1, unit="-"),
-            _cdr.Field("data", "uint8[300]", 15, 300),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("device_id", "uint32", 8, 4, unit="-"),
+            info.Field("len", "uint16", 12, 2, unit="-"),
+            info.Field("flags", "uint8", 14, 1, unit="-"),
+            info.Field("data", "uint8[300]", 15, 300),
         ),
     ))

@@ -113,7 +113,7 @@ class RtlStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RtlStatus",
         ros_type="px4_msgs/msg/RtlStatus",
         dds_type="px4_msgs::msg::dds_::RtlStatus_",
@@ -124,11 +124,11 @@ class RtlStatus(_cdr.Message):
         message_version=0,
         topics=("rtl_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("safe_points_id", "uint32", 8, 4),
-            _cdr.Field("is_evaluation_pending", "bool", 12, 1),
-            _cdr.Field("has_vtol_approach", "bool", 13, 1),
-            _cdr.Field("rtl_type", "uint8", 14, 1, enum="RTL_STATUS_TYPE"),
-            _cdr.Field("safe_point_index", "uint8", 15, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("safe_points_id", "uint32", 8, 4),
+            info.Field("is_evaluation_pending", "bool", 12, 1),
+            info.Field("has_vtol_approach", "bool", 13, 1),
+            info.Field("rtl_type", "uint8", 14, 1, enum="RTL_STATUS_TYPE"),
+            info.Field("safe_point_index", "uint8", 15, 1),
         ),
     ))

@@ -77,7 +77,7 @@ class RtlTimeEstimate(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="RtlTimeEstimate",
         ros_type="px4_msgs/msg/RtlTimeEstimate",
         dds_type="px4_msgs::msg::dds_::RtlTimeEstimate_",
@@ -88,9 +88,9 @@ class RtlTimeEstimate(_cdr.Message):
         message_version=0,
         topics=("rtl_time_estimate",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("valid", "bool", 8, 1),
-            _cdr.Field("time_estimate", "float32", 12, 4, unit="s"),
-            _cdr.Field("safe_time_estimate", "float32", 16, 4, unit="s"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("valid", "bool", 8, 1),
+            info.Field("time_estimate", "float32", 12, 4, unit="s"),
+            info.Field("safe_time_estimate", "float32", 16, 4, unit="s"),
         ),
     ))

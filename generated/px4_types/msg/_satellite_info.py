@@ -113,7 +113,7 @@ class SatelliteInfo(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SatelliteInfo",
         ros_type="px4_msgs/msg/SatelliteInfo",
         dds_type="px4_msgs::msg::dds_::SatelliteInfo_",
@@ -124,13 +124,13 @@ class SatelliteInfo(_cdr.Message):
         message_version=0,
         topics=("satellite_info",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("count", "uint8", 8, 1),
-            _cdr.Field("svid", "uint8[40]", 9, 40, range="1, 255"),
-            _cdr.Field("used", "uint8[40]", 49, 40, range="0, 1"),
-            _cdr.Field("elevation", "uint8[40]", 89, 40, unit="deg", range="0, 90"),
-            _cdr.Field("azimuth", "uint8[40]", 129, 40, range="0, 255"),
-            _cdr.Field("snr", "uint8[40]", 169, 40, unit="dBHz", range="0, 99", invalid="0"),
-            _cdr.Field("prn", "uint8[40]", 209, 40),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("count", "uint8", 8, 1),
+            info.Field("svid", "uint8[40]", 9, 40, range="1, 255"),
+            info.Field("used", "uint8[40]", 49, 40, range="0, 1"),
+            info.Field("elevation", "uint8[40]", 89, 40, unit="deg", range="0, 90"),
+            info.Field("azimuth", "uint8[40]", 129, 40, range="0, 255"),
+            info.Field("snr", "uint8[40]", 169, 40, unit="dBHz", range="0, 99", invalid="0"),
+            info.Field("prn", "uint8[40]", 209, 40),
         ),
     ))

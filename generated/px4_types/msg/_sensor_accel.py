@@ -120,7 +120,7 @@ class SensorAccel(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorAccel",
         ros_type="px4_msgs/msg/SensorAccel",
         dds_type="px4_msgs::msg::dds_::SensorAccel_",
@@ -131,15 +131,15 @@ class SensorAccel(_cdr.Message):
         message_version=0,
         topics=("sensor_accel",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
-            _cdr.Field("x", "float32", 20, 4, unit="m/s^2", frame="FRD"),
-            _cdr.Field("y", "float32", 24, 4, unit="m/s^2", frame="FRD"),
-            _cdr.Field("z", "float32", 28, 4, unit="m/s^2", frame="FRD"),
-            _cdr.Field("temperature", "float32", 32, 4, unit="degC"),
-            _cdr.Field("error_count", "uint32", 36, 4),
-            _cdr.Field("clip_counter", "uint8[3]", 40, 3),
-            _cdr.Field("samples", "uint8", 43, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4),
+            info.Field("x", "float32", 20, 4, unit="m/s^2", frame="FRD"),
+            info.Field("y", "float32", 24, 4, unit="m/s^2", frame="FRD"),
+            info.Field("z", "float32", 28, 4, unit="m/s^2", frame="FRD"),
+            info.Field("temperature", "float32", 32, 4, unit="degC"),
+            info.Field("error_count", "uint32", 36, 4),
+            info.Field("clip_counter", "uint8[3]", 40, 3),
+            info.Field("samples", "uint8", 43, 1),
         ),
     ))

@@ -111,7 +111,7 @@ class SensorAccelFifo(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorAccelFifo",
         ros_type="px4_msgs/msg/SensorAccelFifo",
         dds_type="px4_msgs::msg::dds_::SensorAccelFifo_",
@@ -122,14 +122,14 @@ class SensorAccelFifo(_cdr.Message):
         message_version=0,
         topics=("sensor_accel_fifo",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
-            _cdr.Field("dt", "float32", 20, 4, unit="us"),
-            _cdr.Field("scale", "float32", 24, 4),
-            _cdr.Field("samples", "uint8", 28, 1),
-            _cdr.Field("x", "int16[32]", 30, 64, frame="FRD"),
-            _cdr.Field("y", "int16[32]", 94, 64, frame="FRD"),
-            _cdr.Field("z", "int16[32]", 158, 64, frame="FRD"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4),
+            info.Field("dt", "float32", 20, 4, unit="us"),
+            info.Field("scale", "float32", 24, 4),
+            info.Field("samples", "uint8", 28, 1),
+            info.Field("x", "int16[32]", 30, 64, frame="FRD"),
+            info.Field("y", "int16[32]", 94, 64, frame="FRD"),
+            info.Field("z", "int16[32]", 158, 64, frame="FRD"),
         ),
     ))

@@ -80,7 +80,7 @@ class SensorAirflow(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorAirflow",
         ros_type="px4_msgs/msg/SensorAirflow",
         dds_type="px4_msgs::msg::dds_::SensorAirflow_",
@@ -91,10 +91,10 @@ class SensorAirflow(_cdr.Message):
         message_version=0,
         topics=("sensor_airflow",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 8, 4),
-            _cdr.Field("speed", "float32", 12, 4, unit="m/s"),
-            _cdr.Field("direction", "float32", 16, 4, unit="rad"),
-            _cdr.Field("status", "uint8", 20, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("device_id", "uint32", 8, 4),
+            info.Field("speed", "float32", 12, 4, unit="m/s"),
+            info.Field("direction", "float32", 16, 4, unit="rad"),
+            info.Field("status", "uint8", 20, 1),
         ),
     ))

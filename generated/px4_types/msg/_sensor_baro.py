@@ -96,7 +96,7 @@ class SensorBaro(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorBaro",
         ros_type="px4_msgs/msg/SensorBaro",
         dds_type="px4_msgs::msg::dds_::SensorBaro_",
@@ -107,11 +107,11 @@ class SensorBaro(_cdr.Message):
         message_version=0,
         topics=("sensor_baro",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4, unit="-"),
-            _cdr.Field("pressure", "float32", 20, 4, unit="Pa"),
-            _cdr.Field("temperature", "float32", 24, 4, unit="°C"),
-            _cdr.Field("error_count", "uint32", 28, 4, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4, unit="-"),
+            info.Field("pressure", "float32", 20, 4, unit="Pa"),
+            info.Field("temperature", "float32", 24, 4, unit="°C"),
+            info.Field("error_count", "uint32", 28, 4, unit="-"),
         ),
     ))

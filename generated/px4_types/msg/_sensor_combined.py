@@ -138,7 +138,7 @@ class SensorCombined(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorCombined",
         ros_type="px4_msgs/msg/SensorCombined",
         dds_type="px4_msgs::msg::dds_::SensorCombined_",
@@ -149,18 +149,18 @@ class SensorCombined(_cdr.Message):
         message_version=0,
         topics=("sensor_combined",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("gyro_rad", "float32[3]", 8, 12, unit="rad/s", frame="FRD"),
-            _cdr.Field("gyro_integral_dt", "uint32", 20, 4, unit="us"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("gyro_rad", "float32[3]", 8, 12, unit="rad/s", frame="FRD"),
+            info.Field("gyro_integral_dt", "uint32", 20, 4, unit="us"),
+            info.Field(
                 "accelerometer_timestamp_relative", "int32", 24, 4, unit="us",
                 invalid="RELATIVE_TIMESTAMP_INVALID",
             ),
-            _cdr.Field("accelerometer_m_s2", "float32[3]", 28, 12, unit="m/s^2", frame="FRD"),
-            _cdr.Field("accelerometer_integral_dt", "uint32", 40, 4, unit="us"),
-            _cdr.Field("accelerometer_clipping", "uint8", 44, 1, enum="CLIPPING"),
-            _cdr.Field("gyro_clipping", "uint8", 45, 1, enum="CLIPPING"),
-            _cdr.Field("accel_calibration_count", "uint8", 46, 1),
-            _cdr.Field("gyro_calibration_count", "uint8", 47, 1),
+            info.Field("accelerometer_m_s2", "float32[3]", 28, 12, unit="m/s^2", frame="FRD"),
+            info.Field("accelerometer_integral_dt", "uint32", 40, 4, unit="us"),
+            info.Field("accelerometer_clipping", "uint8", 44, 1, enum="CLIPPING"),
+            info.Field("gyro_clipping", "uint8", 45, 1, enum="CLIPPING"),
+            info.Field("accel_calibration_count", "uint8", 46, 1),
+            info.Field("gyro_calibration_count", "uint8", 47, 1),
         ),
     ))

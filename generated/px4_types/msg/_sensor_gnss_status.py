@@ -102,7 +102,7 @@ class SensorGnssStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorGnssStatus",
         ros_type="px4_msgs/msg/SensorGnssStatus",
         dds_type="px4_msgs::msg::dds_::SensorGnssStatus_",
@@ -113,12 +113,12 @@ class SensorGnssStatus(_cdr.Message):
         message_version=0,
         topics=("sensor_gnss_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 8, 4),
-            _cdr.Field("quality_available", "bool", 12, 1),
-            _cdr.Field("quality_corrections", "uint8", 13, 1, range="0, 10", invalid="255"),
-            _cdr.Field("quality_receiver", "uint8", 14, 1, range="0, 10", invalid="255"),
-            _cdr.Field("quality_gnss_signals", "uint8", 15, 1, range="0, 10", invalid="255"),
-            _cdr.Field("quality_post_processing", "uint8", 16, 1, range="0, 10", invalid="255"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("device_id", "uint32", 8, 4),
+            info.Field("quality_available", "bool", 12, 1),
+            info.Field("quality_corrections", "uint8", 13, 1, range="0, 10", invalid="255"),
+            info.Field("quality_receiver", "uint8", 14, 1, range="0, 10", invalid="255"),
+            info.Field("quality_gnss_signals", "uint8", 15, 1, range="0, 10", invalid="255"),
+            info.Field("quality_post_processing", "uint8", 16, 1, range="0, 10", invalid="255"),
         ),
     ))

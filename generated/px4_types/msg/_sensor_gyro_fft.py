@@ -141,7 +141,7 @@ class SensorGyroFft(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorGyroFft",
         ros_type="px4_msgs/msg/SensorGyroFft",
         dds_type="px4_msgs::msg::dds_::SensorGyroFft_",
@@ -152,16 +152,16 @@ class SensorGyroFft(_cdr.Message):
         message_version=0,
         topics=("sensor_gyro_fft",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
-            _cdr.Field("sensor_sample_rate_hz", "float32", 20, 4, unit="Hz"),
-            _cdr.Field("resolution_hz", "float32", 24, 4, unit="Hz"),
-            _cdr.Field("peak_frequencies_x", "float32[3]", 28, 12, unit="Hz", invalid="NaN"),
-            _cdr.Field("peak_frequencies_y", "float32[3]", 40, 12, unit="Hz", invalid="NaN"),
-            _cdr.Field("peak_frequencies_z", "float32[3]", 52, 12, unit="Hz", invalid="NaN"),
-            _cdr.Field("peak_snr_x", "float32[3]", 64, 12, unit="dB", invalid="NaN"),
-            _cdr.Field("peak_snr_y", "float32[3]", 76, 12, unit="dB", invalid="NaN"),
-            _cdr.Field("peak_snr_z", "float32[3]", 88, 12, unit="dB", invalid="NaN"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4),
+            info.Field("sensor_sample_rate_hz", "float32", 20, 4, unit="Hz"),
+            info.Field("resolution_hz", "float32", 24, 4, unit="Hz"),
+            info.Field("peak_frequencies_x", "float32[3]", 28, 12, unit="Hz", invalid="NaN"),
+            info.Field("peak_frequencies_y", "float32[3]", 40, 12, unit="Hz", invalid="NaN"),
+            info.Field("peak_frequencies_z", "float32[3]", 52, 12, unit="Hz", invalid="NaN"),
+            info.Field("peak_snr_x", "float32[3]", 64, 12, unit="dB", invalid="NaN"),
+            info.Field("peak_snr_y", "float32[3]", 76, 12, unit="dB", invalid="NaN"),
+            info.Field("peak_snr_z", "float32[3]", 88, 12, unit="dB", invalid="NaN"),
         ),
     ))

@@ -81,7 +81,7 @@ class SensorHygrometer(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorHygrometer",
         ros_type="px4_msgs/msg/SensorHygrometer",
         dds_type="px4_msgs::msg::dds_::SensorHygrometer_",
@@ -92,10 +92,10 @@ class SensorHygrometer(_cdr.Message):
         message_version=0,
         topics=("sensor_hygrometer",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
-            _cdr.Field("temperature", "float32", 20, 4, unit="degC"),
-            _cdr.Field("humidity", "float32", 24, 4, unit="%"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4),
+            info.Field("temperature", "float32", 20, 4, unit="degC"),
+            info.Field("humidity", "float32", 24, 4, unit="%"),
         ),
     ))

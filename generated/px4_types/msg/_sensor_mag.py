@@ -106,7 +106,7 @@ class SensorMag(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorMag",
         ros_type="px4_msgs/msg/SensorMag",
         dds_type="px4_msgs::msg::dds_::SensorMag_",
@@ -117,13 +117,13 @@ class SensorMag(_cdr.Message):
         message_version=0,
         topics=("sensor_mag",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
-            _cdr.Field("x", "float32", 20, 4, unit="Gauss", frame="FRD"),
-            _cdr.Field("y", "float32", 24, 4, unit="Gauss", frame="FRD"),
-            _cdr.Field("z", "float32", 28, 4, unit="Gauss", frame="FRD"),
-            _cdr.Field("temperature", "float32", 32, 4, unit="°C"),
-            _cdr.Field("error_count", "uint32", 36, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4),
+            info.Field("x", "float32", 20, 4, unit="Gauss", frame="FRD"),
+            info.Field("y", "float32", 24, 4, unit="Gauss", frame="FRD"),
+            info.Field("z", "float32", 28, 4, unit="Gauss", frame="FRD"),
+            info.Field("temperature", "float32", 32, 4, unit="°C"),
+            info.Field("error_count", "uint32", 36, 4),
         ),
     ))

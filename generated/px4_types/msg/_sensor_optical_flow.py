@@ -164,7 +164,7 @@ class SensorOpticalFlow(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorOpticalFlow",
         ros_type="px4_msgs/msg/SensorOpticalFlow",
         dds_type="px4_msgs::msg::dds_::SensorOpticalFlow_",
@@ -175,20 +175,20 @@ class SensorOpticalFlow(_cdr.Message):
         message_version=0,
         topics=("sensor_optical_flow",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
-            _cdr.Field("pixel_flow", "float32[2]", 20, 8, unit="rad"),
-            _cdr.Field("delta_angle", "float32[3]", 28, 12, unit="rad", invalid="NaN"),
-            _cdr.Field("delta_angle_available", "bool", 40, 1),
-            _cdr.Field("distance_m", "float32", 44, 4, unit="m"),
-            _cdr.Field("distance_available", "bool", 48, 1),
-            _cdr.Field("integration_timespan_us", "uint32", 52, 4, unit="us"),
-            _cdr.Field("quality", "uint8", 56, 1, range="0, 255"),
-            _cdr.Field("error_count", "uint32", 60, 4),
-            _cdr.Field("max_flow_rate", "float32", 64, 4, unit="rad/s"),
-            _cdr.Field("min_ground_distance", "float32", 68, 4, unit="m"),
-            _cdr.Field("max_ground_distance", "float32", 72, 4, unit="m"),
-            _cdr.Field("mode", "uint8", 76, 1, enum="MODE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4),
+            info.Field("pixel_flow", "float32[2]", 20, 8, unit="rad"),
+            info.Field("delta_angle", "float32[3]", 28, 12, unit="rad", invalid="NaN"),
+            info.Field("delta_angle_available", "bool", 40, 1),
+            info.Field("distance_m", "float32", 44, 4, unit="m"),
+            info.Field("distance_available", "bool", 48, 1),
+            info.Field("integration_timespan_us", "uint32", 52, 4, unit="us"),
+            info.Field("quality", "uint8", 56, 1, range="0, 255"),
+            info.Field("error_count", "uint32", 60, 4),
+            info.Field("max_flow_rate", "float32", 64, 4, unit="rad/s"),
+            info.Field("min_ground_distance", "float32", 68, 4, unit="m"),
+            info.Field("max_ground_distance", "float32", 72, 4, unit="m"),
+            info.Field("mode", "uint8", 76, 1, enum="MODE"),
         ),
     ))

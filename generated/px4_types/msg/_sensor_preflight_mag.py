@@ -60,7 +60,7 @@ class SensorPreflightMag(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorPreflightMag",
         ros_type="px4_msgs/msg/SensorPreflightMag",
         dds_type="px4_msgs::msg::dds_::SensorPreflightMag_",
@@ -71,7 +71,7 @@ class SensorPreflightMag(_cdr.Message):
         message_version=0,
         topics=("sensor_preflight_mag",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("mag_inconsistency_angle", "float32", 8, 4, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("mag_inconsistency_angle", "float32", 8, 4, unit="rad"),
         ),
     ))

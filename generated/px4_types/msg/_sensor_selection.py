@@ -65,7 +65,7 @@ class SensorSelection(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorSelection",
         ros_type="px4_msgs/msg/SensorSelection",
         dds_type="px4_msgs::msg::dds_::SensorSelection_",
@@ -76,8 +76,8 @@ class SensorSelection(_cdr.Message):
         message_version=0,
         topics=("sensor_selection",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("accel_device_id", "uint32", 8, 4),
-            _cdr.Field("gyro_device_id", "uint32", 12, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("accel_device_id", "uint32", 8, 4),
+            info.Field("gyro_device_id", "uint32", 12, 4),
         ),
     ))

@@ -66,7 +66,7 @@ class SensorTemp(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorTemp",
         ros_type="px4_msgs/msg/SensorTemp",
         dds_type="px4_msgs::msg::dds_::SensorTemp_",
@@ -77,8 +77,8 @@ class SensorTemp(_cdr.Message):
         message_version=0,
         topics=("sensor_temp",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 8, 4),
-            _cdr.Field("temperature", "float32", 12, 4, unit="degC"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("device_id", "uint32", 8, 4),
+            info.Field("temperature", "float32", 12, 4, unit="degC"),
         ),
     ))

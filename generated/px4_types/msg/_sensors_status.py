@@ -125,7 +125,7 @@ class SensorsStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorsStatus",
         ros_type="px4_msgs/msg/SensorsStatus",
         dds_type="px4_msgs::msg::dds_::SensorsStatus_",
@@ -136,13 +136,13 @@ class SensorsStatus(_cdr.Message):
         message_version=0,
         topics=("sensors_status_baro", "sensors_status_mag"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("device_id_primary", "uint32", 8, 4),
-            _cdr.Field("device_ids", "uint32[4]", 12, 16),
-            _cdr.Field("inconsistency", "float32[4]", 28, 16),
-            _cdr.Field("healthy", "bool[4]", 44, 4),
-            _cdr.Field("priority", "uint8[4]", 48, 4),
-            _cdr.Field("enabled", "bool[4]", 52, 4),
-            _cdr.Field("external", "bool[4]", 56, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("device_id_primary", "uint32", 8, 4),
+            info.Field("device_ids", "uint32[4]", 12, 16),
+            info.Field("inconsistency", "float32[4]", 28, 16),
+            info.Field("healthy", "bool[4]", 44, 4),
+            info.Field("priority", "uint8[4]", 48, 4),
+            info.Field("enabled", "bool[4]", 52, 4),
+            info.Field("external", "bool[4]", 56, 4),
         ),
     ))

@@ -169,7 +169,7 @@ class SensorsStatusImu(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SensorsStatusImu",
         ros_type="px4_msgs/msg/SensorsStatusImu",
         dds_type="px4_msgs::msg::dds_::SensorsStatusImu_",
@@ -180,16 +180,16 @@ class SensorsStatusImu(_cdr.Message):
         message_version=0,
         topics=("sensors_status_imu",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("accel_device_id_primary", "uint32", 8, 4),
-            _cdr.Field("accel_device_ids", "uint32[4]", 12, 16),
-            _cdr.Field("accel_inconsistency_m_s_s", "float32[4]", 28, 16, unit="m/s^2"),
-            _cdr.Field("accel_healthy", "bool[4]", 44, 4),
-            _cdr.Field("accel_priority", "uint8[4]", 48, 4),
-            _cdr.Field("gyro_device_id_primary", "uint32", 52, 4),
-            _cdr.Field("gyro_device_ids", "uint32[4]", 56, 16),
-            _cdr.Field("gyro_inconsistency_rad_s", "float32[4]", 72, 16, unit="rad/s"),
-            _cdr.Field("gyro_healthy", "bool[4]", 88, 4),
-            _cdr.Field("gyro_priority", "uint8[4]", 92, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("accel_device_id_primary", "uint32", 8, 4),
+            info.Field("accel_device_ids", "uint32[4]", 12, 16),
+            info.Field("accel_inconsistency_m_s_s", "float32[4]", 28, 16, unit="m/s^2"),
+            info.Field("accel_healthy", "bool[4]", 44, 4),
+            info.Field("accel_priority", "uint8[4]", 48, 4),
+            info.Field("gyro_device_id_primary", "uint32", 52, 4),
+            info.Field("gyro_device_ids", "uint32[4]", 56, 16),
+            info.Field("gyro_inconsistency_rad_s", "float32[4]", 72, 16, unit="rad/s"),
+            info.Field("gyro_healthy", "bool[4]", 88, 4),
+            info.Field("gyro_priority", "uint8[4]", 92, 4),
         ),
     ))

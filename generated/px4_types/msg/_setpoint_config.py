@@ -142,7 +142,7 @@ class SetpointConfig(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SetpointConfig",
         ros_type="px4_msgs/msg/SetpointConfig",
         dds_type="px4_msgs::msg::dds_::SetpointConfig_",
@@ -153,10 +153,10 @@ class SetpointConfig(_cdr.Message):
         message_version=0,
         topics=("setpoint_config",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("type", "uint16", 8, 2, enum="TYPE"),
-            _cdr.Field("source_id", "uint8", 10, 1),
-            _cdr.Field("should_apply", "bool", 11, 1),
-            _cdr.Field("timeout_ms", "uint16", 12, 2, unit="ms"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("type", "uint16", 8, 2, enum="TYPE"),
+            info.Field("source_id", "uint8", 10, 1),
+            info.Field("should_apply", "bool", 11, 1),
+            info.Field("timeout_ms", "uint16", 12, 2, unit="ms"),
         ),
     ))

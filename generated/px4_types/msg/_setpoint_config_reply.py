@@ -125,7 +125,7 @@ class SetpointConfigReply(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SetpointConfigReply",
         ros_type="px4_msgs/msg/SetpointConfigReply",
         dds_type="px4_msgs::msg::dds_::SetpointConfigReply_",
@@ -136,13 +136,13 @@ class SetpointConfigReply(_cdr.Message):
         message_version=0,
         topics=("setpoint_config_reply",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("type", "uint16", 8, 2),
-            _cdr.Field("source_id", "uint8", 10, 1),
-            _cdr.Field("result", "uint8", 11, 1, enum="RESULT"),
-            _cdr.Field("mode_req_angular_velocity", "bool", 12, 1),
-            _cdr.Field("mode_req_attitude", "bool", 13, 1),
-            _cdr.Field("mode_req_local_alt", "bool", 14, 1),
-            _cdr.Field("mode_req_local_position", "bool", 15, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("type", "uint16", 8, 2),
+            info.Field("source_id", "uint8", 10, 1),
+            info.Field("result", "uint8", 11, 1, enum="RESULT"),
+            info.Field("mode_req_angular_velocity", "bool", 12, 1),
+            info.Field("mode_req_attitude", "bool", 13, 1),
+            info.Field("mode_req_local_alt", "bool", 14, 1),
+            info.Field("mode_req_local_position", "bool", 15, 1),
         ),
     ))

@@ -154,7 +154,7 @@ class SystemPower(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="SystemPower",
         ros_type="px4_msgs/msg/SystemPower",
         dds_type="px4_msgs::msg::dds_::SystemPower_",
@@ -165,19 +165,19 @@ class SystemPower(_cdr.Message):
         message_version=0,
         topics=("system_power",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("voltage5v_v", "float32", 8, 4, unit="V"),
-            _cdr.Field("voltage_payload_v", "float32", 12, 4, unit="V"),
-            _cdr.Field("sensors3v3", "float32[4]", 16, 16, unit="V"),
-            _cdr.Field("sensors3v3_valid", "uint8", 32, 1),
-            _cdr.Field("usb_connected", "uint8", 33, 1),
-            _cdr.Field("brick_valid", "uint8", 34, 1),
-            _cdr.Field("usb_valid", "uint8", 35, 1),
-            _cdr.Field("servo_valid", "uint8", 36, 1),
-            _cdr.Field("periph_5v_oc", "uint8", 37, 1),
-            _cdr.Field("hipower_5v_oc", "uint8", 38, 1),
-            _cdr.Field("comp_5v_valid", "uint8", 39, 1),
-            _cdr.Field("can1_gps1_5v_valid", "uint8", 40, 1),
-            _cdr.Field("payload_v_valid", "uint8", 41, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("voltage5v_v", "float32", 8, 4, unit="V"),
+            info.Field("voltage_payload_v", "float32", 12, 4, unit="V"),
+            info.Field("sensors3v3", "float32[4]", 16, 16, unit="V"),
+            info.Field("sensors3v3_valid", "uint8", 32, 1),
+            info.Field("usb_connected", "uint8", 33, 1),
+            info.Field("brick_valid", "uint8", 34, 1),
+            info.Field("usb_valid", "uint8", 35, 1),
+            info.Field("servo_valid", "uint8", 36, 1),
+            info.Field("periph_5v_oc", "uint8", 37, 1),
+            info.Field("hipower_5v_oc", "uint8", 38, 1),
+            info.Field("comp_5v_valid", "uint8", 39, 1),
+            info.Field("can1_gps1_5v_valid", "uint8", 40, 1),
+            info.Field("payload_v_valid", "uint8", 41, 1),
         ),
     ))

@@ -75,7 +75,7 @@ class TakeoffStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="TakeoffStatus",
         ros_type="px4_msgs/msg/TakeoffStatus",
         dds_type="px4_msgs::msg::dds_::TakeoffStatus_",
@@ -86,8 +86,8 @@ class TakeoffStatus(_cdr.Message):
         message_version=0,
         topics=("takeoff_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("takeoff_state", "uint8", 8, 1, enum="TAKEOFF_STATE"),
-            _cdr.Field("tilt_limit", "float32", 12, 4, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("takeoff_state", "uint8", 8, 1, enum="TAKEOFF_STATE"),
+            info.Field("tilt_limit", "float32", 12, 4, unit="rad"),
         ),
     ))

@@ -135,7 +135,7 @@ class TargetGnss(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="TargetGnss",
         ros_type="px4_msgs/msg/TargetGnss",
         dds_type="px4_msgs::msg::dds_::TargetGnss_",
@@ -146,18 +146,18 @@ class TargetGnss(_cdr.Message):
         message_version=0,
         topics=("target_gnss",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("latitude_deg", "float64", 16, 8, unit="deg"),
-            _cdr.Field("longitude_deg", "float64", 24, 8, unit="deg"),
-            _cdr.Field("altitude_msl_m", "float32", 32, 4, unit="m"),
-            _cdr.Field("eph", "float32", 36, 4, unit="m"),
-            _cdr.Field("epv", "float32", 40, 4, unit="m"),
-            _cdr.Field("abs_pos_updated", "bool", 44, 1),
-            _cdr.Field("vel_n_m_s", "float32", 48, 4, unit="m/s"),
-            _cdr.Field("vel_e_m_s", "float32", 52, 4, unit="m/s"),
-            _cdr.Field("vel_d_m_s", "float32", 56, 4, unit="m/s"),
-            _cdr.Field("s_acc_m_s", "float32", 60, 4, unit="m/s"),
-            _cdr.Field("vel_ned_updated", "bool", 64, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("latitude_deg", "float64", 16, 8, unit="deg"),
+            info.Field("longitude_deg", "float64", 24, 8, unit="deg"),
+            info.Field("altitude_msl_m", "float32", 32, 4, unit="m"),
+            info.Field("eph", "float32", 36, 4, unit="m"),
+            info.Field("epv", "float32", 40, 4, unit="m"),
+            info.Field("abs_pos_updated", "bool", 44, 1),
+            info.Field("vel_n_m_s", "float32", 48, 4, unit="m/s"),
+            info.Field("vel_e_m_s", "float32", 52, 4, unit="m/s"),
+            info.Field("vel_d_m_s", "float32", 56, 4, unit="m/s"),
+            info.Field("s_acc_m_s", "float32", 60, 4, unit="m/s"),
+            info.Field("vel_ned_updated", "bool", 64, 1),
         ),
     ))

@@ -72,7 +72,7 @@ class TaskStackInfo(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="TaskStackInfo",
         ros_type="px4_msgs/msg/TaskStackInfo",
         dds_type="px4_msgs::msg::dds_::TaskStackInfo_",
@@ -83,8 +83,8 @@ class TaskStackInfo(_cdr.Message):
         message_version=0,
         topics=("task_stack_info",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("stack_free", "uint16", 8, 2, unit="bytes"),
-            _cdr.Field("task_name", "char[24]", 10, 24),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("stack_free", "uint16", 8, 2, unit="bytes"),
+            info.Field("task_name", "char[24]", 10, 24),
         ),
     ))

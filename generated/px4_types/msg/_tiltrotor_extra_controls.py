@@ -76,7 +76,7 @@ class TiltrotorExtraControls(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="TiltrotorExtraControls",
         ros_type="px4_msgs/msg/TiltrotorExtraControls",
         dds_type="px4_msgs::msg::dds_::TiltrotorExtraControls_",
@@ -87,8 +87,8 @@ class TiltrotorExtraControls(_cdr.Message):
         message_version=0,
         topics=("tiltrotor_extra_controls",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("collective_tilt_normalized_setpoint", "float32", 8, 4, range="0, 1"),
-            _cdr.Field("collective_thrust_normalized_setpoint", "float32", 12, 4, range="0, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("collective_tilt_normalized_setpoint", "float32", 8, 4, range="0, 1"),
+            info.Field("collective_thrust_normalized_setpoint", "float32", 12, 4, range="0, 1"),
         ),
     ))

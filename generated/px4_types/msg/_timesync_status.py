@@ -100,7 +100,7 @@ class TimesyncStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="TimesyncStatus",
         ros_type="px4_msgs/msg/TimesyncStatus",
         dds_type="px4_msgs::msg::dds_::TimesyncStatus_",
@@ -111,11 +111,11 @@ class TimesyncStatus(_cdr.Message):
         message_version=0,
         topics=("timesync_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("source_protocol", "uint8", 8, 1, enum="SOURCE_PROTOCOL"),
-            _cdr.Field("remote_timestamp", "uint64", 16, 8, unit="us"),
-            _cdr.Field("observed_offset", "int64", 24, 8, unit="us"),
-            _cdr.Field("estimated_offset", "int64", 32, 8, unit="us"),
-            _cdr.Field("round_trip_time", "uint32", 40, 4, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("source_protocol", "uint8", 8, 1, enum="SOURCE_PROTOCOL"),
+            info.Field("remote_timestamp", "uint64", 16, 8, unit="us"),
+            info.Field("observed_offset", "int64", 24, 8, unit="us"),
+            info.Field("estimated_offset", "int64", 32, 8, unit="us"),
+            info.Field("round_trip_time", "uint32", 40, 4, unit="us"),
         ),
     ))

@@ -115,7 +115,7 @@ class TrajectorySetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="TrajectorySetpoint",
         ros_type="px4_msgs/msg/TrajectorySetpoint",
         dds_type="px4_msgs::msg::dds_::TrajectorySetpoint_",
@@ -126,14 +126,14 @@ class TrajectorySetpoint(_cdr.Message):
         message_version=0,
         topics=("trajectory_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("position", "float32[3]", 8, 12, unit="m", invalid="NaN", frame="NED"),
-            _cdr.Field("velocity", "float32[3]", 20, 12, unit="m/s", invalid="NaN", frame="NED"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("position", "float32[3]", 8, 12, unit="m", invalid="NaN", frame="NED"),
+            info.Field("velocity", "float32[3]", 20, 12, unit="m/s", invalid="NaN", frame="NED"),
+            info.Field(
                 "acceleration", "float32[3]", 32, 12, unit="m/s^2", invalid="NaN", frame="NED",
             ),
-            _cdr.Field("jerk", "float32[3]", 44, 12, unit="m/s^3", invalid="NaN", frame="NED"),
-            _cdr.Field("yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN"),
-            _cdr.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN", frame="NED"),
+            info.Field("jerk", "float32[3]", 44, 12, unit="m/s^3", invalid="NaN", frame="NED"),
+            info.Field("yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN"),
+            info.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN", frame="NED"),
         ),
     ))

@@ -113,7 +113,7 @@ class TrajectorySetpoint6dof(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="TrajectorySetpoint6dof",
         ros_type="px4_msgs/msg/TrajectorySetpoint6dof",
         dds_type="px4_msgs::msg::dds_::TrajectorySetpoint6dof_",
@@ -124,12 +124,12 @@ class TrajectorySetpoint6dof(_cdr.Message):
         message_version=0,
         topics=("trajectory_setpoint6dof",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("position", "float32[3]", 8, 12, unit="m", frame="NED"),
-            _cdr.Field("velocity", "float32[3]", 20, 12, unit="m/s", frame="NED"),
-            _cdr.Field("acceleration", "float32[3]", 32, 12, unit="m/s^2", frame="NED"),
-            _cdr.Field("jerk", "float32[3]", 44, 12, unit="m/s^3", frame="NED"),
-            _cdr.Field("quaternion", "float32[4]", 56, 16, unit="-"),
-            _cdr.Field("angular_velocity", "float32[3]", 72, 12, unit="rad/s"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("position", "float32[3]", 8, 12, unit="m", frame="NED"),
+            info.Field("velocity", "float32[3]", 20, 12, unit="m/s", frame="NED"),
+            info.Field("acceleration", "float32[3]", 32, 12, unit="m/s^2", frame="NED"),
+            info.Field("jerk", "float32[3]", 44, 12, unit="m/s^3", frame="NED"),
+            info.Field("quaternion", "float32[4]", 56, 16, unit="-"),
+            info.Field("angular_velocity", "float32[3]", 72, 12, unit="rad/s"),
         ),
     ))

@@ -188,7 +188,7 @@ class TransponderReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="TransponderReport",
         ros_type="px4_msgs/msg/TransponderReport",
         dds_type="px4_msgs::msg::dds_::TransponderReport_",
@@ -199,20 +199,20 @@ class TransponderReport(_cdr.Message):
         message_version=0,
         topics=("transponder_report",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("icao_address", "uint32", 8, 4),
-            _cdr.Field("lat", "float64", 16, 8, unit="deg"),
-            _cdr.Field("lon", "float64", 24, 8, unit="deg"),
-            _cdr.Field("altitude_type", "uint8", 32, 1),
-            _cdr.Field("altitude", "float32", 36, 4, unit="m"),
-            _cdr.Field("heading", "float32", 40, 4, unit="rad", range="0, 2pi"),
-            _cdr.Field("hor_velocity", "float32", 44, 4, unit="m/s"),
-            _cdr.Field("ver_velocity", "float32", 48, 4, unit="m/s"),
-            _cdr.Field("callsign", "char[9]", 52, 9),
-            _cdr.Field("emitter_type", "uint8", 61, 1, enum="ADSB_EMITTER_TYPE"),
-            _cdr.Field("tslc", "uint8", 62, 1, unit="s"),
-            _cdr.Field("flags", "uint16", 64, 2, enum="PX4_ADSB_FLAGS"),
-            _cdr.Field("squawk", "uint16", 66, 2),
-            _cdr.Field("uas_id", "uint8[18]", 68, 18),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("icao_address", "uint32", 8, 4),
+            info.Field("lat", "float64", 16, 8, unit="deg"),
+            info.Field("lon", "float64", 24, 8, unit="deg"),
+            info.Field("altitude_type", "uint8", 32, 1),
+            info.Field("altitude", "float32", 36, 4, unit="m"),
+            info.Field("heading", "float32", 40, 4, unit="rad", range="0, 2pi"),
+            info.Field("hor_velocity", "float32", 44, 4, unit="m/s"),
+            info.Field("ver_velocity", "float32", 48, 4, unit="m/s"),
+            info.Field("callsign", "char[9]", 52, 9),
+            info.Field("emitter_type", "uint8", 61, 1, enum="ADSB_EMITTER_TYPE"),
+            info.Field("tslc", "uint8", 62, 1, unit="s"),
+            info.Field("flags", "uint16", 64, 2, enum="PX4_ADSB_FLAGS"),
+            info.Field("squawk", "uint16", 66, 2),
+            info.Field("uas_id", "uint8[18]", 68, 18),
         ),
     ))

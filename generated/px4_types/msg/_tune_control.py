@@ -126,7 +126,7 @@ class TuneControl(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="TuneControl",
         ros_type="px4_msgs/msg/TuneControl",
         dds_type="px4_msgs::msg::dds_::TuneControl_",
@@ -137,12 +137,12 @@ class TuneControl(_cdr.Message):
         message_version=0,
         topics=("tune_control",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("tune_id", "uint8", 8, 1, enum="TUNE_ID"),
-            _cdr.Field("tune_override", "bool", 9, 1),
-            _cdr.Field("frequency", "uint16", 10, 2, unit="Hz"),
-            _cdr.Field("duration", "uint32", 12, 4, unit="us"),
-            _cdr.Field("silence", "uint32", 16, 4, unit="us"),
-            _cdr.Field("volume", "uint8", 20, 1, range="0, 100"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("tune_id", "uint8", 8, 1, enum="TUNE_ID"),
+            info.Field("tune_override", "bool", 9, 1),
+            info.Field("frequency", "uint16", 10, 2, unit="Hz"),
+            info.Field("duration", "uint32", 12, 4, unit="us"),
+            info.Field("silence", "uint32", 16, 4, unit="us"),
+            info.Field("volume", "uint8", 20, 1, range="0, 100"),
         ),
     ))

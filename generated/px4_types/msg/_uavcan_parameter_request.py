@@ -117,7 +117,7 @@ class UavcanParameterRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="UavcanParameterRequest",
         ros_type="px4_msgs/msg/UavcanParameterRequest",
         dds_type="px4_msgs::msg::dds_::UavcanParameterRequest_",
@@ -128,13 +128,13 @@ class UavcanParameterRequest(_cdr.Message):
         message_version=0,
         topics=("uavcan_parameter_request",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("message_type", "uint8", 8, 1, enum="MESSAGE_TYPE"),
-            _cdr.Field("node_id", "uint8", 9, 1),
-            _cdr.Field("param_id", "char[17]", 10, 17),
-            _cdr.Field("param_index", "int16", 28, 2, invalid="-1"),
-            _cdr.Field("param_type", "uint8", 30, 1, enum="PARAM_TYPE"),
-            _cdr.Field("int_value", "int64", 32, 8),
-            _cdr.Field("real_value", "float32", 40, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("message_type", "uint8", 8, 1, enum="MESSAGE_TYPE"),
+            info.Field("node_id", "uint8", 9, 1),
+            info.Field("param_id", "char[17]", 10, 17),
+            info.Field("param_index", "int16", 28, 2, invalid="-1"),
+            info.Field("param_type", "uint8", 30, 1, enum="PARAM_TYPE"),
+            info.Field("int_value", "int64", 32, 8),
+            info.Field("real_value", "float32", 40, 4),
         ),
     ))

@@ -106,7 +106,7 @@ class UavcanParameterValue(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="UavcanParameterValue",
         ros_type="px4_msgs/msg/UavcanParameterValue",
         dds_type="px4_msgs::msg::dds_::UavcanParameterValue_",
@@ -117,13 +117,13 @@ class UavcanParameterValue(_cdr.Message):
         message_version=0,
         topics=("uavcan_parameter_value",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("node_id", "uint8", 8, 1),
-            _cdr.Field("param_id", "char[17]", 9, 17),
-            _cdr.Field("param_index", "int16", 26, 2),
-            _cdr.Field("param_count", "uint16", 28, 2),
-            _cdr.Field("param_type", "uint8", 30, 1),
-            _cdr.Field("int_value", "int64", 32, 8),
-            _cdr.Field("real_value", "float32", 40, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("node_id", "uint8", 8, 1),
+            info.Field("param_id", "char[17]", 9, 17),
+            info.Field("param_index", "int16", 26, 2),
+            info.Field("param_count", "uint16", 28, 2),
+            info.Field("param_type", "uint8", 30, 1),
+            info.Field("int_value", "int64", 32, 8),
+            info.Field("real_value", "float32", 40, 4),
         ),
     ))

@@ -96,7 +96,7 @@ class UlogStream(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="UlogStream",
         ros_type="px4_msgs/msg/UlogStream",
         dds_type="px4_msgs::msg::dds_::UlogStream_",
@@ -107,11 +107,11 @@ class UlogStream(_cdr.Message):
         message_version=0,
         topics=("ulog_stream",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("length", "uint8", 8, 1, unit="bytes"),
-            _cdr.Field("first_message_offset", "uint8", 9, 1, unit="bytes", invalid="255"),
-            _cdr.Field("msg_sequence", "uint16", 10, 2),
-            _cdr.Field("flags", "uint8", 12, 1),
-            _cdr.Field("data", "uint8[249]", 13, 249),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("length", "uint8", 8, 1, unit="bytes"),
+            info.Field("first_message_offset", "uint8", 9, 1, unit="bytes", invalid="255"),
+            info.Field("msg_sequence", "uint16", 10, 2),
+            info.Field("flags", "uint8", 12, 1),
+            info.Field("data", "uint8[249]", 13, 249),
         ),
     ))

@@ -69,7 +69,7 @@ class UlogStreamAck(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="UlogStreamAck",
         ros_type="px4_msgs/msg/UlogStreamAck",
         dds_type="px4_msgs::msg::dds_::UlogStreamAck_",
@@ -80,7 +80,7 @@ class UlogStreamAck(_cdr.Message):
         message_version=0,
         topics=("ulog_stream_ack",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("msg_sequence", "uint16", 8, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("msg_sequence", "uint16", 8, 2),
         ),
     ))

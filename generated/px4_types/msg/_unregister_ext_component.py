@@ -87,7 +87,7 @@ class UnregisterExtComponent(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="UnregisterExtComponent",
         ros_type="px4_msgs/msg/UnregisterExtComponent",
         dds_type="px4_msgs::msg::dds_::UnregisterExtComponent_",
@@ -98,10 +98,10 @@ class UnregisterExtComponent(_cdr.Message):
         message_version=0,
         topics=("unregister_ext_component",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("name", "char[25]", 8, 25),
-            _cdr.Field("arming_check_id", "int8", 33, 1, invalid="-1"),
-            _cdr.Field("mode_id", "int8", 34, 1, invalid="-1"),
-            _cdr.Field("mode_executor_id", "int8", 35, 1, invalid="-1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("name", "char[25]", 8, 25),
+            info.Field("arming_check_id", "int8", 33, 1, invalid="-1"),
+            info.Field("mode_id", "int8", 34, 1, invalid="-1"),
+            info.Field("mode_executor_id", "int8", 35, 1, invalid="-1"),
         ),
     ))

@@ -68,7 +68,7 @@ class VehicleAcceleration(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleAcceleration",
         ros_type="px4_msgs/msg/VehicleAcceleration",
         dds_type="px4_msgs::msg::dds_::VehicleAcceleration_",
@@ -79,8 +79,8 @@ class VehicleAcceleration(_cdr.Message):
         message_version=0,
         topics=("vehicle_acceleration",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("xyz", "float32[3]", 16, 12, unit="m/s^2", frame="FRD"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("xyz", "float32[3]", 16, 12, unit="m/s^2", frame="FRD"),
         ),
     ))

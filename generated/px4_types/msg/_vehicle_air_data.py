@@ -111,7 +111,7 @@ class VehicleAirData(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleAirData",
         ros_type="px4_msgs/msg/VehicleAirData",
         dds_type="px4_msgs::msg::dds_::VehicleAirData_",
@@ -122,14 +122,14 @@ class VehicleAirData(_cdr.Message):
         message_version=0,
         topics=("vehicle_air_data",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("baro_device_id", "uint32", 16, 4),
-            _cdr.Field("baro_alt_meter", "float32", 20, 4, unit="m", frame="MSL"),
-            _cdr.Field("baro_pressure_pa", "float32", 24, 4, unit="Pa"),
-            _cdr.Field("ambient_temperature", "float32", 28, 4, unit="degC"),
-            _cdr.Field("temperature_source", "uint8", 32, 1),
-            _cdr.Field("rho", "float32", 36, 4, unit="kg/m^3"),
-            _cdr.Field("calibration_count", "uint8", 40, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("baro_device_id", "uint32", 16, 4),
+            info.Field("baro_alt_meter", "float32", 20, 4, unit="m", frame="MSL"),
+            info.Field("baro_pressure_pa", "float32", 24, 4, unit="Pa"),
+            info.Field("ambient_temperature", "float32", 28, 4, unit="degC"),
+            info.Field("temperature_source", "uint8", 32, 1),
+            info.Field("rho", "float32", 36, 4, unit="kg/m^3"),
+            info.Field("calibration_count", "uint8", 40, 1),
         ),
     ))

@@ -85,7 +85,7 @@ class VehicleAngularVelocity(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleAngularVelocity",
         ros_type="px4_msgs/msg/VehicleAngularVelocity",
         dds_type="px4_msgs::msg::dds_::VehicleAngularVelocity_",
@@ -96,9 +96,9 @@ class VehicleAngularVelocity(_cdr.Message):
         message_version=0,
         topics=("vehicle_angular_velocity", "vehicle_angular_velocity_groundtruth"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("xyz", "float32[3]", 16, 12, unit="rad/s", frame="FRD"),
-            _cdr.Field("xyz_derivative", "float32[3]", 28, 12, unit="rad/s^2", frame="FRD"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("xyz", "float32[3]", 16, 12, unit="rad/s", frame="FRD"),
+            info.Field("xyz_derivative", "float32[3]", 28, 12, unit="rad/s^2", frame="FRD"),
         ),
     ))

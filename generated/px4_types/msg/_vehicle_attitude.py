@@ -91,7 +91,7 @@ class VehicleAttitude(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleAttitude",
         ros_type="px4_msgs/msg/VehicleAttitude",
         dds_type="px4_msgs::msg::dds_::VehicleAttitude_",
@@ -104,10 +104,10 @@ class VehicleAttitude(_cdr.Message):
             "vehicle_attitude", "vehicle_attitude_groundtruth", "external_ins_attitude", "estimator_attitude",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("q", "float32[4]", 16, 16),
-            _cdr.Field("delta_q_reset", "float32[4]", 32, 16),
-            _cdr.Field("quat_reset_counter", "uint8", 48, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("q", "float32[4]", 16, 16),
+            info.Field("delta_q_reset", "float32[4]", 32, 16),
+            info.Field("quat_reset_counter", "uint8", 48, 1),
         ),
     ))

@@ -89,7 +89,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleAttitudeSetpoint",
         ros_type="px4_msgs/msg/VehicleAttitudeSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleAttitudeSetpoint_",
@@ -102,9 +102,9 @@ class VehicleAttitudeSetpoint(_cdr.Message):
             "vehicle_attitude_setpoint", "mc_virtual_attitude_setpoint", "fw_virtual_attitude_setpoint",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("yaw_sp_move_rate", "float32", 8, 4, unit="rad/s"),
-            _cdr.Field("q_d", "float32[4]", 12, 16),
-            _cdr.Field("thrust_body", "float32[3]", 28, 12, range="-1, 1", frame="FRD"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("yaw_sp_move_rate", "float32", 8, 4, unit="rad/s"),
+            info.Field("q_d", "float32[4]", 12, 16),
+            info.Field("thrust_body", "float32[3]", 28, 12, range="-1, 1", frame="FRD"),
         ),
     ))

@@ -815,7 +815,7 @@ class VehicleCommand(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleCommand",
         ros_type="px4_msgs/msg/VehicleCommand",
         dds_type="px4_msgs::msg::dds_::VehicleCommand_",
@@ -826,20 +826,20 @@ class VehicleCommand(_cdr.Message):
         message_version=0,
         topics=("vehicle_command", "gimbal_v1_command", "vehicle_command_mode_executor"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("param1", "float32", 8, 4),
-            _cdr.Field("param2", "float32", 12, 4),
-            _cdr.Field("param3", "float32", 16, 4),
-            _cdr.Field("param4", "float32", 20, 4),
-            _cdr.Field("param5", "float64", 24, 8),
-            _cdr.Field("param6", "float64", 32, 8),
-            _cdr.Field("param7", "float32", 40, 4),
-            _cdr.Field("command", "uint32", 44, 4, enum="VEHICLE_CMD"),
-            _cdr.Field("target_system", "uint8", 48, 1),
-            _cdr.Field("target_component", "uint8", 49, 1),
-            _cdr.Field("source_system", "uint8", 50, 1),
-            _cdr.Field("source_component", "uint16", 52, 2),
-            _cdr.Field("confirmation", "uint8", 54, 1),
-            _cdr.Field("from_external", "bool", 55, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("param1", "float32", 8, 4),
+            info.Field("param2", "float32", 12, 4),
+            info.Field("param3", "float32", 16, 4),
+            info.Field("param4", "float32", 20, 4),
+            info.Field("param5", "float64", 24, 8),
+            info.Field("param6", "float64", 32, 8),
+            info.Field("param7", "float32", 40, 4),
+            info.Field("command", "uint32", 44, 4, enum="VEHICLE_CMD"),
+            info.Field("target_system", "uint8", 48, 1),
+            info.Field("target_component", "uint8", 49, 1),
+            info.Field("source_system", "uint8", 50, 1),
+            info.Field("source_component", "uint16", 52, 2),
+            info.Field("confirmation", "uint8", 54, 1),
+            info.Field("from_external", "bool", 55, 1),
         ),
     ))

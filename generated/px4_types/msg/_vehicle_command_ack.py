@@ -150,7 +150,7 @@ class VehicleCommandAck(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleCommandAck",
         ros_type="px4_msgs/msg/VehicleCommandAck",
         dds_type="px4_msgs::msg::dds_::VehicleCommandAck_",
@@ -161,13 +161,13 @@ class VehicleCommandAck(_cdr.Message):
         message_version=1,
         topics=("vehicle_command_ack",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("command", "uint32", 8, 4, unit="-"),
-            _cdr.Field("result", "uint8", 12, 1, enum="VEHICLE_CMD_RESULT"),
-            _cdr.Field("result_param1", "uint8", 13, 1, unit="-"),
-            _cdr.Field("result_param2", "int32", 16, 4),
-            _cdr.Field("target_system", "uint8", 20, 1, unit="-"),
-            _cdr.Field("target_component", "uint16", 22, 2),
-            _cdr.Field("from_external", "bool", 24, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("command", "uint32", 8, 4, unit="-"),
+            info.Field("result", "uint8", 12, 1, enum="VEHICLE_CMD_RESULT"),
+            info.Field("result_param1", "uint8", 13, 1, unit="-"),
+            info.Field("result_param2", "int32", 16, 4),
+            info.Field("target_system", "uint8", 20, 1, unit="-"),
+            info.Field("target_component", "uint16", 22, 2),
+            info.Field("from_external", "bool", 24, 1),
         ),
     ))

@@ -75,7 +75,7 @@ class VehicleConstraints(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleConstraints",
         ros_type="px4_msgs/msg/VehicleConstraints",
         dds_type="px4_msgs::msg::dds_::VehicleConstraints_",
@@ -86,9 +86,9 @@ class VehicleConstraints(_cdr.Message):
         message_version=0,
         topics=("vehicle_constraints",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("speed_up", "float32", 8, 4, unit="m/s", invalid="NaN"),
-            _cdr.Field("speed_down", "float32", 12, 4, unit="m/s", invalid="NaN"),
-            _cdr.Field("want_takeoff", "bool", 16, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("speed_up", "float32", 8, 4, unit="m/s", invalid="NaN"),
+            info.Field("speed_down", "float32", 12, 4, unit="m/s", invalid="NaN"),
+            info.Field("want_takeoff", "bool", 16, 1),
         ),
     ))

@@ -153,7 +153,7 @@ class VehicleControlMode(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleControlMode",
         ros_type="px4_msgs/msg/VehicleControlMode",
         dds_type="px4_msgs::msg::dds_::VehicleControlMode_",
@@ -164,18 +164,18 @@ class VehicleControlMode(_cdr.Message):
         message_version=0,
         topics=("vehicle_control_mode",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("flag_armed", "bool", 8, 1),
-            _cdr.Field("flag_multicopter_position_control_enabled", "bool", 9, 1),
-            _cdr.Field("flag_control_manual_enabled", "bool", 10, 1),
-            _cdr.Field("flag_control_auto_enabled", "bool", 11, 1),
-            _cdr.Field("flag_control_offboard_enabled", "bool", 12, 1),
-            _cdr.Field("flag_control_position_enabled", "bool", 13, 1),
-            _cdr.Field("flag_control_velocity_enabled", "bool", 14, 1),
-            _cdr.Field("flag_control_altitude_enabled", "bool", 15, 1),
-            _cdr.Field("flag_control_climb_rate_enabled", "bool", 16, 1),
-            _cdr.Field("flag_control_attitude_enabled", "bool", 17, 1),
-            _cdr.Field("flag_control_rates_enabled", "bool", 18, 1),
-            _cdr.Field("flag_control_allocation_enabled", "bool", 19, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("flag_armed", "bool", 8, 1),
+            info.Field("flag_multicopter_position_control_enabled", "bool", 9, 1),
+            info.Field("flag_control_manual_enabled", "bool", 10, 1),
+            info.Field("flag_control_auto_enabled", "bool", 11, 1),
+            info.Field("flag_control_offboard_enabled", "bool", 12, 1),
+            info.Field("flag_control_position_enabled", "bool", 13, 1),
+            info.Field("flag_control_velocity_enabled", "bool", 14, 1),
+            info.Field("flag_control_altitude_enabled", "bool", 15, 1),
+            info.Field("flag_control_climb_rate_enabled", "bool", 16, 1),
+            info.Field("flag_control_attitude_enabled", "bool", 17, 1),
+            info.Field("flag_control_rates_enabled", "bool", 18, 1),
+            info.Field("flag_control_allocation_enabled", "bool", 19, 1),
         ),
     ))

@@ -142,7 +142,7 @@ class VehicleImu(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleImu",
         ros_type="px4_msgs/msg/VehicleImu",
         dds_type="px4_msgs::msg::dds_::VehicleImu_",
@@ -153,17 +153,17 @@ class VehicleImu(_cdr.Message):
         message_version=0,
         topics=("vehicle_imu",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("accel_device_id", "uint32", 16, 4),
-            _cdr.Field("gyro_device_id", "uint32", 20, 4),
-            _cdr.Field("delta_angle", "float32[3]", 24, 12, unit="rad", frame="FRD"),
-            _cdr.Field("delta_velocity", "float32[3]", 36, 12, unit="m/s", frame="FRD"),
-            _cdr.Field("delta_angle_dt", "uint32", 48, 4, unit="us"),
-            _cdr.Field("delta_velocity_dt", "uint32", 52, 4, unit="us"),
-            _cdr.Field("delta_angle_clipping", "uint8", 56, 1),
-            _cdr.Field("delta_velocity_clipping", "uint8", 57, 1),
-            _cdr.Field("accel_calibration_count", "uint8", 58, 1),
-            _cdr.Field("gyro_calibration_count", "uint8", 59, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("accel_device_id", "uint32", 16, 4),
+            info.Field("gyro_device_id", "uint32", 20, 4),
+            info.Field("delta_angle", "float32[3]", 24, 12, unit="rad", frame="FRD"),
+            info.Field("delta_velocity", "float32[3]", 36, 12, unit="m/s", frame="FRD"),
+            info.Field("delta_angle_dt", "uint32", 48, 4, unit="us"),
+            info.Field("delta_velocity_dt", "uint32", 52, 4, unit="us"),
+            info.Field("delta_angle_clipping", "uint8", 56, 1),
+            info.Field("delta_velocity_clipping", "uint8", 57, 1),
+            info.Field("accel_calibration_count", "uint8", 58, 1),
+            info.Field("gyro_calibration_count", "uint8", 59, 1),
         ),
     ))

@@ -149,7 +149,7 @@ class VehicleLandDetected(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleLandDetected",
         ros_type="px4_msgs/msg/VehicleLandDetected",
         dds_type="px4_msgs::msg::dds_::VehicleLandDetected_",
@@ -160,18 +160,18 @@ class VehicleLandDetected(_cdr.Message):
         message_version=0,
         topics=("vehicle_land_detected",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("freefall", "bool", 8, 1),
-            _cdr.Field("ground_contact", "bool", 9, 1),
-            _cdr.Field("maybe_landed", "bool", 10, 1),
-            _cdr.Field("landed", "bool", 11, 1),
-            _cdr.Field("in_ground_effect", "bool", 12, 1),
-            _cdr.Field("in_descend", "bool", 13, 1),
-            _cdr.Field("has_low_throttle", "bool", 14, 1),
-            _cdr.Field("vertical_movement", "bool", 15, 1),
-            _cdr.Field("horizontal_movement", "bool", 16, 1),
-            _cdr.Field("rotational_movement", "bool", 17, 1),
-            _cdr.Field("close_to_ground_or_skipped_check", "bool", 18, 1),
-            _cdr.Field("at_rest", "bool", 19, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("freefall", "bool", 8, 1),
+            info.Field("ground_contact", "bool", 9, 1),
+            info.Field("maybe_landed", "bool", 10, 1),
+            info.Field("landed", "bool", 11, 1),
+            info.Field("in_ground_effect", "bool", 12, 1),
+            info.Field("in_descend", "bool", 13, 1),
+            info.Field("has_low_throttle", "bool", 14, 1),
+            info.Field("vertical_movement", "bool", 15, 1),
+            info.Field("horizontal_movement", "bool", 16, 1),
+            info.Field("rotational_movement", "bool", 17, 1),
+            info.Field("close_to_ground_or_skipped_check", "bool", 18, 1),
+            info.Field("at_rest", "bool", 19, 1),
         ),
     ))

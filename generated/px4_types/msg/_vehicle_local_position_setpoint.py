@@ -122,7 +122,7 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleLocalPositionSetpoint",
         ros_type="px4_msgs/msg/VehicleLocalPositionSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleLocalPositionSetpoint_",
@@ -133,20 +133,20 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
         message_version=0,
         topics=("vehicle_local_position_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("x", "float32", 8, 4, unit="m", invalid="NaN", frame="NED"),
-            _cdr.Field("y", "float32", 12, 4, unit="m", invalid="NaN", frame="NED"),
-            _cdr.Field("z", "float32", 16, 4, unit="m", invalid="NaN", frame="NED"),
-            _cdr.Field("vx", "float32", 20, 4, unit="m/s", invalid="NaN", frame="NED"),
-            _cdr.Field("vy", "float32", 24, 4, unit="m/s", invalid="NaN", frame="NED"),
-            _cdr.Field("vz", "float32", 28, 4, unit="m/s", invalid="NaN", frame="NED"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("x", "float32", 8, 4, unit="m", invalid="NaN", frame="NED"),
+            info.Field("y", "float32", 12, 4, unit="m", invalid="NaN", frame="NED"),
+            info.Field("z", "float32", 16, 4, unit="m", invalid="NaN", frame="NED"),
+            info.Field("vx", "float32", 20, 4, unit="m/s", invalid="NaN", frame="NED"),
+            info.Field("vy", "float32", 24, 4, unit="m/s", invalid="NaN", frame="NED"),
+            info.Field("vz", "float32", 28, 4, unit="m/s", invalid="NaN", frame="NED"),
+            info.Field(
                 "acceleration", "float32[3]", 32, 12, unit="m/s^2", invalid="NaN", frame="NED",
             ),
-            _cdr.Field("thrust", "float32[3]", 44, 12, unit="-", invalid="NaN", frame="NED"),
-            _cdr.Field(
+            info.Field("thrust", "float32[3]", 44, 12, unit="-", invalid="NaN", frame="NED"),
+            info.Field(
                 "yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
             ),
-            _cdr.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN"),
+            info.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN"),
         ),
     ))

@@ -88,7 +88,7 @@ class VehicleMagnetometer(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleMagnetometer",
         ros_type="px4_msgs/msg/VehicleMagnetometer",
         dds_type="px4_msgs::msg::dds_::VehicleMagnetometer_",
@@ -99,10 +99,10 @@ class VehicleMagnetometer(_cdr.Message):
         message_version=0,
         topics=("vehicle_magnetometer",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
-            _cdr.Field("magnetometer_ga", "float32[3]", 20, 12, unit="Gs", frame="FRD"),
-            _cdr.Field("calibration_count", "uint8", 32, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4),
+            info.Field("magnetometer_ga", "float32[3]", 20, 12, unit="Gs", frame="FRD"),
+            info.Field("calibration_count", "uint8", 32, 1),
         ),
     ))

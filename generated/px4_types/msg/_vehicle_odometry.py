@@ -192,7 +192,7 @@ class VehicleOdometry(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleOdometry",
         ros_type="px4_msgs/msg/VehicleOdometry",
         dds_type="px4_msgs::msg::dds_::VehicleOdometry_",
@@ -205,29 +205,29 @@ class VehicleOdometry(_cdr.Message):
             "vehicle_odometry", "vehicle_mocap_odometry", "vehicle_visual_odometry", "estimator_odometry",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("pose_frame", "uint8", 16, 1, enum="POSE_FRAME"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("pose_frame", "uint8", 16, 1, enum="POSE_FRAME"),
+            info.Field(
                 "position", "float32[3]", 20, 12, unit="m", invalid="NaN If invalid/unknown",
                 frame="local frame",
             ),
-            _cdr.Field(
+            info.Field(
                 "q", "float32[4]", 32, 16, unit="-", invalid="NaN First value if invalid/unknown",
             ),
-            _cdr.Field("velocity_frame", "uint8", 48, 1, enum="VELOCITY_FRAME"),
-            _cdr.Field(
+            info.Field("velocity_frame", "uint8", 48, 1, enum="VELOCITY_FRAME"),
+            info.Field(
                 "velocity", "float32[3]", 52, 12, unit="m/s", invalid="NaN If invalid/unknown",
                 frame="@velocity_frame",
             ),
-            _cdr.Field(
+            info.Field(
                 "angular_velocity", "float32[3]", 64, 12, unit="rad/s", invalid="NaN If invalid/unknown",
                 frame="@VELOCITY_FRAME_BODY_FRD",
             ),
-            _cdr.Field("position_variance", "float32[3]", 76, 12, unit="m^2"),
-            _cdr.Field("orientation_variance", "float32[3]", 88, 12, unit="rad^2"),
-            _cdr.Field("velocity_variance", "float32[3]", 100, 12, unit="m^2/s^2"),
-            _cdr.Field("reset_counter", "uint8", 112, 1, unit="-"),
-            _cdr.Field("quality", "int8", 113, 1, unit="-", invalid="0"),
+            info.Field("position_variance", "float32[3]", 76, 12, unit="m^2"),
+            info.Field("orientation_variance", "float32[3]", 88, 12, unit="rad^2"),
+            info.Field("velocity_variance", "float32[3]", 100, 12, unit="m^2/s^2"),
+            info.Field("reset_counter", "uint8", 112, 1, unit="-"),
+            info.Field("quality", "int8", 113, 1, unit="-", invalid="0"),
         ),
     ))

@@ -127,7 +127,7 @@ class VehicleOpticalFlow(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleOpticalFlow",
         ros_type="px4_msgs/msg/VehicleOpticalFlow",
         dds_type="px4_msgs::msg::dds_::VehicleOpticalFlow_",
@@ -138,18 +138,18 @@ class VehicleOpticalFlow(_cdr.Message):
         message_version=0,
         topics=("vehicle_optical_flow",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("device_id", "uint32", 16, 4),
-            _cdr.Field("pixel_flow", "float32[2]", 20, 8, unit="rad", frame="Body"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("device_id", "uint32", 16, 4),
+            info.Field("pixel_flow", "float32[2]", 20, 8, unit="rad", frame="Body"),
+            info.Field(
                 "delta_angle", "float32[3]", 28, 12, unit="rad", invalid="NaN", frame="Body",
             ),
-            _cdr.Field("distance_m", "float32", 40, 4, unit="m", invalid="NaN"),
-            _cdr.Field("integration_timespan_us", "uint32", 44, 4, unit="us"),
-            _cdr.Field("quality", "uint8", 48, 1, range="0, 255"),
-            _cdr.Field("max_flow_rate", "float32", 52, 4, unit="rad/s"),
-            _cdr.Field("min_ground_distance", "float32", 56, 4, unit="m"),
-            _cdr.Field("max_ground_distance", "float32", 60, 4, unit="m"),
+            info.Field("distance_m", "float32", 40, 4, unit="m", invalid="NaN"),
+            info.Field("integration_timespan_us", "uint32", 44, 4, unit="us"),
+            info.Field("quality", "uint8", 48, 1, range="0, 255"),
+            info.Field("max_flow_rate", "float32", 52, 4, unit="rad/s"),
+            info.Field("min_ground_distance", "float32", 56, 4, unit="m"),
+            info.Field("max_ground_distance", "float32", 60, 4, unit="m"),
         ),
     ))

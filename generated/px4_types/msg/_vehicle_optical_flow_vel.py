@@ -144,7 +144,7 @@ class VehicleOpticalFlowVel(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleOpticalFlowVel",
         ros_type="px4_msgs/msg/VehicleOpticalFlowVel",
         dds_type="px4_msgs::msg::dds_::VehicleOpticalFlowVel_",
@@ -155,16 +155,16 @@ class VehicleOpticalFlowVel(_cdr.Message):
         message_version=0,
         topics=("estimator_optical_flow_vel", "vehicle_optical_flow_vel"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("vel_body", "float32[2]", 16, 8, unit="m/s", frame="FRD"),
-            _cdr.Field("vel_ne", "float32[2]", 24, 8, unit="m/s", frame="NED"),
-            _cdr.Field("vel_body_filtered", "float32[2]", 32, 8, unit="m/s", frame="FRD"),
-            _cdr.Field("vel_ne_filtered", "float32[2]", 40, 8, unit="m/s", frame="NED"),
-            _cdr.Field("flow_rate_uncompensated", "float32[2]", 48, 8, unit="rad/s"),
-            _cdr.Field("flow_rate_compensated", "float32[2]", 56, 8, unit="rad/s"),
-            _cdr.Field("gyro_rate", "float32[3]", 64, 12, unit="rad/s"),
-            _cdr.Field("gyro_bias", "float32[3]", 76, 12, unit="rad/s"),
-            _cdr.Field("ref_gyro", "float32[3]", 88, 12, unit="rad/s"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("vel_body", "float32[2]", 16, 8, unit="m/s", frame="FRD"),
+            info.Field("vel_ne", "float32[2]", 24, 8, unit="m/s", frame="NED"),
+            info.Field("vel_body_filtered", "float32[2]", 32, 8, unit="m/s", frame="FRD"),
+            info.Field("vel_ne_filtered", "float32[2]", 40, 8, unit="m/s", frame="NED"),
+            info.Field("flow_rate_uncompensated", "float32[2]", 48, 8, unit="rad/s"),
+            info.Field("flow_rate_compensated", "float32[2]", 56, 8, unit="rad/s"),
+            info.Field("gyro_rate", "float32[3]", 64, 12, unit="rad/s"),
+            info.Field("gyro_bias", "float32[3]", 76, 12, unit="rad/s"),
+            info.Field("ref_gyro", "float32[3]", 88, 12, unit="rad/s"),
         ),
     ))

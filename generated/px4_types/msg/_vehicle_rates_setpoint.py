@@ -97,7 +97,7 @@ class VehicleRatesSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleRatesSetpoint",
         ros_type="px4_msgs/msg/VehicleRatesSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleRatesSetpoint_",
@@ -108,11 +108,11 @@ class VehicleRatesSetpoint(_cdr.Message):
         message_version=0,
         topics=("vehicle_rates_setpoint",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("roll", "float32", 8, 4, unit="rad/s", frame="FRD"),
-            _cdr.Field("pitch", "float32", 12, 4, unit="rad/s", frame="FRD"),
-            _cdr.Field("yaw", "float32", 16, 4, unit="rad/s", frame="FRD"),
-            _cdr.Field("thrust_body", "float32[3]", 20, 12, unit="-", range="-1, 1", frame="FRD"),
-            _cdr.Field("reset_integral", "bool", 32, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("roll", "float32", 8, 4, unit="rad/s", frame="FRD"),
+            info.Field("pitch", "float32", 12, 4, unit="rad/s", frame="FRD"),
+            info.Field("yaw", "float32", 16, 4, unit="rad/s", frame="FRD"),
+            info.Field("thrust_body", "float32[3]", 20, 12, unit="-", range="-1, 1", frame="FRD"),
+            info.Field("reset_integral", "bool", 32, 1),
         ),
     ))

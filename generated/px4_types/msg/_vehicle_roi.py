@@ -120,7 +120,7 @@ class VehicleRoi(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleRoi",
         ros_type="px4_msgs/msg/VehicleRoi",
         dds_type="px4_msgs::msg::dds_::VehicleRoi_",
@@ -131,13 +131,13 @@ class VehicleRoi(_cdr.Message):
         message_version=0,
         topics=("vehicle_roi",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("mode", "uint8", 8, 1, enum="ROI"),
-            _cdr.Field("lat", "float64", 16, 8, unit="deg"),
-            _cdr.Field("lon", "float64", 24, 8, unit="deg"),
-            _cdr.Field("alt", "float32", 32, 4, unit="m"),
-            _cdr.Field("roll_offset", "float32", 36, 4, unit="rad"),
-            _cdr.Field("pitch_offset", "float32", 40, 4, unit="rad"),
-            _cdr.Field("yaw_offset", "float32", 44, 4, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("mode", "uint8", 8, 1, enum="ROI"),
+            info.Field("lat", "float64", 16, 8, unit="deg"),
+            info.Field("lon", "float64", 24, 8, unit="deg"),
+            info.Field("alt", "float32", 32, 4, unit="m"),
+            info.Field("roll_offset", "float32", 36, 4, unit="rad"),
+            info.Field("pitch_offset", "float32", 40, 4, unit="rad"),
+            info.Field("yaw_offset", "float32", 44, 4, unit="rad"),
         ),
     ))

@@ -70,7 +70,7 @@ class VehicleThrustSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleThrustSetpoint",
         ros_type="px4_msgs/msg/VehicleThrustSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleThrustSetpoint_",
@@ -84,8 +84,8 @@ class VehicleThrustSetpoint(_cdr.Message):
             "vehicle_thrust_setpoint_virtual_mc",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("xyz", "float32[3]", 16, 12, unit="-", range="-1, 1", frame="FRD"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("xyz", "float32[3]", 16, 12, unit="-", range="-1, 1", frame="FRD"),
         ),
     ))

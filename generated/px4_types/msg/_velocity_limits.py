@@ -75,7 +75,7 @@ class VelocityLimits(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VelocityLimits",
         ros_type="px4_msgs/msg/VelocityLimits",
         dds_type="px4_msgs::msg::dds_::VelocityLimits_",
@@ -86,9 +86,9 @@ class VelocityLimits(_cdr.Message):
         message_version=0,
         topics=("velocity_limits",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("horizontal_velocity", "float32", 8, 4, unit="m/s", invalid="NaN"),
-            _cdr.Field("vertical_velocity", "float32", 12, 4, unit="m/s", invalid="NaN"),
-            _cdr.Field("yaw_rate", "float32", 16, 4, unit="rad/s", invalid="NaN"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("horizontal_velocity", "float32", 8, 4, unit="m/s", invalid="NaN"),
+            info.Field("vertical_velocity", "float32", 12, 4, unit="m/s", invalid="NaN"),
+            info.Field("yaw_rate", "float32", 16, 4, unit="rad/s", invalid="NaN"),
         ),
     ))

@@ -154,7 +154,7 @@ class VteAidSource1d(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VteAidSource1d",
         ros_type="px4_msgs/msg/VteAidSource1d",
         dds_type="px4_msgs::msg::dds_::VteAidSource1d_",
@@ -165,16 +165,16 @@ class VteAidSource1d(_cdr.Message):
         message_version=0,
         topics=("vte_aid_ev_yaw",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("time_last_predict", "uint64", 16, 8, unit="us"),
-            _cdr.Field("observation", "float32", 24, 4, unit="-"),
-            _cdr.Field("observation_variance", "float32", 28, 4, unit="-"),
-            _cdr.Field("innovation", "float32", 32, 4, unit="-"),
-            _cdr.Field("innovation_variance", "float32", 36, 4, unit="-"),
-            _cdr.Field("test_ratio", "float32", 40, 4, unit="-"),
-            _cdr.Field("fusion_status", "uint8", 44, 1, enum="VTE_FUSION_STATUS"),
-            _cdr.Field("time_since_meas_ms", "float32", 48, 4, unit="ms"),
-            _cdr.Field("history_steps", "uint8", 52, 1, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("time_last_predict", "uint64", 16, 8, unit="us"),
+            info.Field("observation", "float32", 24, 4, unit="-"),
+            info.Field("observation_variance", "float32", 28, 4, unit="-"),
+            info.Field("innovation", "float32", 32, 4, unit="-"),
+            info.Field("innovation_variance", "float32", 36, 4, unit="-"),
+            info.Field("test_ratio", "float32", 40, 4, unit="-"),
+            info.Field("fusion_status", "uint8", 44, 1, enum="VTE_FUSION_STATUS"),
+            info.Field("time_since_meas_ms", "float32", 48, 4, unit="ms"),
+            info.Field("history_steps", "uint8", 52, 1, unit="-"),
         ),
     ))

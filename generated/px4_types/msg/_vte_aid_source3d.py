@@ -170,7 +170,7 @@ class VteAidSource3d(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VteAidSource3d",
         ros_type="px4_msgs/msg/VteAidSource3d",
         dds_type="px4_msgs::msg::dds_::VteAidSource3d_",
@@ -184,16 +184,16 @@ class VteAidSource3d(_cdr.Message):
             "vte_aid_gps_vel_uav", "vte_aid_fiducial_marker",
         ),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("time_last_predict", "uint64", 16, 8, unit="us"),
-            _cdr.Field("observation", "float32[3]", 24, 12, unit="-", frame="NED"),
-            _cdr.Field("observation_variance", "float32[3]", 36, 12, unit="-", frame="NED"),
-            _cdr.Field("innovation", "float32[3]", 48, 12, unit="-", frame="NED"),
-            _cdr.Field("innovation_variance", "float32[3]", 60, 12, unit="-", frame="NED"),
-            _cdr.Field("test_ratio", "float32[3]", 72, 12, unit="-"),
-            _cdr.Field("fusion_status", "uint8[3]", 84, 3, enum="VTE_FUSION_STATUS"),
-            _cdr.Field("time_since_meas_ms", "float32", 88, 4, unit="ms"),
-            _cdr.Field("history_steps", "uint8", 92, 1, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("time_last_predict", "uint64", 16, 8, unit="us"),
+            info.Field("observation", "float32[3]", 24, 12, unit="-", frame="NED"),
+            info.Field("observation_variance", "float32[3]", 36, 12, unit="-", frame="NED"),
+            info.Field("innovation", "float32[3]", 48, 12, unit="-", frame="NED"),
+            info.Field("innovation_variance", "float32[3]", 60, 12, unit="-", frame="NED"),
+            info.Field("test_ratio", "float32[3]", 72, 12, unit="-"),
+            info.Field("fusion_status", "uint8[3]", 84, 3, enum="VTE_FUSION_STATUS"),
+            info.Field("time_since_meas_ms", "float32", 88, 4, unit="ms"),
+            info.Field("history_steps", "uint8", 92, 1, unit="-"),
         ),
     ))

@@ -81,7 +81,7 @@ class VteBiasInitStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VteBiasInitStatus",
         ros_type="px4_msgs/msg/VteBiasInitStatus",
         dds_type="px4_msgs::msg::dds_::VteBiasInitStatus_",
@@ -92,9 +92,9 @@ class VteBiasInitStatus(_cdr.Message):
         message_version=0,
         topics=("vte_bias_init_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("raw_bias", "float32[3]", 8, 12, unit="m", frame="NED"),
-            _cdr.Field("filtered_bias", "float32[3]", 20, 12, unit="m", frame="NED"),
-            _cdr.Field("delta_norm", "float32", 32, 4, unit="m"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("raw_bias", "float32[3]", 8, 12, unit="m", frame="NED"),
+            info.Field("filtered_bias", "float32[3]", 20, 12, unit="m", frame="NED"),
+            info.Field("delta_norm", "float32", 32, 4, unit="m"),
         ),
     ))

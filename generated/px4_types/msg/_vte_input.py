@@ -87,7 +87,7 @@ class VteInput(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VteInput",
         ros_type="px4_msgs/msg/VteInput",
         dds_type="px4_msgs::msg::dds_::VteInput_",
@@ -98,10 +98,10 @@ class VteInput(_cdr.Message):
         message_version=0,
         topics=("vte_input",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("acc_xyz", "float32[3]", 16, 12, unit="m/s^2", frame="NED"),
-            _cdr.Field("q_att", "float32[4]", 28, 16, unit="-"),
-            _cdr.Field("acc_sample_count", "uint32", 44, 4, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("acc_xyz", "float32[3]", 16, 12, unit="m/s^2", frame="NED"),
+            info.Field("q_att", "float32[4]", 28, 16, unit="-"),
+            info.Field("acc_sample_count", "uint32", 44, 4, unit="-"),
         ),
     ))

@@ -90,7 +90,7 @@ class VteOrientation(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VteOrientation",
         ros_type="px4_msgs/msg/VteOrientation",
         dds_type="px4_msgs::msg::dds_::VteOrientation_",
@@ -101,11 +101,11 @@ class VteOrientation(_cdr.Message):
         message_version=0,
         topics=("vte_orientation",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("orientation_valid", "bool", 8, 1, unit="-"),
-            _cdr.Field("yaw", "float32", 12, 4, unit="rad", frame="NED"),
-            _cdr.Field("cov_yaw", "float32", 16, 4, unit="rad^2"),
-            _cdr.Field("yaw_rate", "float32", 20, 4, unit="rad/s", frame="NED"),
-            _cdr.Field("cov_yaw_rate", "float32", 24, 4, unit="(rad/s)^2"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("orientation_valid", "bool", 8, 1, unit="-"),
+            info.Field("yaw", "float32", 12, 4, unit="rad", frame="NED"),
+            info.Field("cov_yaw", "float32", 16, 4, unit="rad^2"),
+            info.Field("yaw_rate", "float32", 20, 4, unit="rad/s", frame="NED"),
+            info.Field("cov_yaw_rate", "float32", 24, 4, unit="(rad/s)^2"),
         ),
     ))

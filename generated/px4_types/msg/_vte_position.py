@@ -161,7 +161,7 @@ class VtePosition(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VtePosition",
         ros_type="px4_msgs/msg/VtePosition",
         dds_type="px4_msgs::msg::dds_::VtePosition_",
@@ -172,18 +172,18 @@ class VtePosition(_cdr.Message):
         message_version=0,
         topics=("vte_position",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("rel_pos_valid", "bool", 8, 1, unit="-"),
-            _cdr.Field("rel_vel_valid", "bool", 9, 1, unit="-"),
-            _cdr.Field("rel_pos", "float32[3]", 12, 12, unit="m", frame="NED"),
-            _cdr.Field("vel_uav", "float32[3]", 24, 12, unit="m/s", frame="NED"),
-            _cdr.Field("vel_target", "float32[3]", 36, 12, unit="m/s", frame="NED"),
-            _cdr.Field("bias", "float32[3]", 48, 12, unit="m", frame="NED"),
-            _cdr.Field("acc_target", "float32[3]", 60, 12, unit="m/s^2", frame="NED"),
-            _cdr.Field("cov_rel_pos", "float32[3]", 72, 12, unit="m^2", frame="NED"),
-            _cdr.Field("cov_vel_uav", "float32[3]", 84, 12, unit="(m/s)^2", frame="NED"),
-            _cdr.Field("cov_bias", "float32[3]", 96, 12, unit="m^2", frame="NED"),
-            _cdr.Field("cov_vel_target", "float32[3]", 108, 12, unit="(m/s)^2", frame="NED"),
-            _cdr.Field("cov_acc_target", "float32[3]", 120, 12, unit="(m/s^2)^2", frame="NED"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("rel_pos_valid", "bool", 8, 1, unit="-"),
+            info.Field("rel_vel_valid", "bool", 9, 1, unit="-"),
+            info.Field("rel_pos", "float32[3]", 12, 12, unit="m", frame="NED"),
+            info.Field("vel_uav", "float32[3]", 24, 12, unit="m/s", frame="NED"),
+            info.Field("vel_target", "float32[3]", 36, 12, unit="m/s", frame="NED"),
+            info.Field("bias", "float32[3]", 48, 12, unit="m", frame="NED"),
+            info.Field("acc_target", "float32[3]", 60, 12, unit="m/s^2", frame="NED"),
+            info.Field("cov_rel_pos", "float32[3]", 72, 12, unit="m^2", frame="NED"),
+            info.Field("cov_vel_uav", "float32[3]", 84, 12, unit="(m/s)^2", frame="NED"),
+            info.Field("cov_bias", "float32[3]", 96, 12, unit="m^2", frame="NED"),
+            info.Field("cov_vel_target", "float32[3]", 108, 12, unit="(m/s)^2", frame="NED"),
+            info.Field("cov_acc_target", "float32[3]", 120, 12, unit="(m/s^2)^2", frame="NED"),
         ),
     ))

@@ -93,7 +93,7 @@ class VtolVehicleStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VtolVehicleStatus",
         ros_type="px4_msgs/msg/VtolVehicleStatus",
         dds_type="px4_msgs::msg::dds_::VtolVehicleStatus_",
@@ -104,8 +104,8 @@ class VtolVehicleStatus(_cdr.Message):
         message_version=0,
         topics=("vtol_vehicle_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("vehicle_vtol_state", "uint8", 8, 1, enum="VEHICLE_VTOL_STATE"),
-            _cdr.Field("fixed_wing_system_failure", "bool", 9, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("vehicle_vtol_state", "uint8", 8, 1, enum="VEHICLE_VTOL_STATE"),
+            info.Field("fixed_wing_system_failure", "bool", 9, 1),
         ),
     ))

@@ -149,7 +149,7 @@ class Vtx(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="Vtx",
         ros_type="px4_msgs/msg/Vtx",
         dds_type="px4_msgs::msg::dds_::Vtx_",
@@ -160,16 +160,16 @@ class Vtx(_cdr.Message):
         message_version=0,
         topics=("vtx",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("protocol", "uint8", 8, 1, enum="PROTOCOL"),
-            _cdr.Field("device", "uint8", 9, 1, enum="DEVICE"),
-            _cdr.Field("mode", "uint8", 10, 1, enum="MODE"),
-            _cdr.Field("band", "int8", 11, 1, range="0, 23"),
-            _cdr.Field("channel", "int8", 12, 1, range="0, 15"),
-            _cdr.Field("frequency", "uint16", 14, 2, unit="MHz", invalid="0"),
-            _cdr.Field("band_letter", "uint8", 16, 1),
-            _cdr.Field("band_name", "uint8[12]", 17, 12),
-            _cdr.Field("power_level", "int8", 29, 1, range="0, 15"),
-            _cdr.Field("power_label", "uint8[4]", 30, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("protocol", "uint8", 8, 1, enum="PROTOCOL"),
+            info.Field("device", "uint8", 9, 1, enum="DEVICE"),
+            info.Field("mode", "uint8", 10, 1, enum="MODE"),
+            info.Field("band", "int8", 11, 1, range="0, 23"),
+            info.Field("channel", "int8", 12, 1, range="0, 15"),
+            info.Field("frequency", "uint16", 14, 2, unit="MHz", invalid="0"),
+            info.Field("band_letter", "uint8", 16, 1),
+            info.Field("band_name", "uint8[12]", 17, 12),
+            info.Field("power_level", "int8", 29, 1, range="0, 15"),
+            info.Field("power_label", "uint8[4]", 30, 4),
         ),
     ))

@@ -74,7 +74,7 @@ class WheelEncoders(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="WheelEncoders",
         ros_type="px4_msgs/msg/WheelEncoders",
         dds_type="px4_msgs::msg::dds_::WheelEncoders_",
@@ -85,8 +85,8 @@ class WheelEncoders(_cdr.Message):
         message_version=0,
         topics=("wheel_encoders",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("wheel_speed", "float32[2]", 8, 8, unit="rad/s"),
-            _cdr.Field("wheel_angle", "float32[2]", 16, 8, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("wheel_speed", "float32[2]", 8, 8, unit="rad/s"),
+            info.Field("wheel_angle", "float32[2]", 16, 8, unit="rad"),
         ),
     ))

@@ -121,7 +121,7 @@ class Wind(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="Wind",
         ros_type="px4_msgs/msg/Wind",
         dds_type="px4_msgs::msg::dds_::Wind_",
@@ -132,19 +132,19 @@ class Wind(_cdr.Message):
         message_version=0,
         topics=("wind", "estimator_wind"),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("windspeed_north", "float32", 16, 4, unit="m/s"),
-            _cdr.Field("windspeed_east", "float32", 20, 4, unit="m/s"),
-            _cdr.Field(
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("windspeed_north", "float32", 16, 4, unit="m/s"),
+            info.Field("windspeed_east", "float32", 20, 4, unit="m/s"),
+            info.Field(
                 "variance_north", "float32", 24, 4, unit="(m/s)^2", invalid="0 if not estimated",
             ),
-            _cdr.Field(
+            info.Field(
                 "variance_east", "float32", 28, 4, unit="(m/s)^2", invalid="0 if not estimated",
             ),
-            _cdr.Field("tas_innov", "float32", 32, 4, unit="m/s"),
-            _cdr.Field("tas_innov_var", "float32", 36, 4, unit="(m/s)^2"),
-            _cdr.Field("beta_innov", "float32", 40, 4, unit="rad"),
-            _cdr.Field("beta_innov_var", "float32", 44, 4, unit="rad^2"),
+            info.Field("tas_innov", "float32", 32, 4, unit="m/s"),
+            info.Field("tas_innov_var", "float32", 36, 4, unit="(m/s)^2"),
+            info.Field("beta_innov", "float32", 40, 4, unit="rad"),
+            info.Field("beta_innov_var", "float32", 44, 4, unit="rad^2"),
         ),
     ))

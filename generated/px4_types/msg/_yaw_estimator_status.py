@@ -123,7 +123,7 @@ class YawEstimatorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="YawEstimatorStatus",
         ros_type="px4_msgs/msg/YawEstimatorStatus",
         dds_type="px4_msgs::msg::dds_::YawEstimatorStatus_",
@@ -134,14 +134,14 @@ class YawEstimatorStatus(_cdr.Message):
         message_version=0,
         topics=("yaw_estimator_status",),
         fields=(
-            _cdr.Field("timestamp", "uint64", 0, 8, unit="us"),
-            _cdr.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            _cdr.Field("yaw_composite", "float32", 16, 4, unit="rad"),
-            _cdr.Field("yaw_variance", "float32", 20, 4, unit="rad^2"),
-            _cdr.Field("yaw_composite_valid", "bool", 24, 1),
-            _cdr.Field("yaw", "float32[5]", 28, 20, unit="rad"),
-            _cdr.Field("innov_vn", "float32[5]", 48, 20, unit="m/s"),
-            _cdr.Field("innov_ve", "float32[5]", 68, 20, unit="m/s"),
-            _cdr.Field("weight", "float32[5]", 88, 20, unit="-", range="0, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("yaw_composite", "float32", 16, 4, unit="rad"),
+            info.Field("yaw_variance", "float32", 20, 4, unit="rad^2"),
+            info.Field("yaw_composite_valid", "bool", 24, 1),
+            info.Field("yaw", "float32[5]", 28, 20, unit="rad"),
+            info.Field("innov_vn", "float32[5]", 48, 20, unit="m/s"),
+            info.Field("innov_ve", "float32[5]", 68, 20, unit="m/s"),
+            info.Field("weight", "float32[5]", 88, 20, unit="-", range="0, 1"),
         ),
     ))

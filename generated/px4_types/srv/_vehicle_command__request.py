@@ -71,7 +71,7 @@ class VehicleCommand_Request(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleCommand_Request",
         ros_type="px4_msgs/srv/VehicleCommand_Request",
         dds_type="px4_msgs::srv::dds_::VehicleCommand_Request_",
@@ -82,6 +82,6 @@ class VehicleCommand_Request(_cdr.Message):
         message_version=0,
         topics=(),
         fields=(
-            _cdr.Field("request", "VehicleCommand", 0, 56),
+            info.Field("request", "VehicleCommand", 0, 56),
         ),
     ))

@@ -67,7 +67,7 @@ class VehicleCommand_Response(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda: _cdr.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
         name="VehicleCommand_Response",
         ros_type="px4_msgs/srv/VehicleCommand_Response",
         dds_type="px4_msgs::srv::dds_::VehicleCommand_Response_",
@@ -78,6 +78,6 @@ class VehicleCommand_Response(_cdr.Message):
         message_version=0,
         topics=(),
         fields=(
-            _cdr.Field("reply", "VehicleCommandAck", 0, 25),
+            info.Field("reply", "VehicleCommandAck", 0, 25),
         ),
     ))

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from msggen.generate.python.formatting import documentation, literal, wrapped
+from msggen.generate.python.kind import Kind, kind_of
 from msggen.generate.python.names import attribute_names, class_name, module_name
-from msggen.generate.python.static_codec import CODES, Codec, as_tuple, is_bytes, is_held_as_array, is_large
+from msggen.generate.python.static_codec import CODES, Codec, as_tuple
 from msggen.generate.python.stream_codec import Function, functions_of
 from msggen.generate.python.versions import AdjacentVersion, adjacent_versions
 from msggen.identity import message_hash, type_hash
@@ -62,8 +63,8 @@ class Attribute(NamedTuple):
     name: str
     attribute: str
     type: FieldType
-    offset: int
-    size: int
+    offset: int | None
+    size: int | None
     comment: Comment
     annotation: str
     parameter: str
@@ -91,7 +92,7 @@ class Attribute(NamedTuple):
         )
         given = [f"{name}={literal(value)}" for name, value in tags if value]
         items = (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
-        return f"_cdr.Field({wrapped(items, 16)})"
+        return f"info.Field({wrapped(items, 16)})"
 
 
 class Import(NamedTuple):
@@ -122,8 +123,10 @@ class MessageClass(NamedTuple):
     codec: Codec | None
     """For a static layout; else `functions` has something."""
     functions: tuple[Function, ...]
-    cdr_size: int
-    struct_size: int
+    cdr_size: int | None
+    """None if it varies by sample."""
+    struct_size: int | None
+    """None if uORB cannot carry the message."""
     message_hash: int
     type_hash: str
     layout_arguments: tuple[str, ...]
@@ -149,13 +152,14 @@ class MessageClass(NamedTuple):
     @property
     def unpack(self) -> str:
         """How `decode` unpacks: samples arrive rounded up to 4 bytes, so others have one length."""
-        return "unpack_from" if self.cdr_size % 4 else "unpack"
+        return "unpack_from" if (self.cdr_size or 0) % 4 else "unpack"
 
     @property
     def unless_longer(self) -> str:
         """What `decode` asks of the length: nothing where `unpack` has."""
-        lengths = ", ".join(str(self.cdr_size + 4 + surplus) for surplus in range(4))
-        return f" or len(data) not in ({lengths})" if self.cdr_size % 4 else ""
+        size = self.cdr_size or 0
+        lengths = ", ".join(str(size + 4 + surplus) for surplus in range(4))
+        return f" or len(data) not in ({lengths})" if size % 4 else ""
 
     @property
     def attributes(self) -> list[tuple[str, str, str]]:
@@ -215,42 +219,38 @@ def message_class(catalog: Catalog, message: Message) -> MessageClass:
     attributes = attribute_names(message, names.values())
     prefix = "" if _SHADOWING.isdisjoint(attributes.values()) else "builtins."
     is_own = message.released_as[0] == catalog.package
-    fields = tuple(
-        _attribute(field, _named(message, field, names, attributes), extents.get(field.name, _NO_EXTENT), prefix)
-        for field in message.fields
-    )
-    view = MessageClass(
-        message,
-        names[message.key],
-        ".." if is_own else "...",
-        message.topic_names if is_own and message.folder == "msg" else (),
-        tuple(_constants(message, attributes)),
-        fields,
-        None,
-        (),
-        0,
-        0,
-        message_hash(catalog, message),
-        type_hash(catalog, message),
-        (),
-        tuple(_nested_imports(catalog, message, names)),
-        prefix,
-        any(_uses_arrays(field.type) for field in message.fields),
-        adjacent_versions(catalog, message) if catalog.archived else (),
-    )
-    if not is_static(catalog, message):
-        return view._replace(functions=functions_of(catalog, message, lambda nested: names[nested.key]))
-    layout = lay_out(catalog, message)
-    return view._replace(
-        codec=Codec.of(catalog, message, lambda nested: names[nested.key]),
-        cdr_size=layout.size,
-        struct_size=struct_size(catalog, message) if is_own else 0,
-        layout_arguments=tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))),
-        uses_arrays=any(is_large(leaf.type) for leaf in layout.leaves),
+    layout = lay_out(catalog, message) if is_static(catalog, message) else None
+
+    def class_of(nested: Message) -> str:
+        return names[nested.key]
+
+    return MessageClass(
+        message=message,
+        name=names[message.key],
+        root=".." if is_own else "...",
+        topic_names=message.topic_names if is_own and message.folder == "msg" else (),
+        constants=tuple(_constants(message, attributes)),
+        fields=tuple(
+            _attribute(field, _named(message, field, names, attributes), extents.get(field.name, _NO_EXTENT), prefix)
+            for field in message.fields
+        ),
+        codec=Codec.of(catalog, message, class_of) if layout else None,
+        functions=() if layout else functions_of(catalog, message, class_of),
+        cdr_size=layout.size if layout else None,
+        struct_size=struct_size(catalog, message) if layout and is_own else None,
+        message_hash=message_hash(catalog, message),
+        type_hash=type_hash(catalog, message),
+        layout_arguments=tuple(_layout_arguments(layout, lay_out(catalog, message, Encoding.XCDR2))) if layout else (),
+        nested=tuple(_nested_imports(catalog, message, names)),
+        builtins=prefix,
+        uses_arrays=any(kind_of(leaf.type) is Kind.ARRAY for leaf in layout.leaves)
+        if layout
+        else any(_is_sequence(field.type) for field in message.fields),
+        adjacent=adjacent_versions(catalog, message) if catalog.archived else (),
     )
 
 
-_NO_EXTENT = (-1, 0)
+_NO_EXTENT = (None, None)
 
 
 def _extents(catalog: Catalog, message: Message) -> dict[str, tuple[int, int]]:
@@ -304,7 +304,7 @@ def _named(message: Message, field: Field, names: Mapping[str, str], attributes:
     return named._replace(type=field.type._replace(name=names[message.key_of(field.type)], package=None))
 
 
-def _attribute(field: Field, named: Field, extent: tuple[int, int], prefix: str) -> Attribute:
+def _attribute(field: Field, named: Field, extent: tuple[int | None, int | None], prefix: str) -> Attribute:
     annotation = _annotation(named.type, prefix)
     default, initial = _initial(named, prefix)
     parameter = f"{named.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
@@ -312,38 +312,39 @@ def _attribute(field: Field, named: Field, extent: tuple[int, int], prefix: str)
 
 
 def _annotation(type_: FieldType, prefix: str) -> str:
-    if type_.array is not ArrayKind.SCALAR and is_bytes(type_):
+    kind = kind_of(type_)
+    if kind is Kind.BYTES:
         return f"{prefix}bytes"
     item = f"{prefix}{_PYTHON_TYPES[type_.name]}" if type_.is_primitive else type_.name
-    if type_.array is ArrayKind.SCALAR:
+    if kind is Kind.SCALAR:
         return item
-    if is_large(type_) or type_.array is not ArrayKind.FIXED:
+    if _is_sequence(type_):
         return f"_arrays.Sequence[{item}]"
     if type_.length <= SPELLED_OUT_TO:
         return f"{prefix}tuple[{', '.join([item] * type_.length)}]"
     return f"{prefix}tuple[{item}, ...]"
 
 
-def _uses_arrays(type_: FieldType) -> bool:
-    """Whether the module of arrays is needed for a field of this type, for its values or its annotation."""
-    is_sequence = type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED)
-    return is_held_as_array(type_) or (is_sequence and not is_bytes(type_))
+def _is_sequence(type_: FieldType) -> bool:
+    """Whether the annotation of a field of this type is a sequence, which the module of arrays has."""
+    kind = kind_of(type_)
+    return kind is Kind.ARRAY or (kind is Kind.TUPLE and type_.array is not ArrayKind.FIXED)
 
 
 def _initial(field: Field, prefix: str) -> tuple[str, str]:
     """Return the default of the parameter, and what the attribute is set to."""
     name, type_ = field.name, field.type
-    if is_held_as_array(type_) or (not type_.is_primitive and type_.array in (ArrayKind.SCALAR, ArrayKind.FIXED)):
+    if kind_of(type_) is Kind.ARRAY or (not type_.is_primitive and type_.array in (ArrayKind.SCALAR, ArrayKind.FIXED)):
         return "None", f"{_fresh(field)} if {name} is None else {name}"
     if field.default is None:
         return _zero(type_, prefix), name
-    is_block = type_.array is not ArrayKind.SCALAR and is_bytes(type_)
-    return f"{prefix}bytes({field.default})" if is_block else literal(field.default), name
+    default = literal(field.default)
+    return f"{prefix}bytes({field.default})" if kind_of(type_) is Kind.BYTES else default, name
 
 
 def _zero(type_: FieldType, prefix: str) -> str:
     """Return the default of a value that cannot be changed."""
-    if type_.array is not ArrayKind.SCALAR and is_bytes(type_):
+    if kind_of(type_) is Kind.BYTES:
         return f"{prefix}bytes({type_.length})" if type_.array is ArrayKind.FIXED else 'b""'
     if type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED):
         return "()"
@@ -375,7 +376,7 @@ def _layout_arguments(xcdr1: Layout, xcdr2: Layout) -> Iterator[str]:
     """Return the arguments of `_cdr.Layout`, those that follow from others left out."""
     yield literal(struct_format(_values(xcdr1.leaves)))
     words = struct_format(_words(xcdr1))
-    if any(is_large(leaf.type) for leaf in xcdr1.leaves):
+    if any(kind_of(leaf.type) is Kind.ARRAY for leaf in xcdr1.leaves):
         yield f"words={literal(words)}"
     words2 = struct_format(_words(xcdr2))
     if words2 != words:
@@ -387,7 +388,7 @@ def _layout_arguments(xcdr1: Layout, xcdr2: Layout) -> Iterator[str]:
 
 def _values(leaves: tuple[Leaf, ...]) -> Iterator[tuple[int, int, str]]:
     for leaf in leaves:
-        if leaf.type.array is ArrayKind.FIXED and (is_bytes(leaf.type) or is_large(leaf.type)):
+        if kind_of(leaf.type) in (Kind.BYTES, Kind.ARRAY):
             yield leaf.padding, leaf.count * leaf.size, "s"
         else:
             yield leaf.padding, leaf.count, CODES[leaf.type.name]
@@ -396,7 +397,7 @@ def _values(leaves: tuple[Leaf, ...]) -> Iterator[tuple[int, int, str]]:
 def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:
     for item in layout.items:
         if isinstance(item, Leaf):
-            is_block = item.type.array is ArrayKind.FIXED and is_bytes(item.type)
-            yield item.padding, item.count, "s" if is_block else _UNSIGNED[item.size]
+            code = "s" if kind_of(item.type) is Kind.BYTES else _UNSIGNED[item.size]
+            yield item.padding, item.count, code
         else:
             yield item.padding + 4, 0, "x"

@@ -1,35 +1,25 @@
-"""Names of a definition as Python can have them; everything else, the wire and all hashes, keeps the definition's.
+"""Names in Python of what a definition names. The wire and all hashes keep the definition's names.
 
-A name that Python or the generated class needs for itself gets an underscore behind it, and further ones until it is
-free. Classes are CamelCase, so that none has the name of a field.
+A name that Python or the generated class reserves gets an underscore at its end, and more until it is free. Classes
+are CamelCase, so that no class has the name of a field.
 """
 
 from __future__ import annotations
 
 import keyword
 from collections.abc import Collection, Mapping
+from functools import lru_cache
+from importlib.util import module_from_spec, spec_from_file_location
+from types import ModuleType
 
+from msggen.generate.python.support import support_path
 from msggen.model import Message, Service, snake_case
 
-_OF_MESSAGES = frozenset(
-    {
-        *keyword.kwlist,
-        "classmethod",
-        "decode",
-        "decode_batch",
-        "downgrade",
-        "dtype",
-        "encode",
-        "encode_batch",
-        "from_row",
-        "lazy",
-        "self",
-        "upgrade",
-    }
-)
-"""What fields and constants cannot be called: the generated classes have these names for themselves, or will have."""
+_OF_TEMPLATE = ("classmethod", "downgrade", "self", "upgrade")
+"""Names that the template of a class uses or defines, besides the members of its base class."""
 
 _OF_CLASSES = frozenset({*keyword.kwlist, "DecodeError", "EncodeError"})
+
 
 _OF_ENUMS = frozenset(
     {
@@ -50,7 +40,24 @@ _OF_ENUMS = frozenset(
         "value",
     }
 )
-"""What the members of an IntEnum cannot be called."""
+"""Names that no member of an IntEnum can have, in any version of Python."""
+
+
+@lru_cache(maxsize=1)
+def reserved_attributes() -> frozenset[str]:
+    """Return the names that no attribute of a message can have: keywords, and the members of the base class."""
+    members = [name for name in dir(_base_module().Message) if not name.startswith("_")]
+    return frozenset({*keyword.kwlist, *_OF_TEMPLATE, *members})
+
+
+def _base_module() -> ModuleType:
+    """Import the support module that has the base class. At run time it imports only the standard library."""
+    spec = spec_from_file_location("msggen_support_cdr", support_path("cdr.py"))
+    if spec is None or spec.loader is None:
+        raise ImportError("cannot import the support module cdr.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def module_name(name: str) -> str:
@@ -69,13 +76,14 @@ def class_name(definition: Message | Service) -> str:
 def attribute_names(message: Message, classes: Collection[str] = ()) -> Mapping[str, str]:
     """Return the attribute of each field and constant of `message`, by name.
 
-    `classes` are those that the module of `message` has: type checkers would take a constant of that name for them.
+    `classes` are the classes in the module of `message`: a type checker would take a constant of that name for one.
     """
     names = [*(field.name for field in message.fields), *(constant.name for constant in message.constants)]
+    reserved = reserved_attributes()
     found = {name: name for name in names}
     for name in names:
-        if name in _OF_MESSAGES or name in classes:
-            found[name] = _free(name, {*names, *found.values(), *_OF_MESSAGES, *classes})
+        if name in reserved or name in classes:
+            found[name] = _free(name, {*names, *found.values(), *reserved, *classes})
     return found
 
 

@@ -1,18 +1,17 @@
-"""A catalog to the files of a Python package, as text: nothing is written here."""
+"""A catalog as the files of a Python package. Nothing is written here."""
 
 from __future__ import annotations
 
 import keyword
-import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError
-from msggen.disk.resources import resource
 from msggen.generate.python.formatting import arguments, documentation, joined_by, literal, wrapped, wrapped_tuple
 from msggen.generate.python.message import message_class
 from msggen.generate.python.names import class_name, member_names, module_name
+from msggen.generate.python.support import support_text
 from msggen.generate.python.versions import translation_table
 from msggen.identity import endpoint_versions, endpoints, uorb_topics
 from msggen.layout import is_static
@@ -24,70 +23,27 @@ if TYPE_CHECKING:
     import jinja2
 
 _EXAMPLE = "SensorCombined"
-_COPIED = ("arrays.py", "batch.py", "cdr.py", "lazy.py", "lookup.py", "places.py", "records.py", "registry.py")
-"""The files that are the same in every package."""
-
-_STREAM = "stream.py"
-"""And the one that only packages have with messages whose samples differ in layout."""
-
-_VERSIONS = "versions.py"
-"""And the one that only packages have with earlier versions of messages."""
-
-_TRANSLATIONS = "translations.py"
-"""And what the firmware's translations between them say."""
-
-_TAKEN = ("annotations", "msg", "orb_id", "srv", "topics", "translations")
-"""Names in a package, besides its copied files, that no other ROS package can have there."""
 
 
 def list_package(catalog: Catalog) -> tuple[str, ...]:
-    """Return the names of the files that `render_package` makes, sorted. Raises InputError as that does."""
-    _check_names(catalog)
-    names = ["__init__.py", *_copied_files(catalog), "orb_id.py", "py.typed", "topics.py"]
-    names += [_TRANSLATIONS] if catalog.archived else []
-    for part in _parts(catalog):
-        modules = [f"{message.folder}/{module_name(message.name)}" for message in (*part.messages, *part.halves)]
-        modules += [f"srv/{module_name(service.name)}" for service in part.services]
-        modules += [f"{folder}/__init__" for folder in part.folders] + (["__init__"] if part.prefix else [])
-        names += [f"{part.prefix}{module}.py" for module in modules]
-    return tuple(sorted(names))
+    """Return the sorted names of the files that `render_package` returns. Raises InputError as that does."""
+    package = _Package(catalog, "")
+    _check_names(package)
+    return tuple(sorted(path for path, _ in _files(package)))
 
 
 def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
-    """Return the package `name` as texts by file name, `/` between folders.
+    """Return the texts of the package `name` by file name, sorted, with `/` between folders.
 
-    Raises InputError where another ROS package has a name that is taken here.
+    Raises InputError if another ROS package has a name that the generated package needs.
     """
-    _check_names(catalog)
-    own, *others = _parts(catalog)
-    names = [class_name(message) for message in own.messages]
-    topics = list(_topics(catalog))
-    copied = _copied_files(catalog)
-    files = {
-        "__init__.py": _render(
-            "package",
-            name=name,
-            own=own,
-            classes=names,
-            others=others,
-            archived=catalog.archived,
-            example=_EXAMPLE if _EXAMPLE in names else "".join(names[:1]),
-            modules=[literal(module) for module in _modules(catalog, own, others)],
-        ),
-        **{file: _copied(file) for file in copied},
-        "py.typed": "",
-        "orb_id.py": _render("orb_id", topics=topics),
-        "topics.py": _render("topics", topics=topics, endpoints=endpoints(catalog), versions=_versions(catalog)),
-    }
-    if catalog.archived:
-        files[_TRANSLATIONS] = _render("translations", table=translation_table(catalog))
-    for part in (own, *others):
-        files |= {part.prefix + path: text for path, text in _render_part(catalog, part).items()}
-    return {path: files[path] for path in sorted(files)}
+    package = _Package(catalog, name)
+    _check_names(package)
+    return {path: content() for path, content in sorted(_files(package), key=lambda file: file[0])}
 
 
 class _Part(NamedTuple):
-    """What a generated package has of one ROS package, `prefix` in front of its paths: "" for that of uORB."""
+    """The share of one ROS package in a generated package; `prefix` is in front of its paths, "" for uORB's."""
 
     package: str
     prefix: str
@@ -96,12 +52,12 @@ class _Part(NamedTuple):
 
     @property
     def example(self) -> str:
-        """The class of one of its messages, or services."""
+        """The class of one of its messages or services."""
         return class_name(self.messages[0] if self.messages else self.services[0])
 
     @property
     def path(self) -> str:
-        """One of its files."""
+        """The path of one of its definitions."""
         return (self.messages[0] if self.messages else self.services[0]).location.path
 
     @property
@@ -115,47 +71,175 @@ class _Part(NamedTuple):
         has_messages = self.messages or not self.prefix
         return (*(("msg",) if has_messages else ()), *(("srv",) if self.services else ()))
 
+    def definitions(self, folder: str) -> tuple[Message | Service, ...]:
+        """Return what has a class in a folder."""
+        return self.messages if folder == "msg" else (*self.services, *self.halves)
 
-def _parts(catalog: Catalog) -> list[_Part]:
-    """Return uORB's package with the earlier versions of its messages, then the others."""
-    messages = (*catalog.messages.values(), *catalog.archived.values())
-    return [
-        _Part(
-            package,
-            "" if package == catalog.package else f"{package}/",
-            tuple(message for message in messages if message.released_as[0] == package),
-            tuple(service for service in catalog.services if service.package == package),
+
+class _Package:
+    """The package that is generated."""
+
+    def __init__(self, catalog: Catalog, name: str) -> None:
+        self.catalog = catalog
+        self.name = name
+
+    @cached_property
+    def parts(self) -> tuple[_Part, ...]:
+        """The package of uORB's messages with their archived versions, then the others."""
+        catalog = self.catalog
+        messages = (*catalog.messages.values(), *catalog.archived.values())
+        return tuple(
+            _Part(
+                package=package,
+                prefix="" if package == catalog.package else f"{package}/",
+                messages=tuple(message for message in messages if message.released_as[0] == package),
+                services=tuple(service for service in catalog.services if service.package == package),
+            )
+            for package in (catalog.package, *catalog.other_packages)
         )
-        for package in (catalog.package, *catalog.other_packages)
-    ]
+
+    @property
+    def has_streams(self) -> bool:
+        """Whether the samples of any message vary in layout."""
+        definitions = [message for part in self.parts for message in (*part.messages, *part.halves)]
+        return not all(is_static(self.catalog, message) for message in definitions)
+
+    @property
+    def has_versions(self) -> bool:
+        """Whether it has archived versions of messages."""
+        return bool(self.catalog.archived)
+
+    @cached_property
+    def topics(self) -> list[dict[str, object]]:
+        """The uORB topics in the order of their ids: member of ORB_ID, id, and arguments of UorbTopic."""
+        topics = uorb_topics(self.catalog)
+        members = member_names([topic.name for topic in topics])
+        return [
+            {
+                "member": members[topic.name],
+                "orb_id": topic.orb_id,
+                "arguments": [
+                    literal(topic.name),
+                    str(topic.orb_id),
+                    literal(class_name(topic.message)),
+                    str(topic.message.queue_length),
+                    *([f"condition={literal(topic.condition)}"] if topic.condition else []),
+                ],
+            }
+            for topic in topics
+        ]
 
 
-def _render_part(catalog: Catalog, part: _Part) -> dict[str, str]:
-    files = {}
-    template = _environment().get_template("python/message.py.j2")
-    for message in (*part.messages, *part.halves):
-        path = f"{message.folder}/{module_name(message.name)}.py"
-        files[path] = template.render(view=message_class(catalog, message))
-    for service in part.services:
-        files[f"srv/{module_name(service.name)}.py"] = _render(
-            "service",
-            service=service,
-            name=class_name(service),
-            comment=service.comment or f"{part.package}/srv/{service.name}.",
-            request_module=module_name(service.request.name),
-            response_module=module_name(service.response.name),
-        )
-    contents: dict[str, tuple[str, Sequence[Message | Service]]] = {
-        "msg": ("Messages", part.messages),
-        "srv": ("Services", (*part.services, *part.halves)),
-    }
-    for folder in part.folders:
-        title, definitions = contents[folder]
-        classes = sorted((class_name(each), module_name(each.name)) for each in definitions)
-        files[f"{folder}/__init__.py"] = _render("folder", title=title, package=part.package, classes=classes)
-    if part.prefix:
-        files["__init__.py"] = _render("other_package", part=part)
-    return files
+Content = Callable[[_Package], str]
+
+
+class _File(NamedTuple):
+    """A file at the top of the generated package. `condition` says whether a package has it."""
+
+    path: str
+    content: Content
+    condition: Callable[[_Package], bool] = lambda _: True
+
+
+def _support(name: str, condition: Callable[[_Package], bool] = lambda _: True) -> _File:
+    return _File(name, lambda _: support_text(name), condition)
+
+
+def _init(package: _Package) -> str:
+    own, *others = package.parts
+    names = [class_name(message) for message in own.messages]
+    modules = [_stem(path) for path in _top_level(package) if path.endswith(".py") and not path.startswith("_")]
+    return _render(
+        "package",
+        name=package.name,
+        own=own,
+        classes=names,
+        others=others,
+        archived=package.catalog.archived,
+        example=_EXAMPLE if _EXAMPLE in names else "".join(names[:1]),
+        modules=[literal(name) for name in sorted([*modules, *own.folders, *(part.package for part in others)])],
+    )
+
+
+def _topics(package: _Package) -> str:
+    catalog = package.catalog
+    return _render("topics", topics=package.topics, endpoints=endpoints(catalog), versions=_versions(catalog))
+
+
+def _has_streams(package: _Package) -> bool:
+    return package.has_streams
+
+
+def _has_versions(package: _Package) -> bool:
+    return package.has_versions
+
+
+FILES = (
+    _File("__init__.py", _init),
+    _support("arrays.py"),
+    _support("batch.py"),
+    _support("cdr.py"),
+    _support("encapsulation.py"),
+    _support("explain.py"),
+    _support("info.py"),
+    _support("lazy.py"),
+    _support("lookup.py"),
+    _File("orb_id.py", lambda package: _render("orb_id", topics=package.topics)),
+    _support("places.py"),
+    _support("primitives.py"),
+    _File("py.typed", lambda _: ""),
+    _support("records.py"),
+    _support("registry.py"),
+    _support("stream.py", _has_streams),
+    _File("topics.py", _topics),
+    _File(
+        "translations.py",
+        lambda package: _render("translations", table=translation_table(package.catalog)),
+        _has_versions,
+    ),
+    _support("versions.py", _has_versions),
+)
+"""All files that are not made of one definition: a new file of the generated package is a row here."""
+
+_FOLDERS = {"msg": "Messages", "srv": "Services"}
+"""The folders of modules, with their titles."""
+
+
+def _files(package: _Package) -> Iterator[tuple[str, Callable[[], str]]]:
+    """Yield the path of each file, and the function that renders it."""
+    for file in FILES:
+        if file.condition(package):
+            yield file.path, partial(file.content, package)
+    for part in package.parts:
+        for message in (*part.messages, *part.halves):
+            path = f"{part.prefix}{message.folder}/{module_name(message.name)}.py"
+            yield path, partial(_message, package.catalog, message)
+        for service in part.services:
+            yield f"{part.prefix}srv/{module_name(service.name)}.py", partial(_service, service)
+        for folder in part.folders:
+            yield f"{part.prefix}{folder}/__init__.py", partial(_folder, part, folder)
+        if part.prefix:
+            yield f"{part.prefix}__init__.py", partial(_render, "other_package", part=part)
+
+
+def _message(catalog: Catalog, message: Message) -> str:
+    return _render("message", view=message_class(catalog, message))
+
+
+def _service(service: Service) -> str:
+    return _render(
+        "service",
+        service=service,
+        name=class_name(service),
+        comment=service.comment or f"{service.package}/srv/{service.name}.",
+        request_module=module_name(service.request.name),
+        response_module=module_name(service.response.name),
+    )
+
+
+def _folder(part: _Part, folder: str) -> str:
+    classes = sorted((class_name(each), module_name(each.name)) for each in part.definitions(folder))
+    return _render("folder", title=_FOLDERS[folder], package=part.package, classes=classes)
 
 
 @lru_cache(maxsize=1)
@@ -167,24 +251,26 @@ def _render(template: str, **context: object) -> str:
     return _environment().get_template(f"python/{template}.py.j2").render(context)
 
 
-def _modules(catalog: Catalog, own: _Part, others: Iterable[_Part]) -> list[str]:
-    """Return the modules and folders of a package, which are its attributes."""
-    files = [*_copied_files(catalog), "orb_id.py", "topics.py", *((_TRANSLATIONS,) if catalog.archived else ())]
-    return sorted([*(file.removesuffix(".py") for file in files), *own.folders, *(part.package for part in others)])
+def _top_level(package: _Package) -> list[str]:
+    return [file.path for file in FILES if file.condition(package)]
 
 
-def _check_names(catalog: Catalog) -> None:
-    """Raise InputError where a package, or two messages, cannot have their names in Python."""
-    taken = {*keyword.kwlist, *_TAKEN, *(file.removesuffix(".py") for file in (*_COPIED, _STREAM, _VERSIONS))}
-    faults = []
-    for part in _parts(catalog):
+def _stem(path: str) -> str:
+    return path.removesuffix(".py")
+
+
+def _check_names(package: _Package) -> None:
+    """Raise InputError if a package or two messages cannot have their names in Python."""
+    taken = {*keyword.kwlist, *_FOLDERS, "annotations", *(_stem(file.path) for file in FILES)}
+    errors = []
+    for part in package.parts:
         if part.prefix and part.package in taken:
             text = f"no module can be made of the ROS package '{part.package}': the name is taken"
-            faults.append(Diagnostic(Location(part.path, 0), "S103", text))
-        faults += _same_classes((*part.services, *part.halves))
-        faults += _same_classes(part.messages)
-    if faults:
-        raise InputError(faults)
+            errors.append(Diagnostic(Location(part.path, 0), "S103", text))
+        errors += _same_classes((*part.services, *part.halves))
+        errors += _same_classes(part.messages)
+    if errors:
+        raise InputError(errors)
 
 
 def _same_classes(definitions: Iterable[Message | Service]) -> Iterator[Diagnostic]:
@@ -195,28 +281,6 @@ def _same_classes(definitions: Iterable[Message | Service]) -> Iterator[Diagnost
         if other is not definition:
             text = f"the class of '{definition.name}' would be '{name}', as that of {other.location.path}"
             yield Diagnostic(definition.location, "M202", text)
-
-
-def _copied_files(catalog: Catalog) -> tuple[str, ...]:
-    definitions = [message for part in _parts(catalog) for message in (*part.messages, *part.halves)]
-    all_static = all(is_static(catalog, message) for message in definitions)
-    return (*_COPIED, *(() if all_static else (_STREAM,)), *((_VERSIONS,) if catalog.archived else ()))
-
-
-def _copied(name: str) -> str:
-    with open(os.path.join(resource("templates"), "python", "support", name), encoding="utf-8") as stream:
-        return stream.read()
-
-
-def _topics(catalog: Catalog) -> Iterator[dict[str, object]]:
-    topics = uorb_topics(catalog)
-    members = member_names([topic.name for topic in topics])
-    for topic in topics:
-        message = topic.message
-        arguments = [literal(topic.name), str(topic.orb_id), literal(class_name(message)), str(message.queue_length)]
-        if topic.condition:
-            arguments.append(f"condition={literal(topic.condition)}")
-        yield {"member": members[topic.name], "orb_id": topic.orb_id, "arguments": arguments}
 
 
 def _versions(catalog: Catalog) -> list[tuple[str, list[tuple[str, str]]]]:

@@ -15,11 +15,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from msggen.generate.python.formatting import literal
+from msggen.generate.python.kind import Kind, kind_of
 from msggen.generate.python.names import attribute_names
 from msggen.model import ArrayKind, Catalog, FieldType, Message
-
-ARRAY_FROM = 16
-"""Arrays of numbers are tuples below this length."""
 
 CODES = {
     "bool": "?",
@@ -40,27 +38,9 @@ CODES = {
 ClassOf = Callable[[Message], str]
 """Names the class of a message, as the module that nests it does."""
 
-_BYTES = ("byte", "char", "uint8")
 _TAKEN = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error", "len"})
 _LARGEST_GROUP = 100
 """Python compiles longer chains of operators by ever deeper recursion."""
-
-
-def is_bytes(type_: FieldType) -> bool:
-    """Whether an array of this type is held as bytes."""
-    return type_.is_primitive and type_.name in _BYTES
-
-
-def is_large(type_: FieldType) -> bool:
-    """Whether the array is held as array.array."""
-    numeric = type_.name in CODES and type_.name not in (*_BYTES, "bool")
-    return numeric and type_.array is ArrayKind.FIXED and type_.length >= ARRAY_FROM
-
-
-def is_held_as_array(type_: FieldType) -> bool:
-    """Whether the values are held as array.array: large arrays, and sequences, of numbers."""
-    is_sequence = type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED)
-    return is_large(type_) or (is_sequence and type_.name in CODES and type_.name not in (*_BYTES, "bool"))
 
 
 class Names:
@@ -106,15 +86,16 @@ class Values:
 
     def primitive(self, type_: FieldType, here: str, there: str, stem: str) -> None:
         """Add a primitive of fixed size, or an array of them: decoded to `here`, encoded from `there`."""
-        if type_.array is ArrayKind.SCALAR:
+        kind = kind_of(type_)
+        if kind is Kind.SCALAR:
             self.targets.append(here)
             self.values.append(there)
             self.bools += [there] if type_.name == "bool" else []
-        elif is_bytes(type_):
+        elif kind is Kind.BYTES:
             self.targets.append(here)
             self.values.append(there)
             self.lengths.append((there, type_.length))
-        elif is_large(type_):
+        elif kind is Kind.ARRAY:
             code = literal(CODES[type_.name])
             raw = self.names.one(f"{stem}_raw")
             self.targets.append(raw)

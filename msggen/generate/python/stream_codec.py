@@ -12,8 +12,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from msggen.generate.python.formatting import literal
+from msggen.generate.python.kind import Kind, kind_of
 from msggen.generate.python.names import attribute_names
-from msggen.generate.python.static_codec import CODES, ClassOf, Names, Values, is_bytes, is_large
+from msggen.generate.python.static_codec import CODES, ClassOf, Names, Values
 from msggen.model import SIZES, STRINGS, ArrayKind, Catalog, FieldType, Message, snake_case
 
 _TAKEN = frozenset({"message", "data", "parts", "at", "wire", "run", "error", "len", "name"})
@@ -128,8 +129,8 @@ class _Walk:
             place, type_ = outer.field(field.name, attributes[field.name]), field.type
             if not type_.is_primitive:
                 self._nested(self.catalog.nested(message, type_), type_, place)
-            elif type_.is_fixed_size and not is_large(type_):
-                is_block = type_.array is ArrayKind.FIXED and is_bytes(type_)
+            elif type_.is_fixed_size and kind_of(type_) is not Kind.ARRAY:
+                is_block = kind_of(type_) is Kind.BYTES
                 self._run("s" if is_block else CODES[type_.name], place.path, type_.count)
                 self.step.primitive(type_, place.attribute, place.attribute, place.stem)
             else:
@@ -166,8 +167,8 @@ class _Walk:
             else:
                 values = self._prepared(place, f"{kind}s_bytes", _number_of(type_), bound)
                 self._elements(type_, place, values, (f"{kind}s", bound))
-        elif is_bytes(type_) or type_.name == "bool":
-            kind = "octets" if is_bytes(type_) else "bools"
+        elif kind_of(type_) is not Kind.ARRAY:
+            kind = "octets" if kind_of(type_) is Kind.BYTES else "bools"
             most = _number_of(type_)
             self._block(place, self._prepared(place, f"{kind}_bytes", most), 1, (kind, most))
         else:

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import struct
 
-from .cdr import DECODE_FAILURES, HEADER, SURPLUS, USUAL, Message, canonical, layout_of, new
-from .places import NUMBERS, Part, parts_of, values_of
+from .cdr import DECODE_FAILURES, HEADER, SURPLUS, USUAL, Message, layout_of, new
+from .encapsulation import canonical
+from .places import Part, parts_of, values_of
+from .primitives import PRIMITIVES
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ def view_maker(cls: type[Message]) -> Callable[[BytesLike, bool], Any]:
     if cls is Message:
         raise NotImplementedError
     views = _view_class(cls, parts_of(cls, values_of(layout_of(cls).xcdr1)), 0)
-    size = cls.__msg__.cdr_size
+    size = struct.calcsize(f"<{layout_of(cls).xcdr1}")
     read_header = struct.Struct(f"<H{size + 2}x").unpack_from
     lengths = tuple(range(len(HEADER) + size, len(HEADER) + size + SURPLUS + 1))
 
@@ -72,7 +74,7 @@ def _reader(part: Part, start: int) -> Callable[[Any], Any]:
     """Return the function that reads one field of a view."""
     if part.message is not None:
         return _reader_of_messages(part, part.message, start)
-    code, length, offset = NUMBERS[part.field.base], part.field.length, part.offset - start
+    code, length, offset = PRIMITIVES[part.field.base].code, part.field.length, part.offset - start
     if length is None:
         return _reader_of_one(code, offset)
     if code == "B":

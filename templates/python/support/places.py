@@ -8,29 +8,13 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
-from .cdr import HEADER, Field, Message, nested
+from .cdr import HEADER, Message
+from .info import Field, nested_class
+from .primitives import PRIMITIVES
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-NUMBERS = {
-    "bool": "?",
-    "byte": "B",
-    "char": "B",
-    "int8": "b",
-    "uint8": "B",
-    "int16": "h",
-    "uint16": "H",
-    "int32": "i",
-    "uint32": "I",
-    "int64": "q",
-    "uint64": "Q",
-    "float32": "f",
-    "float64": "d",
-}
-"""The `struct` codes of the types that are no messages."""
-
 
 class Value(NamedTuple):
     """One number, or one block of bytes: offset in the sample, bytes, and whether they are a block."""
@@ -101,11 +85,11 @@ def _parts(message: type[Message], values: Iterator[Value]) -> tuple[Part, ...]:
 
 
 def _part(outer: type[Message], field: Field, values: Iterator[Value]) -> Part:
-    if field.base in NUMBERS:
+    if field.base in PRIMITIVES:
         first = last = next(values)
         for _ in range(1, 1 if first.is_block else field.length or 1):
             last = next(values)
         return Part(field, first.offset, last.end, first.is_block)
-    inner = nested(outer, field.base)
+    inner = nested_class(outer, field.base)
     elements = tuple([_parts(inner, values) for _ in range(field.length or 1)])
     return Part(field, elements[0][0].offset, elements[-1][-1].end, message=inner, elements=elements)

@@ -17,17 +17,16 @@ from array import array
 
 from .cdr import (
     ENCODE_FAILURES,
-    ENCODINGS,
     HEADER,
-    NO_SEQUENCES,
     SURPLUS,
     DecodeError,
     Message,
     Refused,
-    encapsulation_of,
     encode_error,
     new,
 )
+from .encapsulation import ENCODINGS, encapsulation_of
+from .primitives import NO_SEQUENCES
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

@@ -10,15 +10,16 @@ from __future__ import annotations
 import struct
 from typing import Generic, NamedTuple, TypeVar
 
-from .cdr import Frozen, Message, nested
-from .places import NUMBERS
+from .cdr import Message
+from .info import Frozen, nested_class
+from .primitives import PRIMITIVES, STRINGS
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
-    from .cdr import Field
+    from .info import Field
 
 __all__ = ["Computed", "Constant", "Converted", "Copied", "Rule", "Translation", "Unread", "convert"]
 
@@ -273,7 +274,7 @@ def _copy(source: Message, mine: Field, target: Message, theirs: Field) -> _Part
 
 def _copy_nested(values: list[Any], mine: Field, target: Message, theirs: Field) -> _Part:
     """Set what nested messages have in common; a field is named once, in however many elements it differs."""
-    cls = nested(target.__class__, theirs.base)
+    cls = nested_class(target.__class__, theirs.base)
     found = [_convert(one, cls) for one in values]
     made = [one for one, _, _ in found]
     setattr(target, theirs.attribute, made[0] if _is_single(theirs) else tuple(made))
@@ -312,25 +313,25 @@ def _has_room(field: Field, count: int) -> bool:
 
 def _kind(base: str) -> str:
     """Return what kind of value a type has: numbers of another kind mean something else. A message is of no kind."""
-    if base in NUMBERS:
-        return {"?": "bool", "f": "float", "d": "float"}.get(NUMBERS[base], "integer")
-    return "text" if base.partition("<=")[0] in ("string", "wstring") else ""
+    if base in PRIMITIVES:
+        return {"?": "bool", "f": "float", "d": "float"}.get(PRIMITIVES[base].code, "integer")
+    return "text" if base.partition("<=")[0] in STRINGS else ""
 
 
 def _are_versions(source: Message, mine: Field, target: Message, theirs: Field) -> bool:
     """Whether two fields have versions of one message."""
     if _kind(mine.base) or _kind(theirs.base):
         return False
-    one, other = nested(source.__class__, mine.base), nested(target.__class__, theirs.base)
+    one, other = nested_class(source.__class__, mine.base), nested_class(target.__class__, theirs.base)
     return one.__msg__.ros_type == other.__msg__.ros_type
 
 
 def _holds(base: str, value: Any) -> bool:
     """Whether a type can have a value just as it is; NaN is as good as any other NaN."""
-    if base not in NUMBERS:
+    if base not in PRIMITIVES:
         bound = base.partition("<=")[2]
         return not bound or len(value) <= int(bound)
-    code = f"<{NUMBERS[base]}"
+    code = f"<{PRIMITIVES[base].code}"
     try:
         (back,) = struct.unpack(code, struct.pack(code, value))
     except (struct.error, OverflowError):

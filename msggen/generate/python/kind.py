@@ -1,0 +1,35 @@
+"""How Python holds the values of a field."""
+
+from __future__ import annotations
+
+from enum import Enum
+from functools import lru_cache
+
+from msggen.model import STRINGS, ArrayKind, FieldType
+
+ARRAY_FROM = 16
+"""Length from which fixed arrays of numbers are held as array.array (docs/design.md has the measurements)."""
+
+_OCTETS = ("byte", "char", "uint8")
+
+
+class Kind(Enum):
+    """How Python holds the value of a field."""
+
+    SCALAR = "one number, bool, text or message"
+    BYTES = "bytes"
+    TUPLE = "tuple"
+    ARRAY = "array.array"
+
+
+@lru_cache(maxsize=4096)
+def kind_of(type_: FieldType) -> Kind:
+    """Return how Python holds the value of a field of this type."""
+    if type_.array is ArrayKind.SCALAR:
+        return Kind.SCALAR
+    if not type_.is_primitive or type_.name == "bool" or type_.name in STRINGS:
+        return Kind.TUPLE
+    if type_.name in _OCTETS:
+        return Kind.BYTES
+    is_short = type_.array is ArrayKind.FIXED and type_.length < ARRAY_FROM
+    return Kind.TUPLE if is_short else Kind.ARRAY
