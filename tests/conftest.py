@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,3 +26,10 @@ def px4_types() -> Any:
     """The committed package, `generated/px4_types`."""
     sys.path.insert(0, str(ROOT / "generated"))
     return importlib.import_module("px4_types")
+
+
+@pytest.fixture
+def working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder, which is the current one during the test."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

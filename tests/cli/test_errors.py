@@ -265,13 +265,12 @@ OF_OTHER_COMMANDS = {"M407", "S110", "S111", "S112", "S113", "S114", "S115", "S1
 test_embedded.py S120, test_sync_refused.py the others."""
 
 
-def build(folder: Path, fault: Fault, monkeypatch: pytest.MonkeyPatch) -> int:
-    """Write the files of `fault` into `folder` and build from them there; return the exit code."""
+def build(folder: Path, fault: Fault) -> int:
+    """Write the files of `fault` into `folder`, the current one, and build from them; return the exit code."""
     for path, text in fault.files.items():
         target = folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(text if isinstance(text, bytes) else text.encode())
-    monkeypatch.chdir(folder)
     return main(["build", *fault.source, "-o", "out"])
 
 
@@ -295,35 +294,33 @@ def faults_in(message: bytes, yaml: bytes = b"", service: bytes = b"---") -> tup
 
 @pytest.mark.parametrize("fault", [*FAULTS, *DOUBTS], ids=lambda fault: f"{fault.code} {fault.fragment}")
 def test_each_fault_is_told_with_its_place_code_and_help(
-    fault: Fault, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    fault: Fault, working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert build(tmp_path, fault, monkeypatch) == FAILED
+    assert build(working_folder, fault) == FAILED
     output = capsys.readouterr()
     first, last = output.err.splitlines()
     assert first.startswith(f"{fault.place}: {fault.code} ")
     assert fault.fragment in first
     assert last == "1 error, nothing written"
     assert output.out == ""
-    assert files_below(tmp_path).keys() == fault.files.keys()
+    assert files_below(working_folder).keys() == fault.files.keys()
 
 
 @pytest.mark.parametrize("fault", DOUBTS, ids=lambda fault: f"{fault.code} {fault.fragment}")
 def test_what_px4_may_have_added_is_a_warning(
-    fault: Fault, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    fault: Fault, working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for _ in range(2):  # it is said again where there is nothing to do
-        assert build(tmp_path, fault._replace(source=fault.source[:-1]), monkeypatch) == DONE
+        assert build(working_folder, fault._replace(source=fault.source[:-1])) == DONE
         told = capsys.readouterr().err
         assert told.startswith(f"{fault.place}: {fault.code} warning: ")
         assert fault.fragment in told
         assert told.count("\n") == 1
-    assert build(tmp_path, fault, monkeypatch) == FAILED
+    assert build(working_folder, fault) == FAILED
 
 
-def test_warnings_are_told_beside_errors(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert build(tmp_path, bridge("", "", "", f"{ENTRY}  rate: 5\n- topic: /fmu/out/foo\n"), monkeypatch) == FAILED
+def test_warnings_are_told_beside_errors(working_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert build(working_folder, bridge("", "", "", f"{ENTRY}  rate: 5\n- topic: /fmu/out/foo\n")) == FAILED
     warning, error, last = capsys.readouterr().err.splitlines()
     assert warning.startswith(f"{YAML}:4:3: Y103 warning: unknown key 'rate'")
     assert error.startswith(f"{YAML}:5:3: Y104 expected the key 'type'")
@@ -340,7 +337,7 @@ def test_the_table_has_every_code_of_definitions_bridge_and_sources() -> None:
 
 
 def test_all_faults_of_all_files_come_in_one_run_in_order(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files: dict[str, str | bytes] = {
         BAR: f"{STAMP}float3 a\nuint8 B\nuint8 C = 256\nuint8 d\nuint8 d\n",
@@ -349,7 +346,7 @@ def test_all_faults_of_all_files_come_in_one_run_in_order(
         SERVICE: "unit8 a\n---\nuint8 1a\n",
         YAML: f"{ENTRY}  rate: 5\n- topic: /fmu/out/foo\n  type: px4_msgs::msg::Fooo\n",
     }
-    assert build(tmp_path, Fault("", "", "", files), monkeypatch) == FAILED
+    assert build(working_folder, Fault("", "", "", files)) == FAILED
     *told, last = capsys.readouterr().err.splitlines()
     assert [" ".join(text.split()[:2]) for text in told] == [
         f"{YAML}:4:3: Y103",  # a warning, told before the errors
@@ -386,21 +383,19 @@ def test_two_cycles_are_both_found() -> None:
 
 
 def test_a_faulty_input_leaves_an_earlier_package_as_it_was(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert build(tmp_path, Fault("", "", "", {FOO: STAMP}), monkeypatch) == DONE
-    before = files_below(tmp_path / "out")
-    assert build(tmp_path, line("M301", 1, "", "float3 x"), monkeypatch) == FAILED
-    assert files_below(tmp_path / "out") == before
+    assert build(working_folder, Fault("", "", "", {FOO: STAMP})) == DONE
+    before = files_below(working_folder / "out")
+    assert build(working_folder, line("M301", 1, "", "float3 x")) == FAILED
+    assert files_below(working_folder / "out") == before
     assert "M301" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("option", ["--check", "--diff", "--list-outputs"])
-def test_faults_are_no_findings(
-    option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_faults_are_no_findings(option: str, working_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fault = Fault("", "", "", {FOO: "uint8 x\n"}, (*TREE, option))
-    assert build(tmp_path, fault, monkeypatch) == FAILED
+    assert build(working_folder, fault) == FAILED
     assert "M401" in capsys.readouterr().err
 
 
@@ -578,14 +573,13 @@ def test_the_page_has_every_code_once_in_order_with_its_meaning() -> None:
     assert [(row[1], row[2]) for row in ROW.finditer(PAGE)] == list(CODES.items())
 
 
-def test_the_page_begins_with_what_msggen_really_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_page_begins_with_what_msggen_really_says(working_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     console = re.search(r"```console\n(.*?)```", PAGE, re.DOTALL)
     assert console
     shown = dict(re.findall(r"^\$ (.+)\n((?:(?!\$ ).*\n)*)", console[1], re.MULTILINE))
     *shows, command = shown
-    write_definitions(tmp_path, {show.removeprefix("cat "): shown[show].removesuffix("\n") + "\n" for show in shows})
-    monkeypatch.chdir(tmp_path)
+    write_definitions(
+        working_folder, {show.removeprefix("cat "): shown[show].removesuffix("\n") + "\n" for show in shows}
+    )
     assert main(shlex.split(command)[1:]) == FAILED
     assert capsys.readouterr().err == shown[command]

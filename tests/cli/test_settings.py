@@ -17,10 +17,7 @@ LAMP = {"Lamp.msg": "# A lamp.\n\nuint64 timestamp\n"}
 FAN = {"Fan.msg": "# A fan.\n\nuint64 timestamp\n"}
 BRIDGE = "publications:\n  - topic: /fmu/out/lamp\n    type: px4_msgs::msg::Lamp\n"
 
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("working_folder")
 
 
 def settings_file(text: str, folder: str = ".") -> None:

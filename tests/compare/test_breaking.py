@@ -49,16 +49,15 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def committed_firmware(working_folder: Path) -> None:
     """The current folder: a committed tree of real definitions, named v1 and main, whose work tree is to be changed."""
-    monkeypatch.chdir(tmp_path)
     names = {f"msg/{name}.msg": name for name in ("Rpm", "EscReport", "EscStatus")}
     names |= {f"msg/versioned/{name}.msg": name for name in ("HomePosition", "ArmingCheckReply", "Event")}
     names |= {f"msg/versioned/{name}.msg": name for name in ("VehicleCommand", "VehicleCommandAck")}
     files = {file: definition(name) for file, name in names.items()}
     files["srv/VehicleCommand.srv"] = (ROOT / "srv" / "VehicleCommand.srv").read_text()
     files[f"{ARCHIVE}/HomePositionV0.msg"] = f"uint32 MESSAGE_VERSION = 0\n{STAMP}"
-    committed(write_definitions(FIRMWARE, {**files, YAML: BRIDGE}))
+    committed(write_definitions(working_folder / FIRMWARE, {**files, YAML: BRIDGE}))
     git(FIRMWARE, "branch", "-M", "main")
     git(FIRMWARE, "tag", "v1")
 

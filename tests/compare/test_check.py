@@ -38,10 +38,9 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def firmware_and_package(working_folder: Path) -> None:
     """The current folder: a small firmware, and a package in step with it, such as px4_msgs is without msggen."""
-    monkeypatch.chdir(tmp_path)
-    write_definitions(firmware(), {"msg/Fleet.msg": f"{STAMP}EscStatus[2] escs\n"})
+    write_definitions(working_folder / firmware(), {"msg/Fleet.msg": f"{STAMP}EscStatus[2] escs\n"})
     plain_package()
 
 

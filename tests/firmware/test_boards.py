@@ -93,10 +93,10 @@ FILES = {
 
 
 @pytest.fixture
-def firmware(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A small firmware with boards, beside the current folder's other files."""
-    monkeypatch.chdir(tmp_path)
-    return write_definitions(Path("firmware"), FILES)
+def firmware(working_folder: Path) -> Path:
+    """A small firmware with boards, in the current folder."""
+    write_definitions(working_folder / "firmware", FILES)
+    return Path("firmware")
 
 
 def built(tree: str | Path, board: str) -> set[str]:

@@ -354,12 +354,7 @@ def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 Capture = pytest.CaptureFixture[str]
 
 
-@pytest.fixture
-def _in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
-@pytest.mark.usefixtures("_in_folder")
+@pytest.mark.usefixtures("working_folder")
 class TestNames:
     def test_a_release_is_built_by_its_name(self, capsys: Capture) -> None:
         assert main(["build", "--px4", "v1.14", "-o", "out"]) == 0

@@ -57,10 +57,9 @@ FILES = {
 
 
 @pytest.fixture(autouse=True)
-def firmware(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def firmware(working_folder: Path) -> None:
     """A small firmware of tomorrow, as `px4`."""
-    write_definitions(tmp_path / "px4", FILES)
-    monkeypatch.chdir(tmp_path)
+    write_definitions(working_folder / "px4", FILES)
 
 
 def told(capsys: pytest.CaptureFixture[str], level: str = "warning: ") -> list[tuple[int, str]]:

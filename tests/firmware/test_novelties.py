@@ -73,10 +73,9 @@ UNSAID = {"check": {"M106"}, "breaking": {"M106"}}
 
 
 @pytest.fixture(autouse=True)
-def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def tree(working_folder: Path) -> None:
     """The tree, in the current folder."""
-    monkeypatch.chdir(tmp_path)
-    write_definitions(tmp_path / "px4", TREE)
+    write_definitions(working_folder / "px4", TREE)
     Path("fields.json.j2").write_text(
         "{ {% for field in message.fields %}{{ field.name | tojson }}: {{ field.tags | tojson }}"
         "{% if not loop.last %}, {% endif %}{% endfor %} }"

@@ -207,13 +207,13 @@ COMMANDS = {
 }
 
 
+@pytest.mark.usefixtures("working_folder")
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("each", [each for each in ROWS if each.px4 != NO], ids=ids)
 def test_what_px4_builds_is_no_error_in_any_command(
-    each: Row, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    each: Row, command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """What only its compiler refuses may be an error."""
-    monkeypatch.chdir(tmp_path)
     tree(each, Path("px4"))
     write_definitions(Path(), {"templates/msg.h.em": "@spec.full_name\n", "templates/uORBTopics.hpp.em": "x\n"})
     given = [f"px4/msg/{name}" for name in each.files] if command == "px4-generate" else []
@@ -225,9 +225,11 @@ def test_what_px4_builds_is_no_error_in_any_command(
         assert outcome in (DONE, FAILED)
 
 
+@pytest.mark.usefixtures("working_folder")
 @pytest.mark.parametrize("each", ROWS, ids=ids)
-def test_strict_refuses_what_is_warned_of(each: Row, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_strict_refuses_what_is_warned_of(
+    each: Row,
+) -> None:
     tree(each, Path("px4"))
     assert main(["build", "-q", "--strict", "--px4", "px4", "-o", "out"]) == (FAILED if each.code else DONE)
 

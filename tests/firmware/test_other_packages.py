@@ -32,10 +32,7 @@ RIG_BRIDGE = "publications:\n- topic: /fmu/out/rig\n  type: px4_msgs::msg::Rig\n
 GENERATED = Path("generated", "px4_types")
 Capture = pytest.CaptureFixture[str]
 
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("working_folder")
 
 
 def catalog(*folders: str, px4: str | None = None) -> Catalog:

@@ -33,10 +33,7 @@ TARS = ("tar", "tar.gz", "tgz", "tar.bz2", "tbz2", "tar.xz", "txz")
 MODES = {"gz": "w:gz", "z2": "w:bz2", "xz": "w:xz", "ar": "w"}
 """How tarfile writes an archive, by how its name ends."""
 
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("working_folder")
 
 
 def catalog(source: str) -> str:

@@ -41,10 +41,7 @@ MESSAGES = ("Rpm", "EscReport", "EscStatus")
 VERSIONED = ("VehicleStatus", "VehicleCommand", "VehicleCommandAck")
 _numbers = itertools.count()
 
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("working_folder")
 
 
 def build(*arguments: object) -> int:

@@ -468,16 +468,15 @@ def test_a_package_may_be_called_as_python_s_keywords_are(tmp_path: Path) -> Non
     check_round_trips(import_package(catalog, tmp_path), catalog)
 
 
-def test_a_refused_definition_writes_nothing_anywhere(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_definitions(tmp_path, {"in/msg/Good.msg": STAMP, 'in/msg/Ba"d.msg': f"# TOPICS ../../x\n{STAMP}uint8 a;b"})
-    monkeypatch.chdir(tmp_path)
-    before = sorted(tmp_path.rglob("*"))
+def test_a_refused_definition_writes_nothing_anywhere(working_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_definitions(
+        working_folder, {"in/msg/Good.msg": STAMP, 'in/msg/Ba"d.msg': f"# TOPICS ../../x\n{STAMP}uint8 a;b"}
+    )
+    before = sorted(working_folder.rglob("*"))
     assert main(["build", "--px4", "in"]) == FAILED
     error = capsys.readouterr().err
     assert {"M201", "M402"} <= set(re.findall(r"\bM\d\d\d\b", error))
-    assert sorted(tmp_path.rglob("*")) == before
+    assert sorted(working_folder.rglob("*")) == before
 
 
 # Names that the generated code uses itself

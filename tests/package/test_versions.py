@@ -888,14 +888,8 @@ def test_archived_versions_are_no_topics_of_uorb(topics: Any) -> None:
 # --- The command
 
 
-@pytest.fixture
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 Capture = pytest.CaptureFixture[str]
-OWN_FOLDER = pytest.mark.usefixtures("in_a_folder_of_its_own")
+OWN_FOLDER = pytest.mark.usefixtures("working_folder")
 LAMP_V0 = Path("in", ARCHIVE, "LampV0.msg")
 TYPES_OF = Path("generated", "px4_types")
 

@@ -494,21 +494,20 @@ def test_a_package_without_headers_carries_over_by_name(tmp_path: Path) -> None:
     assert (converted.dropped, converted.defaulted) == (("x",), ("y",))
 
 
-def test_the_header_that_bump_writes_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_header_that_bump_writes_is_read(working_folder: Path) -> None:
     files = {
         "msg/versioned/Lamp.msg": "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\nuint8 x\nfloat32[2] gone\n",
         "msg/px4_msgs_old/msg/.keep": "",
         "msg/translation_node/.keep": "",
         "src/modules/x": "",
     }
-    write_definitions(tmp_path, files)
+    write_definitions(working_folder, files)
     newer = {"msg/versioned/Lamp.msg": files["msg/versioned/Lamp.msg"].replace("float32[2] gone", "float32 level")}
     for command in (("init", "-q"), ("add", "."), ("-c", "user.name=a", "-c", "user.email=b", "commit", "-qm", "c")):
         subprocess.run(["git", *command], check=True)
-    write_definitions(tmp_path, newer)
+    write_definitions(working_folder, newer)
     assert main(["bump", "Lamp"]) == DONE
-    package = import_package(read_catalog(with_archived(find_sources("."))), tmp_path / "out")
+    package = import_package(read_catalog(with_archived(find_sources("."))), working_folder / "out")
     up = package.LampV0(x=1).upgrade()
     assert (up.message, up.dropped, up.defaulted) == (package.Lamp(x=1), ("gone",), ())
     assert "could not be read" not in package.LampV0.upgrade.__doc__ + package.Lamp.downgrade.__doc__
@@ -733,10 +732,9 @@ def test_random_translations_do_what_they_say(number: int, random_headers: tuple
 
 
 @pytest.fixture
-def lamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+def lamp(working_folder: Path) -> Path:
     return write_definitions(
-        tmp_path / "in", tree({"Lamp": ("uint8 x\n", "uint8 y\n")}, class_of("Lamp", "n.y = o.x;"))
+        working_folder / "in", tree({"Lamp": ("uint8 x\n", "uint8 y\n")}, class_of("Lamp", "n.y = o.x;"))
     )
 
 

@@ -47,9 +47,8 @@ TREE = {
 
 
 @pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_definitions(tmp_path, TREE)
+def small_tree(working_folder: Path) -> None:
+    write_definitions(working_folder, TREE)
 
 
 def write(**files: str) -> None:

@@ -320,11 +320,8 @@ def test_github_reads_back_what_would_end_a_property() -> None:
     assert message == "50% :: of it, %0A"
 
 
-def test_github_names_a_file_as_a_whole_and_puts_a_folder_into_the_message(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_definitions(tmp_path, {"px4_msgs/dds_topics.yaml": ""})
+def test_github_names_a_file_as_a_whole_and_puts_a_folder_into_the_message(working_folder: Path) -> None:
+    write_definitions(working_folder, {"px4_msgs/dds_topics.yaml": ""})
     in_file = replace(GONE, change=replace(GONE.change, location=Location("px4_msgs/dds_topics.yaml", 0)))
     assert [row[1:] for row in commands(replace(REPORT, findings=(in_file, GONE)))] == [
         ({"file": "px4_msgs/dds_topics.yaml", "title": "MESSAGE_REMOVED Gripper"}, GONE.change.message),
@@ -354,15 +351,14 @@ FAULTS_AS_ANNOTATIONS = [
 def test_github_shows_why_a_run_cannot_tell(
     arguments: list[str],
     expected: list[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    working_folder: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     settings = '[tool.msggen]\npx4 = "PX4-Autopilt"\n'
     rpm = "unit64 timestamp\nuint8 timestamp\n"
     write_definitions(
-        tmp_path, {"a/Rpm.msg": "uint64 timestamp\n", "b/Rpm.msg": rpm, "broken.zip": "", "pyproject.toml": settings}
+        working_folder,
+        {"a/Rpm.msg": "uint64 timestamp\n", "b/Rpm.msg": rpm, "broken.zip": "", "pyproject.toml": settings},
     )
     assert main([*arguments, "--output-format", "github"]) == 2
     told = capsys.readouterr()
@@ -554,9 +550,8 @@ def test_a_fingerprint_outlives_moved_lines_and_tells_findings_apart() -> None:
         ("{above}/PX4/msg/Foo.msg", "file://{above}/PX4/msg/Foo.msg"),
     ],
 )
-def test_sarif_paths_count_from_here(path: str, uri: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    names = {"here": str(tmp_path), "above": str(tmp_path.parent)}
+def test_sarif_paths_count_from_here(path: str, uri: str, working_folder: Path) -> None:
+    names = {"here": str(working_folder), "above": str(working_folder.parent)}
     location = Location(path.format(**names), 3)
     odd = replace(RENAMED, change=replace(RENAMED.change, location=location))
     result = sarif(replace(REPORT, findings=(odd,)))["runs"][0]["results"][0]

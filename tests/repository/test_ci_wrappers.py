@@ -261,9 +261,9 @@ CONSOLE: list[list[str]] = [block.splitlines() for block in re.findall(r"```cons
 
 
 @pytest.fixture
-def documented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def documented(working_folder: Path) -> None:
     """What the page tells of: a firmware with two fields swapped and one renamed, and a package made before that."""
-    firmware, package = tmp_path / "PX4-Autopilot", tmp_path / "src" / "px4_msgs"
+    firmware, package = working_folder / "PX4-Autopilot", working_folder / "src" / "px4_msgs"
     for name in ("msg", "srv"):
         shutil.copytree(ROOT / name, firmware / name)
         (package / name).mkdir(parents=True)
@@ -274,7 +274,6 @@ def documented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     setpoint, armed = (firmware / "msg" / name for name in ("versioned/TrajectorySetpoint.msg", "ActuatorArmed.msg"))
     setpoint.write_text(swap(setpoint.read_text(encoding="utf-8"), "acceleration", "jerk"), encoding="utf-8")
     armed.write_text(armed.read_text(encoding="utf-8").replace("bool kill ", "bool killed "), encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
 
 
 def console(command: str) -> list[str]:

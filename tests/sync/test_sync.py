@@ -43,10 +43,7 @@ from support.repository import ROOT, shared
 
 RELEASES = ("v1.14", "v1.16", "v1.17", "v1.18", "main-2026-03")
 
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("working_folder")
 
 
 # --- What a package holds

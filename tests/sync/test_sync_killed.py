@@ -47,14 +47,10 @@ KILLED = 9
 HAND_MADE = {"msg/Wheel.msg": definition("Rpm"), "msg/more/notes.txt": "mine", "src/node.cpp": "mine"}
 NEWER = ("--px4", "newer", "px4_msgs")
 
-pytestmark = pytest.mark.skipif(
-    not hasattr(os, "fork") or sys.platform != "linux", reason="folders are swapped on Linux"
-)
-
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = [
+    pytest.mark.usefixtures("working_folder"),
+    pytest.mark.skipif(not hasattr(os, "fork") or sys.platform != "linux", reason="folders are swapped on Linux"),
+]
 
 
 def newer_firmware(*, srv: bool) -> None:

@@ -33,10 +33,7 @@ from support.packages import (
 RPM = PACKAGE / "msg" / "Rpm.msg"
 SYNC = ("--px4", "firmware", "px4_msgs")
 
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("working_folder")
 
 
 def edit(path: Path, field: str = "mine") -> None:
