@@ -2,7 +2,7 @@
 
 `releases/v1.16.msgs` has the files of v1.16 that are not as in v1.17, each below a line `=== PATH`; a path without
 lines is a file that v1.16 does not have. A field or constant without a comment has the one that it has in the next
-newer release that knows it, so each comment is written once. `tests/embed.py` writes these files.
+newer release that knows it, so each comment is written once. `tests/support/embed.py` writes these files.
 """
 
 import os

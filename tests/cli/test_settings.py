@@ -1,0 +1,310 @@
+"""`[tool.msggen]` of pyproject.toml: found from where a user stands, counted from where it lies, and never misread."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+from msggen.cli import main
+from msggen.diagnostics import InputError
+from msggen.settings import Settings, read_settings
+from support.catalogs import write_definitions
+
+LAMP = {"Lamp.msg": "# A lamp.\n\nuint64 timestamp\n"}
+FAN = {"Fan.msg": "# A fan.\n\nuint64 timestamp\n"}
+BRIDGE = "publications:\n  - topic: /fmu/out/lamp\n    type: px4_msgs::msg::Lamp\n"
+
+pytestmark = pytest.mark.usefixtures("working_folder")
+
+
+def settings_file(text: str, folder: str = ".") -> None:
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    Path(folder, "pyproject.toml").write_text(text, encoding="utf-8")
+
+
+def refused(text: str) -> str:
+    """Return what is said of the settings `text`."""
+    settings_file(text)
+    with pytest.raises(InputError) as caught:
+        read_settings(".")
+    return str(caught.value)
+
+
+def test_all_keys_are_read() -> None:
+    settings_file(
+        """
+[tool.msggen]
+px4 = "firmware"
+msg-dir = ["mine", "../yours"]
+topics = "bridge.yaml"
+release = "v1.16"
+board = "px4_sitl"
+output = "src"
+package = "vehicle_types"
+archived = true
+strict = true
+select = "WIRE"
+ignore = ["FIELD_ADDED", "DRIFT"]
+per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
+"""
+    )
+    expected = Settings(
+        "firmware",
+        ("mine", "../yours"),
+        "bridge.yaml",
+        "v1.16",
+        "px4_sitl",
+        "src",
+        "vehicle_types",
+        True,  # noqa: FBT003 - all of them in order
+        True,  # noqa: FBT003
+        ("WIRE",),
+        ("FIELD_ADDED", "DRIFT"),
+        {"Debug*": ("WIRE", "HASH")},
+        "pyproject.toml",
+    )
+    assert read_settings(".") == expected
+
+
+def test_every_key_does_in_a_build_what_its_option_does(capsys: pytest.CaptureFixture[str]) -> None:
+    write_definitions(Path("tree"), {"msg/Lamp.msg": LAMP["Lamp.msg"]})
+    write_definitions(Path("more"), FAN)
+    write_definitions(Path(), {"bridge.yaml": BRIDGE.replace("publications", "subscriptions").replace("out", "in")})
+    settings_file(
+        """
+[tool.msggen]
+px4 = "tree"
+msg-dir = ["more"]
+topics = "bridge.yaml"
+release = "v1.14"
+output = "src"
+package = "house_types"
+"""
+    )
+    assert main(["build", "-v"]) == 0
+    written = capsys.readouterr().out
+    assert {"wrote src/house_types/msg/_lamp.py", "wrote src/house_types/msg/_fan.py"} <= set(written.splitlines())
+    assert "object_id=1000" in Path("src/house_types/topics.py").read_text()
+
+
+def test_a_single_folder_may_stand_without_brackets() -> None:
+    settings_file('[tool.msggen]\nmsg-dir = "mine"\n')
+    assert read_settings(".").msg_dir == ("mine",)
+
+
+def test_without_a_pyproject_nothing_is_set() -> None:
+    assert read_settings(".") == Settings()
+
+
+def test_an_empty_table_sets_nothing() -> None:
+    settings_file("[tool.msggen]\n")
+    assert read_settings(".") == Settings(output="generated", origin="pyproject.toml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '[tool.msggen]\npackage = "found"\n',
+        '[ tool . "msggen" ]\npackage = "found"\n',
+        '[tool]\nmsggen = { package = "found" }\n',
+        '[tool]\nmsggen.package = "found"\n',
+        'tool.msggen.sync = "found"\n',
+        '[tool.msggen]\r\npackage = "found"\r\n',
+    ],
+    ids=["table", "quoted", "inline", "dotted", "dotted at the top", "CRLF"],
+)
+def test_every_way_in_which_toml_writes_the_table_is_read(text: str) -> None:
+    settings_file(text)
+    assert read_settings(".").package == "found"
+
+
+def test_the_search_goes_upwards_past_a_pyproject_without_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    settings_file('[tool.msggen]\npackage = "found"\n')
+    settings_file('[project]\nname = "inner"\n', "outer/inner")
+    monkeypatch.chdir("outer/inner")
+    assert read_settings(".").package == "found"
+
+
+def test_the_nearest_settings_count_and_are_not_mixed_with_those_above(monkeypatch: pytest.MonkeyPatch) -> None:
+    settings_file('[tool.msggen]\npackage = "far"\nrelease = "v1.14"\n')
+    settings_file('[tool.msggen]\npackage = "near"\n', "inner")
+    monkeypatch.chdir("inner")
+    assert read_settings(".") == Settings(output="generated", package="near", origin="pyproject.toml")
+
+
+def test_relative_paths_count_from_the_file_not_from_where_the_user_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    write_definitions(Path("mine"), LAMP)
+    settings_file('[tool.msggen]\nmsg-dir = ["mine"]\noutput = "src"\n')
+    Path("deep/down").mkdir(parents=True)
+    monkeypatch.chdir("deep/down")
+    assert main(["build", "-q"]) == 0
+    assert os.path.isfile("../../src/px4_types/msg/_lamp.py")
+    assert os.listdir() == []
+
+
+def test_absolute_paths_and_the_home_folder_are_understood(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    settings_file(f'[tool.msggen]\npx4 = "~/PX4-Autopilot"\noutput = "{(tmp_path / "src").as_posix()}"\n')
+    settings = read_settings(".")
+    assert (settings.px4, settings.output) == (str(tmp_path / "home" / "PX4-Autopilot"), str(tmp_path / "src"))
+
+
+@pytest.mark.parametrize(
+    ("option", "made", "not_made"),
+    [
+        (["--px4", "given"], "src/set_types/msg/_fan.py", "src/set_types/msg/_lamp.py"),
+        (["-o", "elsewhere"], "elsewhere/set_types/msg/_lamp.py", "src"),
+        (["--package", "given_types"], "src/given_types/msg/_lamp.py", "src/set_types"),
+    ],
+)
+def test_the_command_line_wins(option: list[str], made: str, not_made: str) -> None:
+    write_definitions(Path("set"), LAMP)
+    write_definitions(Path("given"), FAN)
+    settings_file('[tool.msggen]\npx4 = "set"\noutput = "src"\npackage = "set_types"\n')
+    assert main(["build", "-q", *option]) == 0
+    assert Path(made).is_file()
+    assert not Path(not_made).exists()
+
+
+def test_msg_dir_on_the_command_line_replaces_the_list_of_the_settings() -> None:
+    write_definitions(Path("set"), LAMP)
+    write_definitions(Path("given"), FAN)
+    settings_file('[tool.msggen]\nmsg-dir = ["set"]\n')
+    assert main(["build", "-q", "--msg-dir", "given"]) == 0
+    assert sorted(os.listdir("generated/px4_types/msg")) == ["__init__.py", "_fan.py"]
+
+
+def test_release_and_topics_on_the_command_line_win() -> None:
+    bridge = BRIDGE.replace("publications", "subscriptions")
+    write_definitions(
+        Path(), {"tree/msg/Lamp.msg": LAMP["Lamp.msg"], "given.yaml": bridge, "set.yaml": "nonsense: 1\n"}
+    )
+    settings_file('[tool.msggen]\npx4 = "tree"\nrelease = "v1.14"\ntopics = "set.yaml"\n')
+    assert main(["build", "-q", "--release", "v1.16", "--topics", "given.yaml"]) == 0
+    assert "object_id=2048" in Path("generated/px4_types/topics.py").read_text()
+
+
+@pytest.mark.parametrize(
+    ("key", "meant"),
+    [("packge", "package"), ("msg_dir", "msg-dir"), ("Output", "output"), ("px-4", "px4"), ("topic", "topics")],
+)
+def test_an_unknown_key_is_refused_with_the_nearest_one(key: str, meant: str) -> None:
+    said = refused(f'[project]\nname = "x"\n\n[tool.msggen]\nrelease = "main"\n  {key} = "x"\n')
+    assert said == f"pyproject.toml:6:3: C102 unknown setting '{key}', did you mean '{meant}'?"
+
+
+def test_an_unknown_key_like_no_other_is_refused_without_a_suggestion() -> None:
+    assert refused("[tool.msggen]\nzzz = 1\n") == "pyproject.toml:2:1: C102 unknown setting 'zzz'"
+
+
+def test_a_table_below_is_an_unknown_key() -> None:
+    said = refused('[tool.msggen.build]\npackage = "x"\n')
+    assert re.match(r"pyproject\.toml:1:\d+: C102 unknown setting 'build'", said)
+
+
+def test_the_place_is_in_our_table_even_where_others_use_the_same_word() -> None:
+    text = '[build-system]\nrequires = ["msggen"]\n\n[tool.other]\npackge = 1\n\n[tool.msggen]\npackge = "x"\n'
+    assert refused(text).startswith("pyproject.toml:8:1: C102 ")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("package = 1", "'package': expected a text, found 1"),
+        ("output = true", "'output': expected a text, found True"),
+        ('px4 = ["firmware"]', "'px4': expected a text, found ['firmware']"),
+        ("release = 1.16", "'release': expected a text, found 1.16"),
+        ("topics = {}", "'topics': expected a text, found {}"),
+        ('archived = "yes"', "'archived': expected true or false, found 'yes'"),
+        ("archived = 1", "'archived': expected true or false, found 1"),
+        ("msg-dir = 1", "'msg-dir': expected a list of folders, found 1"),
+        ('msg-dir = ["mine", 1]', "'msg-dir': expected a list of folders, found ['mine', 1]"),
+    ],
+)
+def test_a_value_of_the_wrong_kind_is_refused_at_its_place(line: str, said: str) -> None:
+    assert refused(f"[tool.msggen]\n\n{line}\n").startswith(f"pyproject.toml:3:1: C103 {said}")
+
+
+@pytest.mark.parametrize("key", ["px4", "output", "package", "release"])
+def test_an_empty_text_is_refused_not_passed_over(key: str) -> None:
+    assert refused(f'[tool.msggen]\n{key} = ""\n').startswith(f"pyproject.toml:2:1: C103 '{key}': ")
+
+
+@pytest.mark.parametrize("text", ["[[tool.msggen]]\n", "[[tool.msggen]]\n[[tool.msggen]]\n"])
+def test_several_tables_are_refused(text: str) -> None:
+    assert re.match(r"pyproject\.toml:1:\d+: C103 .*must be a table", refused(text))
+
+
+def test_bad_toml_is_refused_at_its_place() -> None:
+    assert refused('[tool.msggen]\npackage = "x"\noutput = = "y"\n').startswith("pyproject.toml:3:10: C101 not TOML: ")
+
+
+def test_bad_toml_at_the_end_of_the_file_is_refused() -> None:
+    assert re.match(r"pyproject\.toml:\d+:\d+: C101 not TOML: ", refused('[tool.msggen]\npackage = """x'))
+
+
+def test_bad_toml_of_a_project_that_does_not_use_msggen_is_not_our_business() -> None:
+    settings_file("name = = 1\n")
+    assert read_settings(".") == Settings()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '[tool.msggen-plugin]\npackage = "theirs"\n',
+        '[tool.other]\nabout = """\n[tool.msggen]\n"""\n',
+        '# [tool.msggen]\n# package = "off"\n',
+    ],
+    ids=["longer name", "inside a text", "commented out"],
+)
+def test_what_only_looks_like_our_table_is_passed_over(text: str) -> None:
+    settings_file(text)
+    assert read_settings(".") == Settings()
+
+
+def test_the_command_line_reports_bad_settings_and_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+    settings_file('[tool.msggen]\npackge = "x"\n')
+    assert main(["build"]) == 2
+    assert capsys.readouterr().err.startswith("pyproject.toml:2:1: C102 unknown setting 'packge'")
+    assert os.listdir() == ["pyproject.toml"]
+
+
+def test_a_fault_in_a_file_further_up_names_that_file(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings_file("[tool.msggen]\nzzz = 1\n")
+    Path("inner").mkdir()
+    monkeypatch.chdir("inner")
+    assert main(["build"]) == 2
+    assert capsys.readouterr().err.startswith("../pyproject.toml:2:1: C102 ")
+
+
+@pytest.mark.parametrize(
+    ("line", "code"), [('package = "not-a-name"', "S103"), ('package = "class"', "S103"), ('release = "v9"', "S105")]
+)
+def test_a_setting_with_an_impossible_value_is_refused(
+    line: str, code: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings_file(f"[tool.msggen]\n{line}\n")
+    assert main(["build"]) == 2
+    assert f" {code} " in capsys.readouterr().err
+    assert os.listdir() == ["pyproject.toml"]
+
+
+@pytest.mark.parametrize(
+    ("setting", "told"),
+    [
+        ('package = "two words"', "pyproject.toml:3:1: S103 'two words' cannot be imported"),
+        ('release = "v1.71"', "pyproject.toml:3:1: S105 unknown release 'v1.71', did you mean 'v1.18'?"),
+        ('px4 = "v1.15"\narchived = true', "pyproject.toml:4:1: S117 the embedded PX4 v1.15 has no earlier versions"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_told_where_it_stands(
+    setting: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings_file(f"[tool.msggen]\n# mine\n{setting}\n")
+    assert main(["build"]) == 2
+    assert capsys.readouterr().err.startswith(told)

@@ -1,0 +1,475 @@
+"""The embedded releases have the firmware's facts and our own words.
+
+What the firmware's own tools computed is in `tests/vectors`; its definitions are read where `../shared` has them.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from msggen.check import breaking, check
+from msggen.cli import main
+from msggen.firmware.catalog import read_catalog
+from msggen.firmware.embedded import EMBEDDED, PREFIX, comments_in, embedded_tree
+from msggen.firmware.sources import Sources, find_sources, with_archived
+from msggen.model import Catalog, Comment, Message
+from support import embed, facts
+from support.catalogs import write_definitions
+from support.identities import assert_same_endpoints, dds_of, rihs01_of, uorb_of
+from support.repository import ROOT, VECTORS, shared
+
+NEWEST, *EARLIER = EMBEDDED
+ARCHIVING = ("v1.18", "v1.17", "v1.16")
+"""The releases that keep earlier versions of messages."""
+
+SERVICES = {release: ["VehicleCommand"] for release in EMBEDDED} | {"v1.14": []}
+
+every_release = pytest.mark.parametrize("release", EMBEDDED)
+
+
+@cache
+def sources_of(release: str) -> Sources:
+    return find_sources(PREFIX + release)
+
+
+@cache
+def catalog_of(release: str) -> Catalog:
+    return read_catalog(sources_of(release))
+
+
+@cache
+def measured(release: str) -> Any:
+    """Return what was measured: messages by name, and endpoints, with named columns."""
+    vectors = json.loads((VECTORS / f"{release}.json").read_text())
+    columns = vectors["message_columns"]
+    messages = {name: dict(zip(columns, row, strict=True)) for name, row in vectors["messages"].items()}
+    endpoints = [dict(zip(vectors["endpoint_columns"], row, strict=True)) for row in vectors["endpoints"]]
+    return messages, endpoints
+
+
+def facts_of(release: str) -> dict[str, facts.Facts]:
+    """Return what the definitions of a release say to a reader that is not msggen's."""
+    files = [file for file in sources_of(release).messages if file.tree]
+    return {file.stem: facts.facts_in(file.tree.read(file.name).decode(), file.stem) for file in files if file.tree}
+
+
+# The facts
+
+
+@every_release
+def test_messages_are_those_that_were_measured(release: str) -> None:
+    catalog = catalog_of(release)
+    uorb, hashes = uorb_of(catalog)["messages"], rihs01_of(catalog)
+    found = {
+        name: {
+            "message_hash": each["message_hash"],
+            "cdr_size": each["cdr_size"],
+            "struct_size": each["struct_size_no_padding"],
+            "queue_length": each["queue_length"],
+            "type_hash": hashes[name],
+            "orb_ids": each["orb_ids"],
+        }
+        for name, each in uorb.items()
+    }
+    expected = {
+        name: {column: value for column, value in row.items() if column != "constants"}
+        for name, row in measured(release)[0].items()
+    }
+    assert found == expected
+    assert {name: each["topics"] for name, each in uorb.items()} == {
+        name: list(row["orb_ids"]) for name, row in expected.items()
+    }
+
+
+@every_release
+def test_constants_are_those_that_were_measured(release: str) -> None:
+    known = {
+        message.name: facts.Facts([], [(str(each.type), each.name, each.value) for each in message.constants], [])
+        for message in catalog_of(release).messages.values()
+    }
+    found = {name: facts.constants_digest(known, name) for name in known}
+    assert found == {name: row["constants"] for name, row in measured(release)[0].items()}
+
+
+@every_release
+def test_endpoints_are_those_that_were_measured(release: str) -> None:
+    assert_same_endpoints(dds_of(catalog_of(release)), measured(release)[1])
+
+
+@every_release
+def test_services_are_those_of_the_release(release: str) -> None:
+    assert [service.name for service in catalog_of(release).services] == SERVICES[release]
+
+
+@every_release
+def test_a_second_reader_computes_what_was_measured(release: str) -> None:
+    """It stands in for the firmware's tools where these were not asked: v1.15, and the type hashes of v1.14."""
+    messages, endpoints = measured(release)
+    known, bridge = facts_of(release), sources_of(release).bridge
+    assert bridge is not None
+    assert bridge.tree is not None
+    assert facts.messages(known) == messages
+    computed = facts.endpoints(known, bridge.tree.read(bridge.name).decode(), release)
+    assert computed == [{column: row[column] for column in computed[0]} for row in endpoints]
+
+
+@every_release
+def test_an_embedded_release_has_its_conventions(release: str) -> None:
+    assert catalog_of(release).conventions.release == release
+
+
+@pytest.mark.parametrize("release", ARCHIVING)
+def test_archived_versions_are_read(release: str) -> None:
+    archived = read_catalog(with_archived(sources_of(release))).archived
+    assert len(archived) == {"v1.18": 19, "v1.17": 9, "v1.16": 1}[release]
+
+
+def test_conditional_messages_are_messages() -> None:
+    listed = re.findall(r"(\w+)\.msg", (ROOT / "msg" / "CMakeLists.txt").read_text())
+    assert len(listed) == 10
+    assert set(listed) <= {message.name for message in catalog_of(NEWEST).messages.values()}
+
+
+# Our words
+
+
+def bridged(catalog: Catalog) -> Iterator[Message]:
+    """Return the messages that cross the bridge, and what they nest."""
+    names = {entry.message_name for entry in catalog.bridge}
+    for message in [catalog.messages[f"px4_msgs/{name}"] for name in sorted(names)]:
+        yield message
+        yield from catalog.nested_all(message)
+
+
+@every_release
+def test_every_message_says_what_it_is_for(release: str) -> None:
+    messages = catalog_of(release).messages.values()
+    assert [message.name for message in messages if len(message.comment.split()) < 3] == []
+
+
+@every_release
+def test_every_field_that_crosses_the_bridge_says_what_it_means(release: str) -> None:
+    silent = [
+        f"{message.name}.{field.name}"
+        for message in bridged(catalog_of(release))
+        for field in message.fields
+        if not field.comment.text
+    ]
+    assert silent == []
+
+
+@every_release
+def test_every_timestamp_is_in_microseconds(release: str) -> None:
+    firsts = [message.fields[0] for message in catalog_of(release).messages.values()]
+    assert {field.comment.unit for field in firsts if field.name == "timestamp"} == {"us"}
+
+
+@every_release
+def test_enum_tags_name_constants_of_their_message(release: str) -> None:
+    lost = [
+        f"{message.name}.{field.name}: {field.comment.enum}"
+        for message in catalog_of(release).messages.values()
+        for field in message.fields
+        if field.comment.enum
+        and not any(constant.name.startswith(tuple(field.comment.enum.split())) for constant in message.constants)
+    ]
+    assert [each for each in lost if "VTE_FUSION_STATUS" not in each] == []  # an enum that PX4 itself does not have
+
+
+# Beside the firmware's own definitions
+
+
+@cache
+def firmware(release: str) -> Catalog:
+    return read_catalog(find_sources(str(shared(f"firmware/{release}"))))
+
+
+@every_release
+def test_definitions_equal_the_firmware(release: str) -> None:
+    def definitions(catalog: Catalog) -> dict[str, object]:
+        return {
+            key: (
+                [(field.name, field.type) for field in message.fields],
+                [(constant.name, constant.type, constant.value) for constant in message.constants],
+                message.topic_names,
+            )
+            for key, message in catalog.messages.items()
+        }
+
+    assert definitions(catalog_of(release)) == definitions(firmware(release))
+
+
+@every_release
+def test_files_lie_where_the_firmware_keeps_them(release: str) -> None:
+    root = shared(f"firmware/{release}")
+    theirs = {str(path.relative_to(root)) for path in [*root.glob("msg/**/*.msg"), *root.glob("srv/**/*.srv")]}
+    files = embed.files_of(embedded_tree(release))
+    assert {path for name, (path, _) in files.items() if name != embed.BRIDGE} == theirs
+
+
+@pytest.mark.parametrize("release", ARCHIVING)
+def test_archived_versions_equal_the_firmware(release: str) -> None:
+    root, tree = shared(f"firmware/{release}"), embedded_tree(release)
+    for name in tree.names(embed.ARCHIVE):
+        path = embed.ARCHIVE + name
+        assert embed.lines_of(tree.read(path).decode()) == embed.lines_of((root / path).read_text()), path
+
+
+SAID_DIFFERENTLY = {
+    "microseconds": "us",
+    "boolean": "",
+    "bool": "",
+    "0, 1": "",
+    "-PI, PI": "",
+    "0, 2PI": "",
+    "enum": "",
+    "FRD": "",
+}
+"""What stands in brackets at the front of a comment without being a unit, or with a shorter name."""
+
+SPELLINGS = {"°C": "degC", "Gs": "Gauss", "(m/s)^2": "m^2/s^2"}
+"""Units that two releases spell in two ways: the embedded ones have one comment."""
+
+
+@every_release
+def test_tags_are_those_of_the_firmware(release: str) -> None:
+    """Where the firmware has a tag, it is the same here; where it has prose, there may be more."""
+    differing = [
+        f"{message.name}.{theirs.name}: {tag} {expected!r}, found {getattr(ours.comment, tag)!r}"
+        for key, message in firmware(release).messages.items()
+        for theirs, ours in zip(message.fields, catalog_of(release).messages[key].fields, strict=True)
+        for tag, expected in tags(theirs.comment)
+        if plain(getattr(ours.comment, tag)) != plain(expected)
+    ]
+    assert differing == []
+
+
+@every_release
+def test_nothing_differs_from_the_firmware_in_meaning(release: str) -> None:
+    ours, theirs = sources_of(release), find_sources(str(shared(f"firmware/{release}")))
+    assert check(ours, theirs).findings == ()
+    assert check(theirs, ours).findings == ()
+    assert breaking(ours, theirs).findings == ()
+
+
+def tags(comment: Comment) -> Iterator[tuple[str, str]]:
+    for tag in ("unit", "range", "enum", "invalid", "frame"):
+        value = getattr(comment, tag)
+        if value and not (tag == "unit" and value in SAID_DIFFERENTLY):
+            yield tag, value
+
+
+def plain(tag: str) -> str:
+    return re.sub(r",\s*", ",", SPELLINGS.get(tag, tag))
+
+
+def test_no_sentence_is_the_firmware_s() -> None:
+    """No comment of four words or more is the same, in any message of any release."""
+
+    def sentences(paths: Iterator[Path]) -> dict[str, str]:
+        found = {}
+        for path in paths:
+            for line in path.read_text().splitlines():
+                if "#" in line and not line.startswith("# TOPICS"):
+                    words = re.findall(r"[a-z0-9]+", re.sub(r"\[[^\]]*\]", " ", line.split("#", 1)[1]).lower())
+                    if len(words) >= 4 and set(words) != {"unused"}:
+                        found[" ".join(words)] = f"{path.name}: {line}"
+        return found
+
+    ours = sentences(ROOT.glob("msg/**/*.msg")) | sentences(ROOT.glob("releases/*.msgs"))
+    ours |= sentences(ROOT.glob("dds_topics.yaml"))
+    theirs = sentences(shared("firmware").glob("**/*.msg")) | sentences(shared("firmware").glob("**/*.yaml"))
+    assert [ours[words] for words in ours.keys() & theirs.keys()] == []
+
+
+# How they are stored
+
+
+def test_each_release_is_stored_as_what_differs_from_the_next() -> None:
+    """The files of `releases/` are what `tests/support/embed.py` writes, so that it leaves them as they are."""
+    newer = embed.files_of(embedded_tree(NEWEST))
+    known: dict[str, list[str]] = {}
+    for release in EARLIER:
+        older = embed.files_of(embedded_tree(release))
+        stored = (ROOT / "releases" / f"{release}.msgs").read_text()
+        assert embed.earlier_release(release, older, newer, known) == stored
+        newer = older
+
+
+def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Comments stay with what stays; the release that was the newest reads as before, and so do the others."""
+    root = tmp_path / "embedded"
+    before = {
+        "msg/Rpm.msg": "# Speed of a rotor.\n\nuint64 timestamp  # [us] Time since boot.\n\n"
+        "# Values\n\nfloat32 speed  # [rpm] Revolutions.\nuint8 kind  # Source.\nuint8 KIND_MOTOR = 1  # A motor.\n",
+        "msg/Gone.msg": "# Nothing of use.\n\nuint64 timestamp  # [us] Time since boot.\n",
+        "dds_topics.yaml": "# Topics.\npublications: []\n",
+        "releases/v1.17.msgs": "# What.\n\n=== msg/Gone.msg\n\n=== msg/Rpm.msg\nuint64 timestamp\nfloat64 speed\n",
+    }
+    after = {
+        "msg/versioned/Rpm.msg": "uint32 MESSAGE_VERSION=0 # x\nuint64 timestamp\nfloat32 speed # x\nbool   reverse\n"
+        "uint8 KIND_MOTOR = 1\n# TOPICS rpm  rpms\n",
+        "src/modules/uxrce_dds_client/dds_topics.yaml": "publications:\n"
+        "  - {topic: /fmu/out/rpm, type: px4_msgs::msg::Rpm, rate_limit: 5.}\nsubscriptions:\n",
+    }
+    write_definitions(root, before)
+    write_definitions(tmp_path / "firmware", after)
+    monkeypatch.setattr(embed, "ROOT", root)
+    monkeypatch.setattr("msggen.firmware.embedded.embedded_root", lambda: str(root))
+    older = {release: embed.files_of(embedded_tree(release)) for release in ("v1.18", "v1.17")}
+
+    missing = embed.embed(str(tmp_path / "firmware"), "v1.19")
+
+    monkeypatch.setattr("msggen.firmware.embedded.EMBEDDED", ("v1.19", "v1.18", "v1.17"))
+    assert (root / "msg/versioned/Rpm.msg").read_text() == (
+        "# Speed of a rotor.\n\nuint32 MESSAGE_VERSION = 0\nuint64 timestamp  # [us] Time since boot.\n\n"
+        "# Values\n\nfloat32 speed  # [rpm] Revolutions.\nbool reverse\nuint8 KIND_MOTOR = 1  # A motor.\n"
+        "# TOPICS rpm rpms\n"
+    )
+    assert missing == ["msg/versioned/Rpm.msg: uint32 MESSAGE_VERSION = 0", "msg/versioned/Rpm.msg: bool reverse"]
+    assert not (root / "msg/Gone.msg").exists()
+    bridge = (root / "dds_topics.yaml").read_text()
+    entry = "  - topic: /fmu/out/rpm\n    type: px4_msgs::msg::Rpm\n    rate_limit: 5\n"
+    assert bridge.endswith(f"publications:\n{entry}\nsubscriptions: []\n")
+    for release, expected in older.items():
+        found = embed.files_of(embedded_tree(release))
+        assert {name: path for name, (path, _) in found.items()} == {name: path for name, (path, _) in expected.items()}
+        for name in found.keys() - {embed.BRIDGE}:
+            assert comments_in(found[name][1]) == comments_in(expected[name][1]), (release, name)
+            assert embed.lines_of(found[name][1]) == embed.lines_of(expected[name][1]), (release, name)
+
+
+# Named on the command line
+
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.mark.usefixtures("working_folder")
+class TestNames:
+    def test_a_release_is_built_by_its_name(self, capsys: Capture) -> None:
+        assert main(["build", "--px4", "v1.14", "-o", "out"]) == 0
+        assert "from the embedded PX4 v1.14: 184 messages, 0 services, 243 uORB topics, 26 e" in capsys.readouterr().out
+        assert main(["build", "--px4", "embedded:v1.14", "-o", "out"]) == 0
+        assert "up to date" in capsys.readouterr().out
+
+    def test_archived_versions_come_along(self, capsys: Capture) -> None:
+        assert main(["build", "--px4", "v1.16", "--archived", "-o", "out"]) == 0
+        assert "226 messages, 1 archived version, 1 service" in capsys.readouterr().out
+        assert main(["build", "--px4", "v1.15", "--archived", "-o", "out"]) == 2
+        assert "S117 the embedded PX4 v1.15 has no earlier versions" in capsys.readouterr().err
+
+    def test_both_sides_of_a_check_are_named(self, capsys: Capture) -> None:
+        assert main(["check", "v1.16", "embedded:v1.16"]) == 0
+        assert capsys.readouterr().out == (
+            "the embedded PX4 v1.16 matches the embedded PX4 v1.16: 226 messages, 1 service\n"
+        )
+        assert main(["sync", "-q", "--px4", "v1.15", "--create", "px4_msgs"]) == 0
+        assert main(["check", "--px4", "v1.15", "px4_msgs"]) == 0
+        assert "PX4 v1.15, as msggen brings it along" in Path("px4_msgs/README.md").read_text()
+        assert main(["check", "--px4", "v1.14", "px4_msgs", "--output-format", "concise"]) == 1
+        assert "differs from the embedded PX4 v1.14" in capsys.readouterr().out
+
+    def test_breaking_names_both_sides(self, capsys: Capture) -> None:
+        assert main(["breaking", "--px4", "v1.17", "--against", "v1.16", "--output-format", "concise"]) == 1
+        out = capsys.readouterr().out
+        assert "embedded:v1.17/msg/versioned/BatteryStatus.msg:4:1: VERSION_NOT_ARCHIVED" in out
+        assert "VERSION_NOT_TRANSLATED" not in out
+        assert "TOPIC_RENAMED handled" in out
+        assert "the embedded PX4 v1.17 breaks the embedded PX4 v1.16: " in out
+
+    @pytest.mark.skipif(not shutil.which("git"), reason="needs git on the PATH")
+    def test_a_revision_of_that_name_wins(self, capsys: Capture) -> None:
+        write_definitions(Path("fw"), {"msg/Wheel.msg": "uint64 timestamp\n", "src/modules/x": ""})
+        who = ["-c", "user.name=Someone", "-c", "user.email=someone@example.org", "-c", "commit.gpgsign=false"]
+        for command in (["init", "-q"], ["add", "-A"], [*who, "commit", "-q", "-m", "State."], ["branch", "v1.16"]):
+            subprocess.run(["git", *command], cwd="fw", check=True)
+        assert main(["breaking", "--px4", "fw", "--against", "v1.16"]) == 0
+        out, err = capsys.readouterr()
+        assert out == "fw breaks nothing of v1.16: 1 message, 0 services\n"
+        assert err == (
+            "--against: S120 note: 'v1.16': the revision of fw is read, not the embedded release 'embedded:v1.16'\n"
+        )
+        assert main(["breaking", "--px4", "fw", "--against", "v1.17", "--output-format", "concise"]) == 1
+        assert "fw breaks the embedded PX4 v1.17" in capsys.readouterr().out
+
+    def test_a_template_is_rendered_with_a_release(self, capsys: Capture) -> None:
+        Path("one.txt.j2").write_text("{{ message.name }}")
+        assert main(["render", "--template", "one.txt.j2", "--px4", "v1.16", "-o", "out"]) == 0
+        assert "from the embedded PX4 v1.16: 226 messages" in capsys.readouterr().out
+
+    def test_a_setting_names_a_release_from_a_folder_below(
+        self, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        Path("pyproject.toml").write_text('[tool.msggen]\npx4 = "v1.15"\n')
+        Path("below").mkdir()
+        monkeypatch.chdir("below")
+        assert main(["build", "--px4", "v1.14", "-o", "out"]) == 0
+        assert main(["build", "-o", "out"]) == 0
+        assert "from the embedded PX4 v1.15" in capsys.readouterr().out
+        Path("../pyproject.toml").write_text('[tool.msggen]\npx4 = "v1.19"\n')
+        assert main(["build", "-o", "out"]) == 2
+        assert capsys.readouterr().err.startswith("../pyproject.toml:2:1: S105 'v1.19': neither a folder nor an emb")
+
+    @pytest.mark.parametrize("name", ["v1.16", "v1.18"])
+    def test_a_folder_of_that_name_wins(self, name: str, capsys: Capture) -> None:
+        Path(name, "msg").mkdir(parents=True)
+        Path(name, "msg", "Wheel.msg").write_text("uint64 timestamp\n")
+        assert main(["build", "--px4", name, "-o", "out"]) == 0
+        out, err = capsys.readouterr()
+        assert f"px4_types from {name}: 1 message" in out
+        assert err == f"{name}: S120 note: this path is read, not the embedded release 'embedded:{name}'\n"
+        assert main(["build", "--px4", f"embedded:{name}", "-o", "out"]) == 0
+        assert f"from the embedded PX4 {name}" in capsys.readouterr().out
+
+    def test_a_folder_without_definitions_is_not_passed_over(self, capsys: Capture) -> None:
+        Path("v1.16").mkdir()
+        assert main(["build", "--px4", "v1.16"]) == 2
+        assert "v1.16: S102 " in (err := capsys.readouterr().err)
+        assert "; the embedded release is 'embedded:v1.16'" in err
+
+    @pytest.mark.parametrize(
+        ("name", "told"),
+        [
+            ("v1.19", "v1.19: S105 neither a folder nor an embedded release, did you mean 'v1.18'?"),
+            ("v2.0", "v2.0: S105 neither a folder nor an embedded release: expected v1.18, v1.17, v1.16, v1.15, v1.14"),
+            ("embedded:v1.19", "embedded:v1.19: S105 no such embedded release, did you mean 'v1.18'?"),
+            ("embedded:", "embedded:: S105 no such embedded release: expected v1.18, v1.17, v1.16, v1.15, v1.14"),
+        ],
+    )
+    @pytest.mark.parametrize(
+        "command", [("build", "--px4"), ("check", "v1.18"), ("breaking", "--against", "v1.18", "--px4")]
+    )
+    def test_other_releases_are_errors(self, command: tuple[str, ...], name: str, told: str, capsys: Capture) -> None:
+        assert main([*command, name]) == 2
+        assert capsys.readouterr().err.splitlines()[0] == told
+
+    def test_an_unknown_release_to_compare_with_is_an_error(self, capsys: Capture) -> None:
+        assert main(["breaking", "--px4", "v1.18", "--against", "v1.19"]) == 2
+        expected = (
+            "--against: S108 'v1.19' is no folder, no revision of v1.18 and no embedded release, did you mean 'v1.18'?"
+        )
+        assert capsys.readouterr().err.splitlines()[0] == expected
+
+    def test_a_release_that_is_given_rules_the_conventions(self, capsys: Capture) -> None:
+        assert main(["build", "--px4", "v1.18", "--release", "v1.14", "-o", "out"]) == 0
+        assert "DDS names of v1.14" in capsys.readouterr().out
+
+    def test_releases_are_listed(self, capsys: Capture) -> None:
+        assert main(["releases"]) == 0
+        heading, *rows = capsys.readouterr().out.splitlines()
+        assert heading.split() == ["release", "messages", "services", "topics", "endpoints"]
+        for release, row in zip(EMBEDDED, rows, strict=True):
+            messages, endpoints = measured(release)
+            topics = sum(len(each["orb_ids"]) for each in messages.values())
+            numbers = map(str, (len(messages), len(SERVICES[release]), topics, len(endpoints)))
+            assert row.split() == [release, *numbers, *(["default"] if release == NEWEST else [])]

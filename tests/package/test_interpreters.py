@@ -1,0 +1,80 @@
+"""Every supported Python that this machine has: the tool runs on it, and its package reads and writes every vector."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from support.repository import ROOT, VECTORS
+
+VERSIONS = ["3.10", "3.11", "3.12", "3.13"]
+
+OWN = f"{sys.version_info.major}.{sys.version_info.minor}"
+
+PROGRAM = """
+import json, sys
+sys.path.insert(0, sys.argv[1])
+import dataclasses, pickle, px4_types
+from px4_types import topics
+
+for vector in json.load(open(sys.argv[2])):
+    stale = bytes.fromhex(vector["hex"])
+    clean = bytes(0 if index in vector["padding"] else byte for index, byte in enumerate(stale))
+    message_type = getattr(px4_types, vector["type"])
+    message = message_type.decode(b"\\0\\1\\0\\0" + stale)
+    assert message.encode()[4:] == clean, vector["type"]
+    assert pickle.loads(pickle.dumps(message)) == message == dataclasses.replace(message)
+    assert len(dataclasses.fields(message_type)) == len(dataclasses.asdict(message)) == len(vector["values"])
+assert topics.ORB_ID.vehicle_odometry == topics.UORB["vehicle_odometry"].orb_id
+print("all vectors")
+"""
+
+
+def interpreter(version: str) -> str:
+    """Return the Python of this version, from the PATH or from pyenv; skip without."""
+    candidates = [shutil.which(f"python{version}"), *Path.home().glob(f".pyenv/versions/{version}.*/bin/python")]
+    for candidate in candidates:
+        if candidate:
+            asked = [str(candidate), "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+            done = subprocess.run(asked, capture_output=True, text=True, check=False)
+            if done.stdout.strip() == version:
+                return str(candidate)
+    pytest.skip(f"this machine has no Python {version}")
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_generated_package_works_on(version: str) -> None:
+    command = [
+        interpreter(version),
+        "-I",
+        "-W",
+        "error",
+        "-c",
+        PROGRAM,
+        str(ROOT / "generated"),
+        str(VECTORS / "cdr.json"),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout == "all vectors\n", done.stderr
+
+
+@pytest.mark.parametrize("version", [version for version in VERSIONS if version != OWN])
+def test_the_tool_works_on(version: str, tmp_path: Path) -> None:
+    environment = tmp_path / "environment"
+    python = interpreter(version)
+    run([python, "-m", "venv", str(environment)], tmp_path)
+    run([str(environment / "bin" / "pip"), "install", "--quiet", str(ROOT)], tmp_path)
+    run([str(environment / "bin" / "msggen"), "build", "--quiet"], tmp_path)
+    committed = ROOT / "generated" / "px4_types"
+    for path in committed.rglob("*.py"):
+        made = tmp_path / "generated" / "px4_types" / path.relative_to(committed)
+        assert made.read_bytes() == path.read_bytes()
+
+
+def run(command: list[str], folder: Path) -> None:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr

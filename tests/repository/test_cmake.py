@@ -1,0 +1,165 @@
+"""docs/cmake.md holds what it promises: its snippet, copied as it stands, builds, rebuilds and rests in real builds."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from support.catalogs import write_definitions
+from support.repository import ROOT
+
+DEFINITIONS = {
+    "msg/Lamp.msg": "# One lamp.\n\nuint64 timestamp  # [us] Time since boot.\nfloat32 brightness  # [lm]\n",
+    "msg/LampReport.msg": "# All lamps.\n\nuint64 timestamp  # [us] Time since boot.\nLamp[3] lamps\n",
+}
+MARKER = "__init__.py"
+
+GENERATORS = {"Unix Makefiles": "make", "Ninja": "ninja"}
+
+
+def snippet() -> str:
+    """Return the first CMake block of the page."""
+    page = (ROOT / "docs" / "cmake.md").read_text(encoding="utf-8")
+    found = re.search(r"^```cmake\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    assert found is not None
+    return found[1]
+
+
+class Project:
+    """A project whose CMakeLists.txt is the page's snippet, with a `msggen` that counts how often it is started."""
+
+    def __init__(self, folder: Path, generator: str) -> None:
+        self.generator = generator
+        self.source = write_definitions(folder, {**DEFINITIONS, "CMakeLists.txt": snippet()})
+        self.build_folder = folder / "build"
+        self.package = self.build_folder / "python" / "lamp_types"
+        self.log = folder / "runs.txt"
+        self.msggen = folder / "msggen"
+        self.msggen.write_text(f'#!/bin/sh\necho "$*" >> "{self.log}"\nexec "{sys.executable}" -m msggen "$@"\n')
+        self.msggen.chmod(0o755)
+
+    def configure(self) -> None:
+        self.run("-S", str(self.source), "-B", str(self.build_folder), "-G", self.generator, f"-DMSGGEN={self.msggen}")
+
+    def build(self) -> int:
+        """Build; return how many times a package was generated (or found to be current)."""
+        before = self.generated()
+        self.run("--build", str(self.build_folder))
+        return self.generated() - before
+
+    def run(self, *arguments: str) -> str:
+        done = self.attempt(*arguments)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    def attempt(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        return subprocess.run(
+            [shutil.which("cmake") or "cmake", *arguments],
+            cwd=self.source,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    def generated(self) -> int:
+        return sum("--list-outputs" not in line for line in self.log.read_text().splitlines())
+
+    def age(self) -> None:
+        """Make everything old, in its order, so that whatever is written next is newer than all of it."""
+        for path in self.source.rglob("*"):
+            if path.is_file():
+                status = path.stat()
+                day = 24 * 3600 * 10**9
+                os.utime(path, ns=(status.st_atime_ns - day, status.st_mtime_ns - day))
+
+    def times(self) -> dict[str, tuple[int, int]]:
+        """Return inode and time of every generated file."""
+        files = [path for path in self.package.rglob("*") if path.is_file()]
+        return {str(path.relative_to(self.package)): (path.stat().st_ino, path.stat().st_mtime_ns) for path in files}
+
+
+@pytest.fixture(params=GENERATORS)
+def project(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
+    """A configured and built project, all of it a day old; skips without CMake and the generator's program."""
+    for program in ("cmake", GENERATORS[request.param]):
+        if shutil.which(program) is None:
+            pytest.skip(f"needs {program} on the PATH")
+    made = Project(tmp_path, request.param)
+    made.configure()
+    assert made.build() == 1
+    made.age()
+    return made
+
+
+def test_the_first_build_makes_a_package_that_works(project: Project) -> None:
+    program = (
+        "from lamp_types import LampReport; assert LampReport.decode(LampReport().encode()).lamps[2].brightness == 0"
+    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=project.package.parent, check=False)
+    assert done.returncode == 0
+
+
+def test_a_build_with_nothing_to_do_writes_nothing_and_does_not_start_msggen(project: Project) -> None:
+    before = project.times()
+    assert project.build() == 0
+    assert project.times() == before
+
+
+def test_a_touched_input_runs_msggen_once_and_rewrites_no_file(project: Project) -> None:
+    before = project.times()
+    (project.source / "msg" / "Lamp.msg").touch()
+    assert project.build() == 1
+    after = project.times()
+    assert [name for name in before if after[name] != before[name]] == [MARKER]
+    assert after[MARKER][0] == before[MARKER][0]
+    assert project.build() == 0
+
+
+def test_an_edited_input_rewrites_only_what_it_changes(project: Project) -> None:
+    before = project.times()
+    with (project.source / "msg" / "Lamp.msg").open("a") as stream:
+        stream.write("uint8 COLD = 1  # Of the colours.\n")
+    assert project.build() == 1
+    after = project.times()
+    assert {name for name in before if after[name] != before[name]} == {MARKER, ".msggen.json", "msg/_lamp.py"}
+    assert "COLD" in (project.package / "msg" / "_lamp.py").read_text()
+    assert project.build() == 0
+
+
+def test_an_added_definition_is_generated_however_old_it_is(project: Project) -> None:
+    added = project.source / "msg" / "Switch.msg"
+    added.write_text("# A switch.\n\nuint64 timestamp\nbool on\n")
+    os.utime(added, (10**9, 10**9))
+    assert project.build() == 1
+    assert (project.package / "msg" / "_switch.py").is_file()
+    assert project.build() == 0
+
+
+def test_a_removed_definition_is_removed_from_the_package(project: Project) -> None:
+    (project.source / "msg" / "LampReport.msg").unlink()
+    assert project.build() == 1
+    assert not (project.package / "msg" / "_lamp_report.py").exists()
+    before = project.times()
+    again = project.build()
+    assert [name for name, times in project.times().items() if times != before[name] and name != MARKER] == []
+    # CMake 3.25's Makefile generator never forgets a dependency: it asks msggen each time, which finds nothing to do.
+    assert again == 0 or project.generator == "Unix Makefiles"
+
+
+def test_a_faulty_definition_stops_the_build_and_says_where(project: Project) -> None:
+    (project.source / "msg" / "Lamp.msg").write_text("uint64 timestamp\nfloat3 brightness\n")
+    done = project.attempt("--build", str(project.build_folder))
+    assert done.returncode != 0
+    assert re.search(r"msg/Lamp\.msg:2:1: M301 .*'float32'", done.stdout + done.stderr)
+
+
+def test_the_snippet_uses_what_the_page_explains() -> None:
+    assert {"--depfile", "--list-outputs", "VERSION 3.20"} <= set(re.findall(r"--[a-z-]+|VERSION 3\.20", snippet()))

@@ -1,0 +1,92 @@
+"""The documentation shows what really happens."""
+
+from __future__ import annotations
+
+import doctest
+import os
+import re
+import runpy
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from support.repository import ROOT
+
+README = (ROOT / "README.md").read_text()
+IDENTITY = ["-c", "user.name=somebody", "-c", "user.email=somebody@example.com"]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text())
+    assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+def test_every_page_is_listed_in_the_readme() -> None:
+    assert [page.name for page in PAGES[1:] if f"docs/{page.name}" not in README] == []
+
+
+def test_ci_runs_the_test_command_of_the_readme() -> None:
+    command = next(line for line in README.splitlines() if line.startswith("$ ") and "-m pytest" in line)
+    assert command.removeprefix("$ ") in (ROOT / ".ci" / "run").read_text().splitlines()
+
+
+def test_the_tour_prints_what_the_readme_shows() -> None:
+    done = subprocess.run([sys.executable, "examples/tour.py"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout in README
+
+
+@pytest.mark.parametrize("name", ["package.md", "batches.md"])
+def test_the_interactive_examples_are_real(name: str) -> None:
+    page = ROOT / "docs" / name
+    sys.path.insert(0, str(ROOT / "generated"))
+    blocks = re.findall(r"```pycon\n(.*?)```", page.read_text(), re.DOTALL)
+    source = re.sub(r"(?m)^(\w+Error: )", r"Traceback (most recent call last):\npx4_types.cdr.\1", "\n".join(blocks))
+    parser, runner = doctest.DocTestParser(), doctest.DocTestRunner()
+    names = {"SensorCombined": __import__("px4_types").SensorCombined}
+    results = runner.run(parser.get_doctest(source, names, page.name, str(page), 0))
+    assert (results.failed, results.attempted) == (0, source.count(">>> "))
+
+
+def test_the_picture_of_the_layout_is_current() -> None:
+    draw = runpy.run_path(str(ROOT / "docs" / "draw_layout.py"))["draw"]
+    assert draw("SensorCombined") == (ROOT / "docs" / "sensor_combined.svg").read_text()
+
+
+def sessions(page: str) -> list[str]:
+    """Return the console sessions of a page that need nothing but msggen and the embedded set."""
+    blocks = re.findall(r"```console\n(.*?)```", (ROOT / "docs" / page).read_text(), re.DOTALL)
+    return [block for block in blocks if "\n$ msggen" in f"\n{block}"]
+
+
+@pytest.mark.skipif(not shutil.which("git"), reason="the sessions are in a git repository")
+@pytest.mark.parametrize("page", ["check.md"])
+def test_the_sessions_of_a_page_are_real(page: str, tmp_path: Path) -> None:
+    """Every command prints what the page shows below it, one after the other in one shell."""
+    tree = tmp_path / "PX4-Autopilot"
+    bridge = tree / "src" / "modules" / "uxrce_dds_client"
+    bridge.mkdir(parents=True)
+    for folder in ("msg", "srv"):
+        shutil.copytree(ROOT / folder, tree / folder)
+    shutil.copy(ROOT / "dds_topics.yaml", bridge)
+    for command in (["init", "-q", "-b", "main"], ["add", "."], [*IDENTITY, "commit", "-q", "-m", "as released"]):
+        subprocess.run(["git", *command], cwd=tree, check=True)
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    shown = "".join(sessions(page))
+    commands = [line.removeprefix("$ ") for line in shown.splitlines() if line.startswith("$ ")]
+    script = "\n".join(f"echo {shlex.quote(f'$ {command}')}\n{command}" for command in commands)
+    done = subprocess.run(
+        ["bash", "-c", script],
+        cwd=tmp_path,
+        env={**os.environ, "PATH": path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert done.stdout == shown

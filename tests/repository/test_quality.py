@@ -1,0 +1,197 @@
+"""The checks that a reviewer would run by hand: linters, type checkers, and that the committed output is current."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from msggen.firmware.catalog import read_catalog
+from msggen.firmware.sources import find_sources
+from msggen.generate.build import Build
+from msggen.generate.python.package import render_package
+from support.catalogs import catalog_of, write_definitions
+from support.imports import HEAVY
+from support.nested_packages import sources
+from support.repository import ROOT
+from support.unusual_names import write_sources
+
+PACKAGE = ROOT / "generated" / "px4_types"
+
+
+def run(*command: str, cwd: Path = ROOT) -> None:
+    """Run a module of this environment; fail with what it printed."""
+    done = subprocess.run([sys.executable, "-m", *command], cwd=cwd, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_committed_package_is_what_the_tool_makes() -> None:
+    expected = render_package(read_catalog(find_sources(None)), "px4_types")
+    found = {str(path.relative_to(PACKAGE)): path for path in PACKAGE.rglob("*") if path.suffix in (".py", ".typed")}
+    assert sorted(found) == sorted(expected)
+    stale = [name for name, path in found.items() if path.read_text(encoding="utf-8") != expected[name]]
+    assert stale == [], "run `msggen build` and commit what it wrote"
+
+
+@pytest.mark.parametrize("command", [["check", "."], ["format", "--check", "."]], ids=["check", "format"])
+def test_ruff_is_content(command: list[str]) -> None:
+    run("ruff", *command)
+
+
+def test_ruff_is_content_with_the_generated_package() -> None:
+    rules = "E,F,W,B,C4,PLE,SIM,UP"
+    run(
+        "ruff",
+        "check",
+        "--isolated",
+        "--target-version=py310",
+        f"--select={rules}",
+        "--ignore=B905,UP007",
+        "--line-length=130",
+        "generated",
+    )
+
+
+def test_mypy_is_content() -> None:
+    run("mypy")
+
+
+def test_mypy_is_content_with_the_generated_package() -> None:
+    run("mypy", "--strict", "--python-version=3.10", "generated/px4_types")
+
+
+UNUSUAL = {
+    "msg/Inner.msg": "uint64 timestamp\nfloat32[2] x\n",
+    "msg/Final.msg": "uint64 timestamp\nuint8 A = 1\nbool[3] flags\n",
+    "msg/Sequence.msg": "uint64 timestamp\nuint16[20] values\nuint8[4] bytes\nint8 int\n",
+    "msg/Outer.msg": "uint64 timestamp\nInner one\nInner[1] single\nInner[3] few\nInner[7] many\nFinal f\nSequence s\n",
+    "msg/Words.msg": "uint64 timestamp\nstring str\nstring[2] bytes\nwstring<=9[<=3] list\nuint8[] tuple\nint8[] int\n",
+    "msg/Locals.msg": "uint64 timestamp\nstring data\nuint16[20] at\nWords[2] wire\nInner[<=3] run\nbool[] parts\n",
+    "srv/Ask.srv": "Inner[2] pair\n---\nbool done\n",
+    "srv/Tell.srv": "---\nstring message\n",
+}
+
+
+NESTING = """
+from nested import Rig, geometry_msgs
+from nested.builtin_interfaces.msg import Time
+from nested.my_msgs import msg
+from nested.std_srvs.srv import SetBool
+
+stamp: Time = Rig().stamp
+other: msg.Time = Rig(others=(msg.Time(stamp=stamp),) * 5).others[0]
+pose: geometry_msgs.msg.Pose = Rig.decode(b"").poses[2]
+done: bool = SetBool.Response().success
+"""
+
+
+NAMING = """
+from names import DecodeError, DecodeError_, EscReport, Foo, None_, Odd, topics
+from names.srv import None_ as Service
+
+length: float = Odd(from_=1.0, lambda_=2.0).decode__
+reports: tuple[EscReport, EscReport, EscReport] = DecodeError_.decode(b"").none.esc_report
+constants: tuple[int, int] = (Odd.None_, Foo.GPS_)
+request: int = Service.Request(from_=1).from_
+member: topics.ORB_ID = topics.ORB_ID.real_
+error: type[ValueError] = DecodeError
+"""
+
+
+@pytest.fixture(scope="module")
+def unusual(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A package of unusual messages; beside it `nested`, with messages of several ROS packages, and `names`."""
+    folder = tmp_path_factory.mktemp("types")
+    write_definitions(folder / "nested", dict(render_package(sources(folder / "in" / "nested"), "nested")))
+    write_definitions(folder / "names", dict(render_package(write_sources(folder / "in" / "names"), "names")))
+    return write_definitions(folder / "unusual", dict(render_package(catalog_of(folder / "in", UNUSUAL), "unusual")))
+
+
+def test_mypy_is_content_with_packages_of_unusual_messages(unusual: Path) -> None:
+    (unusual.parent / "nesting.py").write_text(NESTING)
+    (unusual.parent / "naming.py").write_text(NAMING)
+    packages = (unusual.name, "nested", "names", "nesting.py", "naming.py")
+    run("mypy", "--strict", "--python-version=3.10", *packages, cwd=unusual.parent)
+
+
+def test_the_committed_record_is_current() -> None:
+    """So that a build in a fresh clone has nothing to do, and leaves the work tree clean."""
+    outcome = Build(find_sources(None), str(PACKAGE.parent), PACKAGE.name).run(write=False)
+    assert outcome.plan is None, "run `msggen build` and commit what it wrote"
+
+
+def test_pyright_is_content_with_the_generated_packages(tmp_path: Path, unusual: Path) -> None:
+    settings = {
+        "include": [str(PACKAGE), str(unusual), str(unusual.parent / "nested"), str(unusual.parent / "names")],
+        "typeCheckingMode": "strict",
+        "pythonVersion": "3.10",
+    }
+    (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
+    run("basedpyright", "--level", "error", "--pythonpath", sys.executable, "-p", str(tmp_path))
+
+
+APPLICATION = """
+import dataclasses
+from px4_types import DecodeError, EscReport, EscStatus, SensorCombined, VehicleStatus, topics
+
+sample: bytes = SensorCombined(timestamp=1, gyro_rad=(0.0, 0.1, 0.2)).encode()
+message: SensorCombined = SensorCombined.decode(memoryview(sample))
+rate: tuple[float, float, float] = message.gyro_rad
+reports: tuple[EscReport, ...] = EscStatus().esc
+later: SensorCombined = dataclasses.replace(message, timestamp=2)
+names: list[str] = [field.name for field in dataclasses.fields(SensorCombined)]
+size: int | None = SensorCombined.__msg__.cdr_size
+view: SensorCombined = SensorCombined.lazy(sample)
+several: list[bytes] = SensorCombined.encode_batch(SensorCombined.decode_batch([sample, bytearray(sample)]))
+one: SensorCombined = SensorCombined.from_row(SensorCombined.decode_batch(sample)[0])
+number: topics.ORB_ID = topics.ORB_ID.vehicle_odometry
+depth: int = topics.endpoint("/fmu/out/vehicle_status_v4").qos.reader.depth
+match VehicleStatus():
+    case VehicleStatus(arming_state=VehicleStatus.ARMING_STATE_ARMED):
+        pass
+    case _:
+        pass
+"""
+MISTAKES = """
+from px4_types import SensorCombined
+
+SensorCombined(timestamp="1")
+SensorCombined(gyro_rad=(0.0, 0.1))
+SensorCombined().gyro = (0.0, 0.0, 0.0)
+SensorCombined.CLIPPING_X = 2
+"""
+
+
+def check_application(source: str, folder: Path) -> list[str]:
+    (folder / "application.py").write_text(source)
+    command = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--strict",
+        "--no-error-summary",
+        "--python-version=3.10",
+        "application.py",
+    ]
+    environment = {"MYPYPATH": str(PACKAGE.parent), "PATH": ""}
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment)
+    return [line for line in done.stdout.splitlines() if line.startswith("application.py")]
+
+
+def test_an_application_is_typed_throughout(tmp_path: Path) -> None:
+    assert check_application(APPLICATION, tmp_path) == []
+
+
+def test_the_types_catch_mistakes(tmp_path: Path) -> None:
+    lines = {int(line.split(":")[1]) for line in check_application(MISTAKES, tmp_path)}
+    assert lines == {4, 5, 6, 7}
+
+
+def test_the_command_line_imports_nothing_heavy() -> None:
+    program = "import sys; from msggen.cli import main; main(['build', '-q']); print(*sys.modules)"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert not HEAVY & {*done.stdout.split()}

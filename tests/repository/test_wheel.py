@@ -1,0 +1,55 @@
+"""What a user installs: a wheel of this repository, in an empty environment, away from the checkout."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from support.repository import ROOT
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder), str(ROOT)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return next(folder.glob("msggen-*.whl"))
+
+
+def test_the_wheel_brings_templates_and_the_embedded_set(wheel: Path) -> None:
+    names = set(zipfile.ZipFile(wheel).namelist())
+    assert {"msggen/templates/python/message.py.j2", "msggen/embedded/dds_topics.yaml"} <= names
+    assert {"msggen/sync/names.txt", "msggen/templates/ros2/package.xml.j2"} <= names
+    messages = [name for name in names if name.startswith("msggen/embedded/msg/") and "px4_msgs_old" not in name]
+    assert len([name for name in messages if name.endswith(".msg")]) == 259
+    assert {f"msggen/embedded/releases/v1.{number}.msgs" for number in range(14, 18)} <= names
+    assert "msggen/embedded/msg/CMakeLists.txt" in names
+    assert {name.split("/")[0].split("-")[0] for name in names} == {"msggen"}
+
+
+def test_it_works_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
+    environment = tmp_path / "environment"
+    venv.create(environment, with_pip=True)
+    python = str(environment / "bin" / "python")
+    run(tmp_path, python, "-m", "pip", "install", "--quiet", str(wheel))
+    run(tmp_path, str(environment / "bin" / "msggen"), "build", "-o", "made")
+    run(tmp_path, str(environment / "bin" / "msggen"), "build", "-o", "made", "--check")
+    for command in (["sync", "--create", "px4_msgs"], ["check", "px4_msgs"], ["explain", "FIELD_MOVED"], ["releases"]):
+        run(tmp_path, str(environment / "bin" / "msggen"), *command)
+    assert len(list((tmp_path / "px4_msgs" / "msg").iterdir())) == 259
+    program = "from px4_types import SensorCombined as S; assert S.decode(S(timestamp=1).encode()).timestamp == 1"
+    run(tmp_path / "made", python, "-I", "-c", f"import sys; sys.path.insert(0, '.'); {program}")
+    made, committed = tmp_path / "made" / "px4_types", ROOT / "generated" / "px4_types"
+    for path in committed.rglob("*.py"):
+        assert (made / path.relative_to(committed)).read_bytes() == path.read_bytes()
+
+
+def run(folder: Path, *command: str) -> None:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -1,0 +1,173 @@
+"""Embeds a new release of PX4: `python tests/support/embed.py PX4-Autopilot v1.19`.
+
+`msg/`, `srv/` and `dds_topics.yaml` become those of the firmware, without its comments: ours stay where a field or
+constant stays, and what has none is listed. The release that was the newest becomes a file in `releases/` with what it
+has otherwise; the other files there stay as they are. `releases/README.md` has the steps before and after.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from difflib import SequenceMatcher
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import yaml
+
+from msggen.firmware.embedded import EMBEDDED, FOLDERS, comments_in, head_of, is_of_release
+from msggen.firmware.sources import find_sources, with_archived
+from msggen.firmware.tree import Folder, Tree
+
+ROOT = Path(__file__).resolve().parents[2]
+BRIDGE = "dds_topics.yaml"
+ARCHIVE = "msg/px4_msgs_old/msg/"
+
+Files: TypeAlias = dict[str, tuple[str, str]]
+"""Paths and texts by file name, which is unique in the firmware."""
+
+
+def files_of(tree: Tree) -> Files:
+    """Return the files of an embedded release."""
+    return {
+        name: (folder + name, tree.read(folder + name).decode())
+        for folder in FOLDERS
+        for name in tree.names(folder)
+        if is_of_release(name)
+    }
+
+
+def files_of_firmware(path: str, release: str) -> Files:
+    """Return the files of a tree of the firmware, without its comments."""
+    sources = find_sources(path)
+    root = sources.root
+    if root and root.is_folder(ARCHIVE):
+        sources = with_archived(sources)
+    found = {
+        Path(file.path).name: (file.name, "\n".join(lines_of(file.tree.read(file.name).decode())))
+        for file in (*sources.messages, *sources.services, *sources.archived)
+        if file.tree
+    }
+    if sources.bridge and sources.bridge.tree:
+        found[BRIDGE] = (BRIDGE, bridge_text(sources.bridge.tree.read(sources.bridge.name).decode(), release))
+    return found
+
+
+def lines_of(text: str) -> list[str]:
+    """Return the lines of a definition in one spelling, without comments; those of topics come last."""
+    topics = [" ".join(line.split()) for line in text.split("\n") if line.startswith("# TOPICS")]
+    codes = [" ".join(line.partition("#")[0].replace("=", " = ").split()) for line in text.split("\n")]
+    return [code for code in codes if code] + topics
+
+
+def bridge_text(text: str, release: str, *, is_newest: bool = False) -> str:
+    """Return a YAML of the bridge without its comments; that of the newest release has a line for each key."""
+    head = f"# What crosses the bridge between uORB and DDS: the topics of PX4 {release}."
+    lists = [[*_list(key, entries, is_newest=is_newest)] for key, entries in yaml.safe_load(text).items()]
+    return ("\n\n" if is_newest else "\n").join(["\n".join(lines) for lines in ([head], *lists)])
+
+
+def _list(key: str, entries: list[dict[str, Any]] | None, *, is_newest: bool) -> Iterator[str]:
+    yield f"{key}:" if entries else f"{key}: []"
+    for entry in entries or ():
+        pairs = [f"{name}: {_plain(value)}" for name, value in entry.items()]
+        yield "  - " + ("\n    ".join(pairs) if is_newest else f"{{{', '.join(pairs)}}}")
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return yaml.safe_dump(value, default_flow_style=True, width=1000).removesuffix("...\n").strip()
+
+
+def earlier_release(release: str, older: Files, newer: Files, known: dict[str, list[str]]) -> str:
+    """Return what stands in `releases/` for `older`, which `newer` follows.
+
+    `known` has by file name the texts of all newer releases that take part in its comments, and gets that of `newer`.
+    """
+    sections = []
+    for name in sorted({*older, *newer}, key=lambda name: (older.get(name) or newer[name])[0]):
+        path, text = older.get(name, ("", ""))
+        if name in newer:
+            known.setdefault(name, []).append(newer[name][1])
+            if path == newer[name][0] and _meaning(name, text) == _meaning(name, newer[name][1]):
+                continue
+        body = bridge_text(text, release) if name == BRIDGE else _without(text, known.get(name, []))
+        sections.append(f"=== {path}\n{body}\n" if path else f"=== {newer[name][0]}\n")
+    about = f"# The files of PX4 {release} that are not as in the next newer release: README.md has the format.\n"
+    return "\n".join([about, *sections])
+
+
+def _meaning(name: str, text: str) -> object:
+    return yaml.safe_load(text) if name == BRIDGE else (lines_of(text), comments_in(text), head_of(text))
+
+
+def _without(text: str, newer: list[str]) -> str:
+    """Return a definition without the comments that it would have from its newer versions."""
+    known = {name: comment for version in newer for name, comment in comments_in(version).items()}
+    own = {name: comment for name, comment in comments_in(text).items() if known.get(name) != comment}
+    heads = [head for head in map(head_of, newer) if head]
+    head = "" if heads[-1:] == [head_of(text)] else head_of(text)
+    return head + "\n".join(commented(lines_of(text), own))
+
+
+def commented(lines: list[str], comments: Mapping[str, str]) -> list[str]:
+    """Return the lines of a definition with comments by field or constant."""
+    names = [_name(line) for line in lines]
+    return [
+        f"{line}  # {comments[name]}" if name in comments else line for line, name in zip(lines, names, strict=True)
+    ]
+
+
+def _name(line: str) -> str:
+    return "" if line.startswith("#") or " " not in line else line.split(" ")[1]
+
+
+def merged(old: str, new: str) -> str:
+    """Return the definition `new` in the layout and with the comments of `old`."""
+    head, comments = head_of(old), comments_in(old)
+    rows = old.removeprefix(head).strip("\n").split("\n")
+    ours, theirs = [lines_of(row)[:1] or [row] for row in rows], [[line] for line in lines_of(new)]
+    result: list[str] = []
+    matcher = SequenceMatcher(None, [str(row) for row in ours], [str(row) for row in theirs], autojunk=False)
+    for kind, start, end, first, last in matcher.get_opcodes():
+        if kind == "equal":
+            result += rows[start:end]
+            continue
+        result += commented([line for (line,) in theirs[first:last]], comments)
+        result += [row for row in rows[start:end] if not lines_of(row)]
+    body = re.sub(r"\n{3,}", "\n\n", "\n".join(result)).strip("\n")
+    return f"{head}\n{body}\n" if head else f"{body}\n"
+
+
+def embed(firmware: str, release: str) -> list[str]:
+    """Make `firmware` the newest embedded release; return what has no comment yet."""
+    older, found = files_of(Folder(str(ROOT))), files_of_firmware(firmware, release)
+    newer = {name: (path, _newest(name, text, release, older)) for name, (path, text) in found.items()}
+    last = EMBEDDED[0]
+    (ROOT / "releases" / f"{last}.msgs").write_text(earlier_release(last, older, newer, {}))
+    for path, _ in older.values():
+        (ROOT / path).unlink()
+    for path, text in newer.values():
+        (ROOT / path).parent.mkdir(parents=True, exist_ok=True)
+        (ROOT / path).write_text(text)
+    return [missing for name, (path, text) in sorted(newer.items()) for missing in _missing(path, name, text)]
+
+
+def _newest(name: str, text: str, release: str, older: Files) -> str:
+    if name == BRIDGE:
+        return bridge_text(text, release, is_newest=True) + "\n"
+    return merged(older[name][1], text) if name in older else text + "\n"
+
+
+def _missing(path: str, name: str, text: str) -> Iterator[str]:
+    if name != BRIDGE and not path.startswith(ARCHIVE):
+        if not head_of(text):
+            yield f"{path}: what the message is for"
+        known = comments_in(text)
+        yield from (f"{path}: {line}" for line in lines_of(text) if _name(line) and _name(line) not in known)
+
+
+if __name__ == "__main__":
+    print("\n".join(embed(*sys.argv[1:])))

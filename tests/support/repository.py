@@ -1,0 +1,26 @@
+"""The folders of this checkout, and `../shared` where there is one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+VECTORS = ROOT / "tests" / "vectors"
+PX4_TREE = ROOT / "tests" / "px4_generate" / "px4_tree"
+SHARED = ROOT.parent / "shared"
+
+DEFINITIONS = sorted(path for folder in ("msg", "msg/versioned") for path in (ROOT / folder).glob("*.msg"))
+"""The files of the newest embedded release, without the archived versions."""
+
+NAMES = sorted(path.stem for path in DEFINITIONS)
+"""Its messages."""
+
+
+def shared(path: str) -> Path:
+    """Return a path below `../shared`, or skip the test where there is none."""
+    found = SHARED / path
+    if not found.exists():
+        pytest.skip(f"needs ../shared/{path}, which this checkout does not have")
+    return found

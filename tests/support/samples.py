@@ -1,0 +1,160 @@
+"""What the tests of batches and of lazy views share: samples of every message, and one form to compare values in."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+import tempfile
+from array import array
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+
+from msggen.model import FLOATS, INTEGER_RANGES, ArrayKind, Catalog, FieldType, Message
+from support.catalogs import catalog_of, import_package
+from support.reference import HEADERS, serialize
+from support.repository import VECTORS
+from support.strategies import values_of
+
+ENCODINGS = sorted(HEADERS)
+USUAL = ("little", 1)
+HEADER = HEADERS[USUAL]
+
+SOME = ["SensorCombined", "VehicleStatus", "DebugKeyValue", "DebugArray", "PositionSetpointTriplet", "EscStatus"]
+"""Among them: numbers and tuples, bools, bytes, a large array, nested messages, an array of nested messages."""
+
+Samples = dict[tuple[str, int], list[bytes]]
+"""Samples of one message by encoding; the same values in each."""
+
+_TYPES = ("bool", *INTEGER_RANGES, *FLOATS)
+
+MADE_UP = {
+    "msg/Even.msg": "uint64 timestamp\nuint8 a\n",
+    "msg/Uneven.msg": "uint8 a\nuint64 timestamp\n",
+    "msg/BehindAnOctet.msg": "uint64 timestamp\nuint8 a\nUneven[3] b\nbool c\n",
+    "msg/EndsEarly.msg": "uint8 a\nuint64 timestamp\nuint8 b\nEven[2] c\n",
+    "msg/EndsEarlyAtOnce.msg": "Even[3] a\nuint64 timestamp\nEven[3] b\n",
+    "msg/Bools.msg": "bool a\nbool[20] b\nuint64 timestamp\nbool[1] c\nbool[9] d\n",
+    "msg/ManyBools.msg": "uint64 timestamp\nBools[2] a\nBools b\nbool c\n",
+    "msg/Octets.msg": "uint8[1] a\nuint64 timestamp\nuint8[7] b\nchar[5] c\nbyte[16] d\nuint8[17] e\n",
+    "msg/Ones.msg": "uint64 timestamp\nUneven[1] a\nEven[1] b\n" + "".join(f"{t}[1] one_{t}\n" for t in _TYPES),
+    "msg/Large.msg": "uint8 a\n" + "".join(f"{t} one_{t}\n{t}[17] many_{t}\n" for t in _TYPES) + "uint64 timestamp\n",
+    "msg/Deep.msg": "uint8 a\nEndsEarly[2] b\nuint64 timestamp\nBehindAnOctet[2] c\nOctets d\n",
+    "srv/Tiny.srv": "bool a\n---\nuint8 a\nbool[2] b\n",
+    "srv/Bare.srv": "Uneven[2] a\n---\nuint8[6] a\n",
+}
+"""Messages such as PX4 has none of; halves of services need no timestamp, so they can be smaller than any message."""
+
+
+class MadeUp:
+    """The package of MADE_UP, with samples."""
+
+    def __init__(self, folder: Path) -> None:
+        self.catalog = catalog_of(folder, MADE_UP)
+        self.package = import_package(self.catalog, folder)
+        importlib.import_module(f"{self.package.__name__}.srv")
+
+    def cls(self, name: str) -> Any:
+        """Return a class; a half of a service is named `Tiny_Request`."""
+        service, _, half = name.partition("_")
+        return getattr(getattr(self.package.srv, service), half) if half else getattr(self.package, name)
+
+    def samples(self, name: str) -> Samples:
+        """Return five samples in every encoding."""
+        halves = [half for service in self.catalog.services for half in (service.request, service.response)]
+        message = next(found for found in (*self.catalog.messages.values(), *halves) if found.name == name)
+        values = [values_by_chance(self.catalog, message, Random(seed)) for seed in range(5)]  # noqa: S311 - no secret
+        return {
+            encoding: [serialize(self.catalog, message, one, *encoding) for one in values] for encoding in ENCODINGS
+        }
+
+
+MADE_UP_NAMES = [Path(path).stem for path in MADE_UP if path.endswith(".msg")]
+MADE_UP_NAMES += ["Tiny_Request", "Tiny_Response", "Bare_Request", "Bare_Response"]
+
+
+def samples_of_vectors(catalog: Catalog, path: Path = VECTORS / "cdr.json") -> dict[str, Samples]:
+    """Return the firmware's samples by message, stale memory in their padding, and the same in other encodings."""
+    found: dict[str, Samples] = {}
+    for vector in json.loads(path.read_text()):
+        message = catalog.messages[f"px4_msgs/{vector['type']}"]
+        samples = found.setdefault(message.name, {encoding: [] for encoding in ENCODINGS})
+        for order, version in ENCODINGS:
+            given = serialize(catalog, message, vector["values"], order, version)
+            stale = HEADER + bytes.fromhex(vector["hex"])
+            samples[order, version].append(stale if (order, version) == USUAL else given)
+    return found
+
+
+def random_samples(data: st.DataObject, catalog: Catalog, message: Message) -> Samples:
+    """Draw the values of three samples."""
+    values = data.draw(st.lists(values_of(catalog, message), min_size=3, max_size=3), label=message.name)
+    return {encoding: [serialize(catalog, message, one, *encoding) for one in values] for encoding in ENCODINGS}
+
+
+def values_by_chance(catalog: Catalog, message: Message, chance: Random) -> dict[str, Any]:
+    """Return random values for a message that is too large to draw each of them from hypothesis."""
+
+    def one(type_: FieldType) -> Any:
+        if not type_.is_primitive:
+            return values_by_chance(catalog, catalog.nested(message, type_), chance)
+        if type_.name == "bool":
+            return chance.random() < 0.5
+        if type_.name in FLOATS:
+            return chance.choice([math.nan, math.inf, -0.0, 0.0, 1.5, -(2.0 ** chance.randint(-120, 120))])
+        low, high = INTEGER_RANGES[type_.name]
+        return chance.choice([low, high, chance.randint(low, high)])
+
+    return {
+        field.name: one(field.type)
+        if field.type.array is ArrayKind.SCALAR
+        else [one(field.type) for _ in range(field.type.length)]
+        for field in message.fields
+    }
+
+
+def random_packages(data: st.DataObject, files: dict[str, str]) -> Iterator[tuple[Any, Samples]]:
+    """Yield the classes of the package made of `files`, each with samples of random values."""
+    with tempfile.TemporaryDirectory() as folder:
+        catalog = catalog_of(Path(folder), files)
+        package = import_package(catalog, Path(folder))
+        for message in catalog.messages.values():
+            yield getattr(package, message.name), random_samples(data, catalog, message)
+
+
+def plain(value: Any) -> Any:
+    """Return a message, an array or anything in them as dictionaries, lists and the texts of numbers.
+
+    The texts tell 0 from False and from -0.0, and NaN equals NaN.
+    """
+    if isinstance(value, np.void):
+        return {name: plain(value[name]) for name in value.dtype.names or ()}
+    if hasattr(value, "__match_args__"):
+        return {name: plain(getattr(value, name)) for name in value.__match_args__}
+    if isinstance(value, (tuple, list, bytes, array, np.ndarray)):
+        return [plain(item) for item in value]
+    return repr(value.item() if isinstance(value, np.generic) else value)
+
+
+def outcome(call: Any, *arguments: Any) -> Any:
+    """Return what a call gives, in that form, or its DecodeError or EncodeError as text."""
+    try:
+        return plain(call(*arguments))
+    except ValueError as error:
+        return f"{type(error).__name__}: {error}"
+
+
+def each_byte_changed(sample: bytes) -> list[bytes]:
+    """Return a sample for every byte behind the encoding, with that byte changed: 0xA5 makes an odd bool."""
+    return [sample[:index] + b"\xa5" + sample[index + 1 :] for index in range(2, len(sample))]
+
+
+def cut_and_lengthened(sample: bytes) -> Iterator[bytes]:
+    """Yield what the sample begins with, of every length, and the sample with up to 8 bytes behind it."""
+    for length in range(len(sample) + 9):
+        yield (sample + b"\xa5" * 8)[:length]

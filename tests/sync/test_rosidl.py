@@ -1,0 +1,114 @@
+"""ROS 2's own tools accept a package that `msggen sync --create` makes: rosidl the definitions, catkin_pkg package.xml.
+
+CMake runs its CMakeLists.txt with stand-ins for ament and rosidl, which write down what they are called with.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from catkin_pkg.package import parse_package  # type: ignore[import-untyped]
+
+from msggen.cli import main
+from msggen.firmware.catalog import read_catalog
+from msggen.firmware.sources import find_sources
+from msggen.model import Message
+from support.catalogs import write_definitions
+from support.repository import shared
+
+parser = pytest.importorskip("rosidl_adapter.parser", reason="rosidl_adapter has wheels for Linux on x86-64 only")
+
+SOURCES = ["embedded", "v1.14", "v1.16", "v1.17", "v1.18", "main-2026-03"]
+CMAKE = shutil.which("cmake") or ""
+STAND_INS = {
+    "ament_cmake/ament_cmakeConfig.cmake": """
+        macro(ament_export_dependencies)
+          file(APPEND "${CMAKE_BINARY_DIR}/calls.txt" "ament_export_dependencies;${ARGN}\\n")
+        endmacro()
+        macro(ament_package)
+          file(APPEND "${CMAKE_BINARY_DIR}/calls.txt" "ament_package;${ARGN}\\n")
+        endmacro()
+    """,
+    "rosidl_default_generators/rosidl_default_generatorsConfig.cmake": """
+        macro(rosidl_generate_interfaces)
+          file(APPEND "${CMAKE_BINARY_DIR}/calls.txt" "rosidl_generate_interfaces;${ARGN}\\n")
+        endmacro()
+    """,
+}
+
+
+@pytest.fixture(params=SOURCES)
+def package(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A package made from one of the releases."""
+    source = [] if request.param == "embedded" else ["--px4", str(shared(f"firmware/{request.param}"))]
+    assert main(["sync", "-q", *source, "--create", str(tmp_path / "px4_msgs")]) == 0
+    return tmp_path / "px4_msgs"
+
+
+def test_rosidl_reads_every_message_as_msggen_does(package: Path) -> None:
+    messages = read_catalog(find_sources(str(package))).messages
+    for path in sorted((package / "msg").iterdir()):
+        found = parser.parse_message_file("px4_msgs", str(path))
+        assert_same(found, messages[f"px4_msgs/{path.stem}"])
+
+
+def test_rosidl_reads_every_service_as_msggen_does(package: Path) -> None:
+    for service in read_catalog(find_sources(str(package))).services:
+        found = parser.parse_service_file("px4_msgs", str(package / "srv" / f"{service.name}.srv"))
+        assert_same(found.request, service.request)
+        assert_same(found.response, service.response)
+
+
+def assert_same(found: object, expected: Message) -> None:
+    """Compare fields and constants, as rosidl and msggen read them."""
+    fields = [(str(field.type).removeprefix("px4_msgs/"), field.name) for field in found.fields]  # type: ignore[attr-defined]
+    assert fields == [(str(field.type), field.name) for field in expected.fields]
+    constants = {each.name: (each.type, each.value) for each in found.constants}  # type: ignore[attr-defined]
+    assert constants == {each.name: (str(each.type), each.value) for each in expected.constants}
+
+
+def test_rosidl_turns_definitions_into_idl(tmp_path: Path) -> None:
+    """What the build does first with each; a few show that our package gives it all that it needs."""
+    convert = pytest.importorskip("rosidl_adapter.msg").convert_msg_to_idl
+    assert main(["sync", "-q", "--create", str(tmp_path / "px4_msgs")]) == 0
+    for name in ("VehicleStatus", "EscStatus", "SensorCombined"):
+        idl = convert(tmp_path / "px4_msgs", "px4_msgs", Path("msg", f"{name}.msg"), tmp_path / "idl")
+        assert f"struct {name}" in Path(idl).read_text()
+
+
+def test_the_manifest_is_that_of_a_package_of_interfaces(package: Path) -> None:
+    manifest = parse_package(str(package))
+    warnings: list[str] = []
+    manifest.validate(warnings)
+    assert warnings == []
+    assert (manifest.name, manifest.package_format, manifest.licenses) == ("px4_msgs", 3, ["BSD-3-Clause"])
+    assert manifest.get_build_type() == "ament_cmake"
+    assert [group.name for group in manifest.member_of_groups] == ["rosidl_interface_packages"]
+    assert {dependency.name for dependency in manifest.buildtool_depends} == {
+        "ament_cmake",
+        "rosidl_default_generators",
+    }
+    assert {dependency.name for dependency in manifest.exec_depends} == {"rosidl_default_runtime"}
+
+
+@pytest.mark.skipif(not CMAKE, reason="needs cmake on the PATH")
+def test_cmake_hands_every_definition_to_rosidl(package: Path, tmp_path: Path) -> None:
+    prefix = write_definitions(tmp_path / "stand-ins", STAND_INS)
+
+    def configured() -> list[list[str]]:
+        command = [CMAKE, "-S", str(package), "-B", str(tmp_path / "build"), f"-DCMAKE_PREFIX_PATH={prefix}"]
+        (tmp_path / "build" / "calls.txt").unlink(missing_ok=True)
+        done = subprocess.run([*command, "--no-warn-unused-cli"], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+        return [line.split(";") for line in (tmp_path / "build" / "calls.txt").read_text().splitlines()]
+
+    definitions = [f"{path.parent.name}/{path.name}" for kind in ("msg", "srv") for path in (package / kind).glob("*")]
+    generate, export, last = configured()
+    assert generate[:2] == ["rosidl_generate_interfaces", "px4_msgs"]
+    assert sorted(generate[2:]) == sorted(definitions)
+    assert (export, last) == (["ament_export_dependencies", "rosidl_default_runtime"], ["ament_package", ""])
+    (package / "msg" / "Wheel.msg").write_text("uint64 timestamp\n")
+    assert sorted(configured()[0][2:]) == sorted([*definitions, "msg/Wheel.msg"])
