@@ -18,7 +18,8 @@ from other_codecs import CANNOT, Codec, Pycdr2, Rosbags, everything, generated
 from random_definitions import TOLERATED, random_catalog, values_of
 from reference import HEADERS, Values, padding, serialize
 
-from msggen.model import STRINGS, Catalog, Message
+from msggen.model import Catalog, Message
+from msggen.primitives import STRINGS
 
 MESSAGES, SERVICES = 80, 10
 """Of one batch: 100 definitions."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from msggen.generate.python.formatting import documentation, literal, wrapped
 from msggen.generate.python.names import attribute_names, class_name, module_name
-from msggen.generate.python.static_codec import CODES, Codec, as_tuple, is_bytes, is_held_as_array, is_large
+from msggen.generate.python.static_codec import Codec, as_tuple, is_bytes, is_held_as_array, is_large
 from msggen.generate.python.stream_codec import Function, functions_of
 from msggen.generate.python.versions import AdjacentVersion, adjacent_versions
 from msggen.identity import message_hash, type_hash
@@ -22,9 +22,6 @@ from msggen.layout import (
     struct_size,
 )
 from msggen.model import (
-    FLOATS,
-    INTEGER_RANGES,
-    STRINGS,
     ArrayKind,
     Catalog,
     Comment,
@@ -32,19 +29,13 @@ from msggen.model import (
     FieldType,
     Message,
 )
+from msggen.primitives import PRIMITIVES
 
 SPELLED_OUT_TO = 4
 """Tuples up to this length are spelled out in annotations."""
 
-_UNSIGNED = {1: "B", 2: "H", 4: "I", 8: "Q"}
+_UNSIGNED = {PRIMITIVES[name].size: PRIMITIVES[name].code for name in ("uint8", "uint16", "uint32", "uint64")}
 _SHADOWING = frozenset({"int", "float", "bool", "bytes", "list", "str", "tuple"})
-_PYTHON_TYPES = {
-    **dict.fromkeys(INTEGER_RANGES, "int"),
-    **dict.fromkeys(FLOATS, "float"),
-    **dict.fromkeys(STRINGS, "str"),
-    "bool": "bool",
-}
-_ZEROS = {"bool": "False", "int": "0", "float": "0.0", "str": '""'}
 
 
 class ClassConstant(NamedTuple):
@@ -314,7 +305,7 @@ def _attribute(field: Field, named: Field, extent: tuple[int, int], prefix: str)
 def _annotation(type_: FieldType, prefix: str) -> str:
     if type_.array is not ArrayKind.SCALAR and is_bytes(type_):
         return f"{prefix}bytes"
-    item = f"{prefix}{_PYTHON_TYPES[type_.name]}" if type_.is_primitive else type_.name
+    item = f"{prefix}{PRIMITIVES[type_.name].python_type}" if type_.is_primitive else type_.name
     if type_.array is ArrayKind.SCALAR:
         return item
     if is_large(type_) or type_.array is not ArrayKind.FIXED:
@@ -347,7 +338,7 @@ def _zero(type_: FieldType, prefix: str) -> str:
         return f"{prefix}bytes({type_.length})" if type_.array is ArrayKind.FIXED else 'b""'
     if type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED):
         return "()"
-    zero = _ZEROS[_PYTHON_TYPES[type_.name]]
+    zero = PRIMITIVES[type_.name].zero
     if type_.array is ArrayKind.SCALAR:
         return zero
     if type_.length <= SPELLED_OUT_TO:
@@ -365,7 +356,7 @@ def _fresh(field: Field) -> str:
         return (
             as_tuple([f"{type_.name}()"] * type_.length) if spelled_out else f"_cdr.fresh({type_.name}, {type_.length})"
         )
-    code = literal(CODES[type_.name])
+    code = literal(PRIMITIVES[type_.name].code)
     if field.default:
         return f"_arrays.array({code}, {literal(field.default)})"
     return f"_arrays.zeros({code}, {type_.length})" if type_.array is ArrayKind.FIXED else f"_arrays.array({code})"
@@ -390,7 +381,7 @@ def _values(leaves: tuple[Leaf, ...]) -> Iterator[tuple[int, int, str]]:
         if leaf.type.array is ArrayKind.FIXED and (is_bytes(leaf.type) or is_large(leaf.type)):
             yield leaf.padding, leaf.count * leaf.size, "s"
         else:
-            yield leaf.padding, leaf.count, CODES[leaf.type.name]
+            yield leaf.padding, leaf.count, PRIMITIVES[leaf.type.name].code
 
 
 def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:

@@ -17,30 +17,15 @@ from collections.abc import Callable, Iterable
 from msggen.generate.python.formatting import literal
 from msggen.generate.python.names import attribute_names
 from msggen.model import ArrayKind, Catalog, FieldType, Message
+from msggen.primitives import FLOATS, INTEGERS, OCTETS, PRIMITIVES
 
 ARRAY_FROM = 16
 """Arrays of numbers are tuples below this length."""
 
-CODES = {
-    "bool": "?",
-    "byte": "B",
-    "char": "B",
-    "int8": "b",
-    "uint8": "B",
-    "int16": "h",
-    "uint16": "H",
-    "int32": "i",
-    "uint32": "I",
-    "int64": "q",
-    "uint64": "Q",
-    "float32": "f",
-    "float64": "d",
-}
-
 ClassOf = Callable[[Message], str]
 """Names the class of a message, as the module that nests it does."""
 
-_BYTES = ("byte", "char", "uint8")
+_NUMBERS = frozenset({*INTEGERS, *FLOATS}) - {*OCTETS}
 _TAKEN = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error", "len"})
 _LARGEST_GROUP = 100
 """Python compiles longer chains of operators by ever deeper recursion."""
@@ -48,19 +33,23 @@ _LARGEST_GROUP = 100
 
 def is_bytes(type_: FieldType) -> bool:
     """Whether an array of this type is held as bytes."""
-    return type_.is_primitive and type_.name in _BYTES
+    return type_.is_primitive and type_.name in OCTETS
 
 
 def is_large(type_: FieldType) -> bool:
     """Whether the array is held as array.array."""
-    numeric = type_.name in CODES and type_.name not in (*_BYTES, "bool")
-    return numeric and type_.array is ArrayKind.FIXED and type_.length >= ARRAY_FROM
+    return type_.array is ArrayKind.FIXED and type_.length >= ARRAY_FROM and _is_number(type_)
 
 
 def is_held_as_array(type_: FieldType) -> bool:
     """Whether the values are held as array.array: large arrays, and sequences, of numbers."""
     is_sequence = type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED)
-    return is_large(type_) or (is_sequence and type_.name in CODES and type_.name not in (*_BYTES, "bool"))
+    return is_large(type_) or (is_sequence and _is_number(type_))
+
+
+def _is_number(type_: FieldType) -> bool:
+    """Whether the values are numbers that do not fit into bytes."""
+    return type_.name in _NUMBERS
 
 
 class Names:
@@ -115,7 +104,7 @@ class Values:
             self.values.append(there)
             self.lengths.append((there, type_.length))
         elif is_large(type_):
-            code = literal(CODES[type_.name])
+            code = literal(PRIMITIVES[type_.name].code)
             raw = self.names.one(f"{stem}_raw")
             self.targets.append(raw)
             self.assigned.append((here, f"_from_raw({code}, {raw})"))
