@@ -17,27 +17,12 @@ from msggen.model import (
     FieldType,
     Message,
 )
+from msggen.primitives import PRIMITIVES
 
 _FNV_OFFSET, _FNV_PRIME = 0x811C9DC5, 0x01000193
 
-_TYPE_IDS = {
-    "int8": 2,
-    "uint8": 3,
-    "int16": 4,
-    "uint16": 5,
-    "int32": 6,
-    "uint32": 7,
-    "int64": 8,
-    "uint64": 9,
-    "float32": 10,
-    "float64": 11,
-    "char": 3,
-    "bool": 15,
-    "byte": 16,
-    "string": 17,
-    "wstring": 18,
-}
-"""type_description_interfaces/msg/FieldType; `char` hashes as `uint8`, a nested message is 1."""
+_NESTED_TYPE_ID = 1
+"""type_description_interfaces/msg/FieldType."""
 
 _ARRAY_OFFSETS = {ArrayKind.SCALAR: 0, ArrayKind.FIXED: 48, ArrayKind.BOUNDED: 96, ArrayKind.UNBOUNDED: 144}
 _BOUNDED_STRING_OFFSET = 4
@@ -77,7 +62,10 @@ def _description(catalog: Catalog, message: Message) -> str:
 
 
 def _type(catalog: Catalog, outer: Message, type_: FieldType) -> str:
-    base, nested = (_TYPE_IDS[type_.name], "") if type_.is_primitive else (1, catalog.nested(outer, type_).ros_type)
+    if type_.is_primitive:
+        base, nested = PRIMITIVES[type_.name].type_id, ""
+    else:
+        base, nested = _NESTED_TYPE_ID, catalog.nested(outer, type_).ros_type
     bound = 0 if type_.string_bound is None else _BOUNDED_STRING_OFFSET
     return (
         f'{{"type_id": {base + bound + _ARRAY_OFFSETS[type_.array]}, "capacity": {type_.length}, '

@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import NamedTuple
 
-from msggen.model import SIZES, ArrayKind, Catalog, FieldType, Message
+from msggen.model import ArrayKind, Catalog, FieldType, Message
+from msggen.primitives import PRIMITIVES
 
 Path = tuple[tuple[str, int | None], ...]
 """How to reach a value: (field name, index in an array of messages or None), from the outside in."""
@@ -96,7 +97,7 @@ def struct_size(catalog: Catalog, message: Message) -> int:
     Fields stand sorted by size, so only nested messages, at the end and aligned to 8, bring padding.
     """
     primitives = [field.type for field in message.fields if field.type.is_primitive]
-    offset = sum(SIZES[type_.name] * type_.count for type_ in primitives)
+    offset = sum(PRIMITIVES[type_.name].size * type_.count for type_ in primitives)
     for field in message.fields:
         if not field.type.is_primitive:
             inner = -(-struct_size(catalog, catalog.nested(message, field.type)) // 8) * 8
@@ -129,7 +130,7 @@ class _Writer:
                 self._array(message, field.type, field.name, path)
 
     def _leaf(self, type_: FieldType, path: Path) -> None:
-        size = SIZES[type_.name]
+        size = PRIMITIVES[type_.name].size
         count = type_.count
         padding = self._pad(size)
         self.items.append(Leaf(path, type_, count, size, self.offset, padding))

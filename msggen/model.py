@@ -13,6 +13,7 @@ from typing import NamedTuple, Union
 
 from msggen.diagnostics import Diagnostic
 from msggen.location import Location
+from msggen.primitives import PRIMITIVES, STRINGS
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -20,35 +21,6 @@ if TYPE_CHECKING:
 
 Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated, and it names itself
 """What a constant or a default may hold; tuples only as defaults of arrays."""
-
-INTEGER_RANGES: Mapping[str, tuple[int, int]] = {
-    "byte": (0, 2**8 - 1),
-    "char": (0, 2**8 - 1),
-    "int8": (-(2**7), 2**7 - 1),
-    "uint8": (0, 2**8 - 1),
-    "int16": (-(2**15), 2**15 - 1),
-    "uint16": (0, 2**16 - 1),
-    "int32": (-(2**31), 2**31 - 1),
-    "uint32": (0, 2**32 - 1),
-    "int64": (-(2**63), 2**63 - 1),
-    "uint64": (0, 2**64 - 1),
-}
-"""Smallest and largest value of each integer type. `char` counts as `uint8`, as in PX4 and ROS 2."""
-
-FLOATS = ("float32", "float64")
-STRINGS = ("string", "wstring")
-PRIMITIVES = ("bool", *INTEGER_RANGES, *FLOATS, *STRINGS)
-"""The types that ROS 2's `.msg` grammar has built in."""
-
-_PRIMITIVES = frozenset(PRIMITIVES)
-
-SIZES: Mapping[str, int] = {
-    **{name: (high - low + 1).bit_length() // 8 for name, (low, high) in INTEGER_RANGES.items()},
-    "bool": 1,
-    "float32": 4,
-    "float64": 8,
-}
-"""Bytes of each primitive that has a fixed size in CDR (OMG DDS-XTypes 1.3, section 7.4)."""
 
 VERSION = "MESSAGE_VERSION"
 """The constant that says which version of a message a definition is."""
@@ -89,7 +61,7 @@ class FieldType(NamedTuple):
     @property
     def is_primitive(self) -> bool:
         """Whether the grammar has the type built in; every other type is a message."""
-        return self.package is None and self.name in _PRIMITIVES
+        return self.package is None and self.name in PRIMITIVES
 
     @property
     def count(self) -> int:  # type: ignore[override]  # a tuple's own is of no use here

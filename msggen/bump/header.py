@@ -11,15 +11,14 @@ from typing import NamedTuple
 
 from msggen.diagnostics import few
 from msggen.firmware.history import archived_name
-from msggen.model import FLOATS, INTEGER_RANGES, VERSION, ArrayKind, BridgeEntry, Field, FieldType, Message
+from msggen.model import VERSION, ArrayKind, BridgeEntry, Field, FieldType, Message
+from msggen.primitives import PRIMITIVES
 
 TODO = "// TODO:"
 """Marks a line that needs a decision."""
 
 _NO_VALUES = (VERSION, "ORB_QUEUE_LENGTH")
 """Constants that are no values of a field."""
-_ZEROS = {"bool": "false", "float32": "0.0f", "float64": "0.0", **dict.fromkeys(INTEGER_RANGES, "0")}
-_NUMBERS = frozenset({"bool", *INTEGER_RANGES, *FLOATS})
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"(translation_[^"]+)".*\n?', re.MULTILINE)
 _ANY_INCLUDE = re.compile(r"^[ \t]*#[ \t]*include\b.*\n?", re.MULTILINE)
 _CLASS = re.compile(r"\b(?:class|struct)\s+(\w+)\s*\{(.*?)\bfromOlder\b", re.DOTALL)
@@ -253,9 +252,10 @@ def _default(type_: FieldType, place: str) -> str:
 
     ROS 2 makes the constructors of messages explicit, so that braces alone are no message.
     """
-    if type_.name not in _NUMBERS or not type_.is_primitive:
+    zero = PRIMITIVES[type_.name].cpp_zero if type_.is_primitive else ""
+    if not zero:
         return f"decltype({place})()"
-    return _ZEROS[type_.name] if type_.array is ArrayKind.SCALAR else "{}"
+    return zero if type_.array is ArrayKind.SCALAR else "{}"
 
 
 def _renamed(source: tuple[Field, ...], target: tuple[Field, ...]) -> dict[str, str]:

@@ -17,12 +17,10 @@ from msggen.firmware.history import History
 from msggen.layout import Layout, Path, is_static, lay_out
 from msggen.location import Location
 from msggen.model import VERSION, Catalog, Constant, Field, FieldType, Message, Value
+from msggen.primitives import OCTETS
 
 Shape = tuple["tuple[str, str, Shape | None]", ...]
 """Type and name of each field, and the shape of what it nests: all that decides bytes, names and hashes."""
-
-_SAME_VALUES = {"char": "uint8", "byte": "uint8"}
-"""Other names for the same bytes with the same meaning: PX4 and ROS 2 read all three as 0 to 255."""
 
 
 class Extra(NamedTuple):
@@ -264,7 +262,7 @@ def _content(catalog: Catalog, message: Message) -> tuple[Shape, dict[str, tuple
 
 def meaning(type_: FieldType) -> str:
     """Return what one value of a type means: `char` and `byte` are other names for `uint8`."""
-    return _SAME_VALUES.get(type_.base, type_.base)
+    return "uint8" if type_.base in OCTETS else type_.base
 
 
 def has_same_length(pair: FieldPair) -> bool:

@@ -10,10 +10,6 @@ from msggen.diagnostics import Diagnostic, counted, few, suggestion
 from msggen.firmware.sources import LISTS, Sources
 from msggen.location import Location
 from msggen.model import (
-    INTEGER_RANGES,
-    PRIMITIVES,
-    SIZES,
-    STRINGS,
     ArrayKind,
     BridgeEntry,
     Field,
@@ -23,6 +19,7 @@ from msggen.model import (
     snake_case,
 )
 from msggen.parse.definition import OTHER_SPELLINGS
+from msggen.primitives import INTEGERS, PRIMITIVES, STRINGS
 
 if TYPE_CHECKING:
     from msggen.parse.cmake import MessageLists
@@ -184,7 +181,7 @@ def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
     if found is None:
         text = f"'{message.name}' has no field '{entry.route_field}' to route by"
         yield Diagnostic(entry.location, "Y205", f"{text}{suggestion(entry.route_field or '', fields)}")
-    elif found.name not in INTEGER_RANGES or found.array is not ArrayKind.SCALAR:
+    elif found.name not in INTEGERS or found.array is not ArrayKind.SCALAR:
         text = f"'{message.name}' is routed by '{entry.route_field}': expected an integer, found {found}"
         yield Diagnostic(entry.location, "Y205", text)
 
@@ -332,7 +329,7 @@ def _extent_of_field(
 ) -> _Extent:
     type_ = field.type
     if type_.is_primitive:
-        size = SIZES.get(type_.name, _REFERENCE) * type_.count if type_.array in _COUNTED else 0
+        size = (PRIMITIVES[type_.name].size or _REFERENCE) * type_.count if type_.array in _COUNTED else 0
         return _Extent(size, type_.count if type_.name == "bool" else 1)
     size, values, depth = _extent(known[outer.key_of(type_)], known, extents)
     return _Extent(size * type_.count if type_.is_fixed_size else 0, values * type_.count, depth)

@@ -13,9 +13,10 @@ from msggen.diagnostics import Diagnostic, InputError, suggestion
 from msggen.firmware import sources
 from msggen.firmware.catalog import ARCHIVED_NAME, is_comparable
 from msggen.firmware.tree import Tree
-from msggen.model import ARCHIVE_PACKAGE, PRIMITIVES, Message
+from msggen.model import ARCHIVE_PACKAGE, Message
 from msggen.parse.definition import parse_message
 from msggen.parse.text import decode_text
+from msggen.primitives import PRIMITIVES
 
 VERSIONED = "msg/versioned"
 ARCHIVE = f"msg/{sources.ARCHIVE}"

@@ -13,8 +13,6 @@ from typing import NamedTuple
 from msggen.diagnostics import Diagnostic, Level, suggestion
 from msggen.location import Location
 from msggen.model import (
-    INTEGER_RANGES,
-    PRIMITIVES,
     ArrayKind,
     Constant,
     Field,
@@ -26,6 +24,7 @@ from msggen.model import (
 )
 from msggen.parse.comment import KNOWN_TAGS, parse_comment
 from msggen.parse.value import parse_value
+from msggen.primitives import INTEGERS, PRIMITIVES, STRINGS
 
 MAX_LENGTH = 2**16 - 1
 """Longest fixed array in a message of uORB, which carries no more bytes than this."""
@@ -318,7 +317,7 @@ class _Body:
             if near or name.startswith("ORB_"):
                 text = f"the firmware gives '{name}' no meaning, {hint}"
                 self.faults.append(Diagnostic(location, "M405", text))
-        elif type_.name not in INTEGER_RANGES or not isinstance(value, int) or value < low:
+        elif type_.name not in INTEGERS or not isinstance(value, int) or value < low:
             text = f"{name} should be an integer of at least {low}, found '{type_} {name} = {value}'"
             self.faults.append(Diagnostic(location, "M405", text))
 
@@ -375,7 +374,7 @@ def parse_type(text: str, *, of_uorb: bool = True) -> FieldType:
         raise TypeSpellingError("M301", f"unknown type '{text}': expected 'package/Name'")
     bound = None
     if match["bound"] is not None:
-        if name not in ("string", "wstring"):
+        if name not in STRINGS:
             raise TypeSpellingError("M303", f"'{text}': only strings take a bound")
         bound = _length(match["bound"], text, MAX_BOUND)
     if not match["array"]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 
-from msggen.model import FLOATS, INTEGER_RANGES, STRINGS, ArrayKind, FieldType, Value
+from msggen.model import ArrayKind, FieldType, Value
+from msggen.primitives import PRIMITIVES, Primitive
 
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
-_LARGEST = {"float32": 3.4028235677973362e38, "float64": 1.7976931348623157e308}
 _STRING_ITEM = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,\[\]"'][^,\[\]]*?)\s*(?:,|$)""")
 
 
@@ -53,14 +53,15 @@ def _items(inside: str) -> list[str]:
 
 
 def _scalar(type_: FieldType, text: str) -> Value:
-    if not text and type_.name not in STRINGS:
-        raise ValueError(f"expected a value of type '{type_.base}', found none")
-    if type_.name in INTEGER_RANGES:
-        return _integer(type_.name, text)
-    if type_.name in FLOATS:
-        return _float(type_.name, text)
-    if type_.name in STRINGS:
+    primitive = PRIMITIVES[type_.name]
+    if primitive.is_string:
         return _string(type_, text)
+    if not text:
+        raise ValueError(f"expected a value of type '{type_.base}', found none")
+    if primitive.is_integer:
+        return _integer(primitive, text)
+    if primitive.is_float:
+        return _float(primitive, text)
     if text.lower() not in _BOOLEANS:
         raise ValueError(f"expected true, false, 1 or 0, found {text!r}")
     return _BOOLEANS[text.lower()]
@@ -74,24 +75,23 @@ def _bool(text: str) -> bool:
         return bool(_scalar(FieldType("bool"), text))
 
 
-def _integer(name: str, text: str) -> int:
-    low, high = INTEGER_RANGES[name]
+def _integer(type_: Primitive, text: str) -> int:
     try:
         value = int(text, 10 if text.lstrip("+-").isdecimal() else 0)
     except ValueError:
         raise ValueError(f"expected an integer, found {text!r}") from None
-    if not low <= value <= high:
-        raise ValueError(f"{name} holds {low} to {high}, found {text}")
+    if not type_.smallest <= value <= type_.largest:
+        raise ValueError(f"{type_.name} holds {type_.smallest} to {type_.largest}, found {text}")
     return value
 
 
-def _float(name: str, text: str) -> float:
+def _float(type_: Primitive, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
         raise ValueError(f"expected a number, found {text!r}") from None
-    if abs(value) > _LARGEST[name] and "inf" not in text.lower():
-        raise ValueError(f"{name} holds up to {_LARGEST[name]}, found {text}")
+    if abs(value) > type_.largest and "inf" not in text.lower():
+        raise ValueError(f"{type_.name} holds up to {type_.largest}, found {text}")
     return value
 
 

@@ -11,9 +11,10 @@ from typing import NamedTuple
 from msggen.diagnostics import Diagnostic, InputError, Level, fault, suggestion
 from msggen.firmware.path_hint import path_hint
 from msggen.location import Location
-from msggen.model import PRIMITIVES, STRINGS, ArrayKind, Field, Message, snake_case
+from msggen.model import ArrayKind, Field, Message, snake_case
 from msggen.parse.definition import OTHER_SPELLINGS, parse_message
 from msggen.parse.text import decode_text
+from msggen.primitives import PRIMITIVES, STRINGS
 
 
 class Definition(NamedTuple):

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from msggen.model import INTEGER_RANGES, ArrayKind, Catalog, Message
+from msggen.model import ArrayKind, Catalog, Message
+from msggen.primitives import PRIMITIVES
 from support.catalogs import catalog_of, import_package
 from support.reference import HEADERS, serialize, to_object, to_values
 from support.repository import VECTORS
@@ -98,5 +99,5 @@ def _without_zero_byte(name: str) -> Any:
     if name in ("float32", "float64"):
         code, size = {"float32": ("<f", 4), "float64": ("<d", 8)}[name]
         return struct.unpack(code, b"\x41" * size)[0]
-    low, high = INTEGER_RANGES[name]
+    low, high = PRIMITIVES[name].integer_range
     return -1 if low < 0 else high

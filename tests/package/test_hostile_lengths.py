@@ -63,7 +63,7 @@ def outcome(ours: Generated, message: Message, sample: bytes) -> str:
     """Return the values in `sample` as text, or that there are none."""
     try:
         return repr(ours.decode(message, sample))
-    except ours.cdr.DecodeError:
+    except ours.errors.DecodeError:
         return "malformed"
 
 
@@ -95,7 +95,7 @@ def test_a_sample_cut_off_anywhere_is_an_error(ours: Generated, encoding: tuple[
     message, sample = sample_of(ours.catalog, encoding)
     assert ours.decode(message, sample) == VALUES
     for length in range(len(sample)):
-        with pytest.raises(ours.cdr.DecodeError, match=r"^(Everything|Static|Inner)\b"):
+        with pytest.raises(ours.errors.DecodeError, match=r"^(Everything|Static|Inner)\b"):
             ours.cls(message).decode(sample[:length])
 
 
@@ -115,7 +115,7 @@ def test_hostile_numbers_take_no_more_memory_than_the_sample_accounts_for(
     message, sample = sample_of(ours.catalog, encoding)
     decode = ours.cls(message).decode
     hostile_samples = [*with_large_numbers(sample, encoding[0])]
-    assert peak_of(decode, hostile_samples, ours.cdr.DecodeError) < FACTOR * len(sample) + OVERHEAD
+    assert peak_of(decode, hostile_samples, ours.errors.DecodeError) < FACTOR * len(sample) + OVERHEAD
 
 
 @pytest.mark.parametrize("name", ["Nothing", "Static", "Inner"])
@@ -128,7 +128,7 @@ def test_many_small_elements_take_memory_in_proportion(name: str, tmp_path: Path
         for count in (len(body), len(body) + 1, 2**32 - 1):
             sample = b"\0\1\0\0" + count.to_bytes(4, "little") + body
             decode = ours.types.Many.decode
-            assert peak_of(decode, [sample], ours.cdr.DecodeError) < FACTOR * len(sample) + OVERHEAD
+            assert peak_of(decode, [sample], ours.errors.DecodeError) < FACTOR * len(sample) + OVERHEAD
 
 
 def peak_of(decode: Any, samples: list[bytes], failure: type[Exception]) -> int:
@@ -164,7 +164,7 @@ def test_what_is_beyond_a_bound_is_neither_read_nor_written(type_: str, tmp_path
             sample = ours.encode(loose, values, *encoding)
             assert ours.decode(loose, sample) == values
             assert outcome(ours, tight, sample) == expected_outcome(catalog, tight, sample) == "malformed"
-            with pytest.raises(ours.cdr.EncodeError):
+            with pytest.raises(ours.errors.EncodeError):
                 ours.encode(tight, values, *encoding)
 
 

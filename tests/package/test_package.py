@@ -28,7 +28,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.model import FLOATS, INTEGER_RANGES, SIZES, Catalog
+from msggen.model import Catalog
+from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES
 from support.catalogs import catalog_of, import_package
 from support.reference import HEADERS, serialize, to_values
 from support.repository import NAMES, ROOT
@@ -52,8 +53,8 @@ def filled(package: Any, message_type: Any) -> Any:
         number = next(numbers)
         if base == "bool":
             return number % 2 == 0
-        if base in INTEGER_RANGES:
-            low, high = INTEGER_RANGES[base]
+        if base in INTEGERS:
+            low, high = PRIMITIVES[base].integer_range
             return (low, high, high - number % 100)[number % 3]
         if base in FLOATS:
             return FLOAT_VALUES[number % len(FLOAT_VALUES)]
@@ -76,7 +77,7 @@ def on_the_wire(package: Any, message: Any) -> dict[str, Any]:
     def one(base: str, value: Any) -> Any:
         if base in FLOATS:
             return struct.pack("<f" if base == "float32" else "<d", value)
-        return value if base in SIZES else on_the_wire(package, value)
+        return value if base in PRIMITIVES else on_the_wire(package, value)
 
     values = {}
     for field in message.__msg__.fields:
@@ -95,7 +96,7 @@ def sample(catalog: Catalog, message: Any, order: str, version: int) -> bytes:
 @pytest.fixture(scope="module")
 def everything(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """A package with one message that has every type, alone and in arrays of either kind."""
-    types = ("bool", *INTEGER_RANGES, *FLOATS)
+    types = ("bool", *INTEGERS, *FLOATS)
     lines = ["uint64 timestamp"]
     for type_ in types:
         lines += [f"{type_} one_{type_}", f"{type_}[3] few_{type_}", f"{type_}[20] many_{type_}"]
@@ -113,7 +114,7 @@ def test_the_committed_package_has_all_messages() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_field_has_a_zero_default(name: str, px4_types: Any) -> None:
     def zero(base: str) -> Any:
-        plain = {"bool": False, **dict.fromkeys(FLOATS, 0.0), **dict.fromkeys(INTEGER_RANGES, 0)}
+        plain = {"bool": False, **dict.fromkeys(FLOATS, 0.0), **dict.fromkeys(INTEGERS, 0)}
         return plain[base] if base in plain else getattr(px4_types, base)()
 
     message = getattr(px4_types, name)()
@@ -601,7 +602,8 @@ def test_short_input_names_the_first_field_that_is_cut(
     wrong = {}
     for length in range(len(data) - 4):
         ends = (
-            (field.offset + SIZES[field.base] * (field.length or 1), field) for field in message_type.__msg__.fields
+            (field.offset + PRIMITIVES[field.base].size * (field.length or 1), field)
+            for field in message_type.__msg__.fields
         )
         expected = next(field.name for end, field in ends if end > length)
         with pytest.raises(px4_types.DecodeError) as caught:
@@ -652,9 +654,9 @@ def encode_error(package: Any, message: Any) -> str:
     return str(caught.value)
 
 
-@pytest.mark.parametrize("type_", INTEGER_RANGES)
+@pytest.mark.parametrize("type_", INTEGERS)
 def test_integers_reach_from_the_lowest_to_the_highest_and_no_further(type_: str, everything: Any) -> None:
-    low, high = INTEGER_RANGES[type_]
+    low, high = PRIMITIVES[type_].integer_range
     for value in (low, high):
         message = everything.Everything(**{f"one_{type_}": value})
         assert getattr(everything.Everything.decode(message.encode()), f"one_{type_}") == value
@@ -663,12 +665,12 @@ def test_integers_reach_from_the_lowest_to_the_highest_and_no_further(type_: str
         assert text == f"Everything.one_{type_}: expected {type_}, {low} to {high}, got {value}"
 
 
-@pytest.mark.parametrize("type_", [type_ for type_ in INTEGER_RANGES if type_ not in BYTES])
+@pytest.mark.parametrize("type_", [type_ for type_ in INTEGERS if type_ not in BYTES])
 @pytest.mark.parametrize(("kind", "length"), [("few", 3), ("many", 20)])
 def test_an_integer_out_of_range_in_an_array_is_named_by_its_index(
     type_: str, kind: str, length: int, everything: Any
 ) -> None:
-    low, high = INTEGER_RANGES[type_]
+    low, high = PRIMITIVES[type_].integer_range
     for value in (low - 1, high + 1):
         values = [0] * length
         values[2] = value
@@ -696,7 +698,7 @@ WRONG_TYPES = [None, "1", b"1", [1], object(), 1j]
 
 
 @pytest.mark.parametrize("wrong", WRONG_TYPES, ids=lambda wrong: type(wrong).__name__)
-@pytest.mark.parametrize("type_", ["bool", *INTEGER_RANGES, *FLOATS])
+@pytest.mark.parametrize("type_", ["bool", *INTEGERS, *FLOATS])
 def test_a_value_of_the_wrong_type_is_named(type_: str, wrong: Any, everything: Any) -> None:
     text = encode_error(everything, everything.Everything(**{f"one_{type_}": wrong}))
     assert text.startswith(f"Everything.one_{type_}: expected ")
@@ -704,7 +706,7 @@ def test_a_value_of_the_wrong_type_is_named(type_: str, wrong: Any, everything: 
     assert "got " in text
 
 
-@pytest.mark.parametrize("type_", INTEGER_RANGES)
+@pytest.mark.parametrize("type_", INTEGERS)
 def test_a_float_is_no_integer(type_: str, everything: Any) -> None:
     text = encode_error(everything, everything.Everything(**{f"one_{type_}": 1.0}))
     assert text.startswith(f"Everything.one_{type_}: expected {type_}")

@@ -30,7 +30,8 @@ from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources, with_archived
 from msggen.generate.python.package import list_package, render_package
-from msggen.model import FLOATS, INTEGER_RANGES, STRINGS, ArrayKind, Catalog, FieldType, Message
+from msggen.model import ArrayKind, Catalog, FieldType, Message
+from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES, STRINGS
 from support.catalogs import import_package, write_definitions
 from support.imports import HEAVY
 from support.random_definitions import values_of
@@ -531,7 +532,7 @@ def test_any_version_converts_to_any_other_and_to_nothing_else(tmp_path: Path) -
 # --- Random definitions against an obvious way to convert
 
 
-TYPES = ("bool", *INTEGER_RANGES, *FLOATS, "string", "string<=4", "wstring", *["Inner"] * 4, "Other", "")
+TYPES = ("bool", *INTEGERS, *FLOATS, "string", "string<=4", "wstring", *["Inner"] * 4, "Other", "")
 SHAPES = ("", "", "", "[1]", "[3]", "[17]", "[]", "[<=1]", "[<=3]")
 PAIRS = 60
 
@@ -629,14 +630,14 @@ def has_room(type_: FieldType, count: int | None) -> bool:
 
 
 def kind(type_: FieldType) -> str:
-    kinds = {"integer": INTEGER_RANGES, "float": FLOATS, "text": STRINGS, "bool": ("bool",)}
+    kinds = {"integer": INTEGERS, "float": FLOATS, "text": STRINGS, "bool": ("bool",)}
     return next((name for name, types in kinds.items() if type_.name in types), "message")
 
 
 def holds(mine: FieldType, theirs: FieldType, value: Any) -> bool:
     """Whether a value is one of a type of the same kind."""
-    if theirs.name in INTEGER_RANGES:
-        low, high = INTEGER_RANGES[theirs.name]
+    if theirs.name in INTEGERS:
+        low, high = PRIMITIVES[theirs.name].integer_range
         return bool(low <= value <= high)
     if theirs.name in STRINGS:
         return theirs.string_bound is None or len(value) <= theirs.string_bound

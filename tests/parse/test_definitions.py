@@ -11,8 +11,6 @@ import pytest
 from msggen.diagnostics import Diagnostic, Level
 from msggen.location import Location
 from msggen.model import (
-    INTEGER_RANGES,
-    PRIMITIVES,
     ArrayKind,
     Catalog,
     Comment,
@@ -26,6 +24,7 @@ from msggen.model import (
 from msggen.parse.comment import parse_comment
 from msggen.parse.definition import parse_message, parse_service
 from msggen.parse.text import decode_text
+from msggen.primitives import INTEGERS, PRIMITIVES
 from support.repository import DEFINITIONS
 
 
@@ -151,9 +150,9 @@ def test_a_constant_may_be_not_a_number() -> None:
     assert math.isnan(value)
 
 
-@pytest.mark.parametrize("name", INTEGER_RANGES)
+@pytest.mark.parametrize("name", INTEGERS)
 def test_an_integer_takes_its_whole_range_and_no_more(name: str) -> None:
-    low, high = INTEGER_RANGES[name]
+    low, high = PRIMITIVES[name].integer_range
     assert [constant.value for constant in read(f"{name} A = {low}\n{name} B = {high}").constants] == [low, high]
     assert faults_of(f"{name} A = {low - 1}\n{name} B = {high + 1}") == ["M305", "M305"]
 

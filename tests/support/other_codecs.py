@@ -58,6 +58,7 @@ class Generated:
     def __init__(self, catalog: Catalog, package: ModuleType) -> None:
         self.catalog = catalog
         self.encode_as = importlib.import_module(f"{package.__name__}.encapsulation").encode_as
+        self.errors = importlib.import_module(f"{package.__name__}.cdr")
         self.types = SimpleNamespace()
         for message in everything(catalog):
             is_own = message.package == catalog.package
@@ -71,9 +72,7 @@ class Generated:
     def encode(self, message: Message, values: Values, order: str, version: int) -> bytes:
         given = to_object(self.types, self.catalog, message, values)
         is_usual = (order, version) == USUAL
-        encoded: bytes = (
-            given.encode() if is_usual else self.encode_as(given, HEADERS[order, version][:2])
-        )
+        encoded: bytes = given.encode() if is_usual else self.encode_as(given, HEADERS[order, version][:2])
         return encoded
 
     def decode(self, message: Message, sample: bytes) -> Values:

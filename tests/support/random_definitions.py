@@ -15,10 +15,11 @@ from typing import Any
 
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources
-from msggen.model import FLOATS, INTEGER_RANGES, STRINGS, ArrayKind, Catalog, FieldType, Message
+from msggen.model import ArrayKind, Catalog, FieldType, Message
+from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES, STRINGS
 from support.catalogs import write_definitions
 
-NUMBERS = ("bool", *INTEGER_RANGES, *FLOATS)
+NUMBERS = ("bool", *INTEGERS, *FLOATS)
 LENGTHS = (1, 1, 2, 2, 3, 3, 4, 5, 7, 8, 15, 16, 17, 33)
 BOUNDS = (1, 2, 3, 7, 16, 100, 65535, 65536, 2**31 - 1)
 NAMES = (
@@ -184,7 +185,7 @@ def _count(chance: Random, type_: FieldType) -> int:
 def _number(chance: Random, name: str) -> Any:
     if name == "bool":
         return chance.random() < 0.5
-    if name in INTEGER_RANGES:
+    if name in INTEGERS:
         return _integer(chance, name)
     code, size = {"float32": ("<f", 4), "float64": ("<d", 8)}[name]
     (any_bits,) = struct.unpack(code, chance.randbytes(size))
@@ -193,7 +194,7 @@ def _number(chance: Random, name: str) -> Any:
 
 
 def _integer(chance: Random, name: str) -> int:
-    low, high = INTEGER_RANGES[name]
+    low, high = PRIMITIVES[name].integer_range
     return chance.choice((0, 1, low, high, chance.randint(low, high)))
 
 

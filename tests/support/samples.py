@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from msggen.model import FLOATS, INTEGER_RANGES, ArrayKind, Catalog, FieldType, Message
+from msggen.model import ArrayKind, Catalog, FieldType, Message
+from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES
 from support.catalogs import catalog_of, import_package
 from support.reference import HEADERS, serialize
 from support.repository import VECTORS
@@ -31,7 +32,7 @@ SOME = ["SensorCombined", "VehicleStatus", "DebugKeyValue", "DebugArray", "Posit
 Samples = dict[tuple[str, int], list[bytes]]
 """Samples of one message by encoding; the same values in each."""
 
-_TYPES = ("bool", *INTEGER_RANGES, *FLOATS)
+_TYPES = ("bool", *INTEGERS, *FLOATS)
 
 MADE_UP = {
     "msg/Even.msg": "uint64 timestamp\nuint8 a\n",
@@ -107,7 +108,7 @@ def values_by_chance(catalog: Catalog, message: Message, chance: Random) -> dict
             return chance.random() < 0.5
         if type_.name in FLOATS:
             return chance.choice([math.nan, math.inf, -0.0, 0.0, 1.5, -(2.0 ** chance.randint(-120, 120))])
-        low, high = INTEGER_RANGES[type_.name]
+        low, high = PRIMITIVES[type_.name].integer_range
         return chance.choice([low, high, chance.randint(low, high)])
 
     return {

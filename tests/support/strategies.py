@@ -6,9 +6,10 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from msggen.model import INTEGER_RANGES, ArrayKind, Catalog, FieldType, Message
+from msggen.model import ArrayKind, Catalog, FieldType, Message
+from msggen.primitives import INTEGERS, PRIMITIVES
 
-PRIMITIVES = ("bool", *INTEGER_RANGES, "float32", "float64")
+FIXED_SIZE = ("bool", *INTEGERS, "float32", "float64")
 LENGTHS = st.sampled_from([1, 2, 3, 4, 5, 8, 15, 16, 17, 33])
 
 
@@ -20,7 +21,7 @@ def definitions(draw: st.DrawFn) -> dict[str, str]:
         lines = ["uint64 timestamp"]
         for index in range(draw(st.integers(0, 7))):
             earlier = [f"Message{before}" for before in range(number)]
-            name = draw(st.sampled_from([*PRIMITIVES, *earlier * 3]))
+            name = draw(st.sampled_from([*FIXED_SIZE, *earlier * 3]))
             most = st.sampled_from([1, 2, 3]) if name.startswith("Message") else LENGTHS
             array = f"[{draw(most)}]" if draw(st.booleans()) else ""
             lines.append(f"{name}{array} field{index}")
@@ -32,8 +33,8 @@ def definitions(draw: st.DrawFn) -> dict[str, str]:
 def scalar(name: str) -> st.SearchStrategy[Any]:
     if name == "bool":
         return st.booleans()
-    if name in INTEGER_RANGES:
-        return st.integers(*INTEGER_RANGES[name])
+    if name in INTEGERS:
+        return st.integers(*PRIMITIVES[name].integer_range)
     return st.floats(width=32 if name == "float32" else 64, allow_nan=True)
 
 

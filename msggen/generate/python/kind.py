@@ -5,12 +5,11 @@ from __future__ import annotations
 from enum import Enum
 from functools import lru_cache
 
-from msggen.model import STRINGS, ArrayKind, FieldType
+from msggen.model import ArrayKind, FieldType
+from msggen.primitives import OCTETS, STRINGS
 
 ARRAY_FROM = 16
 """Length from which fixed arrays of numbers are held as array.array (docs/design.md has the measurements)."""
-
-_OCTETS = ("byte", "char", "uint8")
 
 
 class Kind(Enum):
@@ -29,7 +28,7 @@ def kind_of(type_: FieldType) -> Kind:
         return Kind.SCALAR
     if not type_.is_primitive or type_.name == "bool" or type_.name in STRINGS:
         return Kind.TUPLE
-    if type_.name in _OCTETS:
+    if type_.name in OCTETS:
         return Kind.BYTES
     is_short = type_.array is ArrayKind.FIXED and type_.length < ARRAY_FROM
     return Kind.TUPLE if is_short else Kind.ARRAY

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from msggen.generate.python.formatting import documentation, literal, wrapped
 from msggen.generate.python.kind import Kind, kind_of
 from msggen.generate.python.names import attribute_names, class_name, module_name
-from msggen.generate.python.static_codec import CODES, Codec, as_tuple
+from msggen.generate.python.static_codec import Codec, as_tuple
 from msggen.generate.python.stream_codec import Function, functions_of
 from msggen.generate.python.versions import AdjacentVersion, adjacent_versions
 from msggen.identity import message_hash, type_hash
@@ -23,9 +23,6 @@ from msggen.layout import (
     struct_size,
 )
 from msggen.model import (
-    FLOATS,
-    INTEGER_RANGES,
-    STRINGS,
     ArrayKind,
     Catalog,
     Comment,
@@ -33,19 +30,13 @@ from msggen.model import (
     FieldType,
     Message,
 )
+from msggen.primitives import PRIMITIVES
 
 SPELLED_OUT_TO = 4
 """Tuples up to this length are spelled out in annotations."""
 
-_UNSIGNED = {1: "B", 2: "H", 4: "I", 8: "Q"}
+_UNSIGNED = {PRIMITIVES[name].size: PRIMITIVES[name].code for name in ("uint8", "uint16", "uint32", "uint64")}
 _SHADOWING = frozenset({"int", "float", "bool", "bytes", "list", "str", "tuple"})
-_PYTHON_TYPES = {
-    **dict.fromkeys(INTEGER_RANGES, "int"),
-    **dict.fromkeys(FLOATS, "float"),
-    **dict.fromkeys(STRINGS, "str"),
-    "bool": "bool",
-}
-_ZEROS = {"bool": "False", "int": "0", "float": "0.0", "str": '""'}
 
 
 class ClassConstant(NamedTuple):
@@ -315,7 +306,7 @@ def _annotation(type_: FieldType, prefix: str) -> str:
     kind = kind_of(type_)
     if kind is Kind.BYTES:
         return f"{prefix}bytes"
-    item = f"{prefix}{_PYTHON_TYPES[type_.name]}" if type_.is_primitive else type_.name
+    item = f"{prefix}{PRIMITIVES[type_.name].python_type}" if type_.is_primitive else type_.name
     if kind is Kind.SCALAR:
         return item
     if _is_sequence(type_):
@@ -348,7 +339,7 @@ def _zero(type_: FieldType, prefix: str) -> str:
         return f"{prefix}bytes({type_.length})" if type_.array is ArrayKind.FIXED else 'b""'
     if type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED):
         return "()"
-    zero = _ZEROS[_PYTHON_TYPES[type_.name]]
+    zero = PRIMITIVES[type_.name].zero
     if type_.array is ArrayKind.SCALAR:
         return zero
     if type_.length <= SPELLED_OUT_TO:
@@ -366,7 +357,7 @@ def _fresh(field: Field) -> str:
         return (
             as_tuple([f"{type_.name}()"] * type_.length) if spelled_out else f"_cdr.fresh({type_.name}, {type_.length})"
         )
-    code = literal(CODES[type_.name])
+    code = literal(PRIMITIVES[type_.name].code)
     if field.default:
         return f"_arrays.array({code}, {literal(field.default)})"
     return f"_arrays.zeros({code}, {type_.length})" if type_.array is ArrayKind.FIXED else f"_arrays.array({code})"
@@ -391,7 +382,7 @@ def _values(leaves: tuple[Leaf, ...]) -> Iterator[tuple[int, int, str]]:
         if kind_of(leaf.type) in (Kind.BYTES, Kind.ARRAY):
             yield leaf.padding, leaf.count * leaf.size, "s"
         else:
-            yield leaf.padding, leaf.count, CODES[leaf.type.name]
+            yield leaf.padding, leaf.count, PRIMITIVES[leaf.type.name].code
 
 
 def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:

@@ -18,22 +18,7 @@ from msggen.generate.python.formatting import literal
 from msggen.generate.python.kind import Kind, kind_of
 from msggen.generate.python.names import attribute_names
 from msggen.model import ArrayKind, Catalog, FieldType, Message
-
-CODES = {
-    "bool": "?",
-    "byte": "B",
-    "char": "B",
-    "int8": "b",
-    "uint8": "B",
-    "int16": "h",
-    "uint16": "H",
-    "int32": "i",
-    "uint32": "I",
-    "int64": "q",
-    "uint64": "Q",
-    "float32": "f",
-    "float64": "d",
-}
+from msggen.primitives import PRIMITIVES
 
 ClassOf = Callable[[Message], str]
 """Names the class of a message, as the module that nests it does."""
@@ -96,7 +81,7 @@ class Values:
             self.values.append(there)
             self.lengths.append((there, type_.length))
         elif kind is Kind.ARRAY:
-            code = literal(CODES[type_.name])
+            code = literal(PRIMITIVES[type_.name].code)
             raw = self.names.one(f"{stem}_raw")
             self.targets.append(raw)
             self.assigned.append((here, f"_from_raw({code}, {raw})"))

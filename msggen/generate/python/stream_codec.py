@@ -14,8 +14,9 @@ from typing import NamedTuple
 from msggen.generate.python.formatting import literal
 from msggen.generate.python.kind import Kind, kind_of
 from msggen.generate.python.names import attribute_names
-from msggen.generate.python.static_codec import CODES, ClassOf, Names, Values
-from msggen.model import SIZES, STRINGS, ArrayKind, Catalog, FieldType, Message, snake_case
+from msggen.generate.python.static_codec import ClassOf, Names, Values
+from msggen.model import ArrayKind, Catalog, FieldType, Message, snake_case
+from msggen.primitives import PRIMITIVES, STRINGS
 
 _TAKEN = frozenset({"message", "data", "parts", "at", "wire", "run", "error", "len", "name"})
 
@@ -131,7 +132,7 @@ class _Walk:
                 self._nested(self.catalog.nested(message, type_), type_, place)
             elif type_.is_fixed_size and kind_of(type_) is not Kind.ARRAY:
                 is_block = kind_of(type_) is Kind.BYTES
-                self._run("s" if is_block else CODES[type_.name], place.path, type_.count)
+                self._run("s" if is_block else PRIMITIVES[type_.name].code, place.path, type_.count)
                 self.step.primitive(type_, place.attribute, place.attribute, place.stem)
             else:
                 self._primitive(type_, place)
@@ -162,7 +163,7 @@ class _Walk:
             bound = "" if type_.string_bound is None else f"bound={type_.string_bound}"
             kind = "text" if type_.name == "string" else "wide_text"
             if type_.array is ArrayKind.SCALAR:
-                size = 1 if kind == "text" else SIZES["uint32"]
+                size = 1 if kind == "text" else PRIMITIVES["uint32"].size
                 self._block(place, self._prepared(place, f"{kind}_bytes", bound), size, (kind, bound))
             else:
                 values = self._prepared(place, f"{kind}s_bytes", _number_of(type_), bound)
@@ -175,13 +176,14 @@ class _Walk:
             self._numbers(type_, place)
 
     def _numbers(self, type_: FieldType, place: _Place) -> None:
-        code, number = literal(CODES[type_.name]), _number_of(type_)
+        primitive, number = PRIMITIVES[type_.name], _number_of(type_)
+        code, size = literal(primitive.code), primitive.size
         raw = self._prepared(place, "number_bytes", code, number)
         if type_.array is ArrayKind.FIXED:
             reader = _call("numbers", "data", _BEHIND, str(type_.length), "wire", literal(place.path), code)
-            self._close(place, reader, _call("put_aligned", raw, "parts", _BEHIND, "wire", str(SIZES[type_.name])))
+            self._close(place, reader, _call("put_aligned", raw, "parts", _BEHIND, "wire", str(size)))
         else:
-            self._block(place, raw, SIZES[type_.name], ("numbers", code, number))
+            self._block(place, raw, size, ("numbers", code, number))
 
     def _block(self, place: _Place, raw: str, size: int, reader: tuple[str, ...]) -> None:
         """Add bytes behind the count of values, of `size` bytes each, that they are."""
@@ -189,7 +191,7 @@ class _Walk:
         function, *more = reader
         put = (
             ("put", raw, "parts", _BEHIND)
-            if size <= SIZES["uint32"]
+            if size <= PRIMITIVES["uint32"].size
             else ("put_aligned", raw, "parts", _BEHIND, "wire", str(size))
         )
         self._close(place, _call(function, "data", _BEHIND, count, "wire", literal(place.path), *more), _call(*put))

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 from msggen.generate.python.formatting import joined_by, literal, wrapped
 from msggen.generate.python.names import attribute_names
-from msggen.model import FLOATS, INTEGER_RANGES, ArrayKind, Catalog, Field, FieldType, Message, Value
+from msggen.model import ArrayKind, Catalog, Field, FieldType, Message, Value
+from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES
 from msggen.translation import (
     CHOICE,
     ISFINITE,
@@ -36,7 +37,7 @@ _EACH = "i"
 """The index of an element in the value of a part."""
 
 _BOOL, _INTEGER, _FLOAT = "bool", "integer", "float"
-_KINDS = {"bool": _BOOL, **dict.fromkeys(INTEGER_RANGES, _INTEGER), **dict.fromkeys(FLOATS, _FLOAT)}
+_KINDS = {"bool": _BOOL, **dict.fromkeys(INTEGERS, _INTEGER), **dict.fromkeys(FLOATS, _FLOAT)}
 _ZEROS: Mapping[str, bool | float] = {_BOOL: False, _INTEGER: 0, _FLOAT: 0.0}
 _PREDICATES = (ISNAN, ISFINITE, ISINF)
 _PYTHON = {"&&": "and", "||": "or"}
@@ -554,8 +555,8 @@ def _converted(value: float | None, type_: FieldType) -> bool | int | float:
         if value not in (0, 1):
             raise _UnclearError
         return bool(value)
-    if type_.name in INTEGER_RANGES:
-        low, high = INTEGER_RANGES[type_.name]
+    if type_.name in INTEGERS:
+        low, high = PRIMITIVES[type_.name].integer_range
         if not low <= value <= high or value != int(value):
             raise _UnclearError
         return int(value)
@@ -604,7 +605,7 @@ def _range(value: Expression, mine: Mapping[str, Field]) -> tuple[int, int]:
         number = int(value.value or 0)
         return min(number, 0), number
     if isinstance(value, Place):
-        return INTEGER_RANGES[mine[value.field].type.name]
+        return PRIMITIVES[mine[value.field].type.name].integer_range
     ranges = [_range(operand, mine) for operand in value.operands[1:]]
     return min(low for low, _ in ranges), max(high for _, high in ranges)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from msggen.model import PRIMITIVES
+from msggen.primitives import PRIMITIVES
 
 _BUILTIN = frozenset((*PRIMITIVES, "time", "duration"))
 _HEADERS = ("Header", "std_msgs/Header", "roslib/Header")
