@@ -34,6 +34,7 @@ from msggen.render.views import (
     TopicView,
     Views,
 )
+from msggen.tags import UNIT
 from msggen.text.words import FILTERS, camel_case, comment, pascal_case
 
 STAMP = "uint64 timestamp\n"
@@ -489,7 +490,7 @@ def test_a_path_of_a_leaf_is_written_as_in_code(catalog: CatalogView) -> None:
     paths = [leaf.path for leaf in message.leaves]
     assert paths[:7] == [*(field.name for field in message.fields[:-1]), "esc[0].timestamp"]
     assert paths[-1] == "esc[11].esc_power"
-    assert message.leaves[-1].field.unit == "%"
+    assert getattr(message.leaves[-1].field, UNIT.name) == "%"
 
 
 def test_a_field_knows_its_message_and_the_constants_that_are_its_values(catalog: CatalogView) -> None:

@@ -12,6 +12,7 @@ from functools import cached_property
 from msggen.identity import Endpoint, Qos, UorbTopic, endpoints, message_hash, type_hash, uorb_topics
 from msggen.layout import Encoding, Layout, Path, is_static, lay_out, struct_size
 from msggen.model import ArrayKind, Catalog, Comment, Constant, Field, Message, Service, Value
+from msggen.tags import ATTRIBUTES, Tag
 
 
 class Views:
@@ -236,11 +237,11 @@ class MessageView(_Definition):
 
     def _field(self, field: Field) -> FieldView:
         is_nested = not field.type.is_primitive
-        prefix = f"{field.comment.enum}_"
+        prefix = field.comment.tag("enum")
         return FieldView(
             field,
             self._views.message(self._views.model.nested(self._model, field.type)) if is_nested else None,
-            tuple(found for found in self.constants if field.comment.enum and found.name.startswith(prefix)),
+            tuple(found for found in self.constants if prefix and found.name.startswith(f"{prefix}_")),
             *self._places.get(field.name, (None,) * 5),
         )
 
@@ -276,31 +277,6 @@ class _Described(_View):
         return dict(self._comment.tags)
 
     @property
-    def unit(self) -> str:
-        """`m/s`; empty, as the other tags, where the definition has none."""
-        return self._comment.unit
-
-    @property
-    def range(self) -> str:
-        """What stands in `[@range ...]`."""
-        return self._comment.range
-
-    @property
-    def enum(self) -> str:
-        """What stands in `[@enum ...]`: the prefix of the constants that are its values."""
-        return self._comment.enum
-
-    @property
-    def invalid(self) -> str:
-        """What stands in `[@invalid ...]`."""
-        return self._comment.invalid
-
-    @property
-    def frame(self) -> str:
-        """What stands in `[@frame ...]`."""
-        return self._comment.frame
-
-    @property
     def documentation(self) -> str:
         """Tags and sentences, as in the definition."""
         return str(self._comment)
@@ -308,6 +284,19 @@ class _Described(_View):
     @property
     def _comment(self) -> Comment:
         return self._model.comment
+
+
+def _content(tag: Tag) -> property:
+    """Return a property with the content of a tag, "" where the definition has none."""
+
+    def content(self: _Described) -> str:
+        return self._comment.tag(tag.name)
+
+    return property(content, doc=f"{tag.documentation[:1].upper()}{tag.documentation[1:]}.")
+
+
+for _tag in ATTRIBUTES:
+    setattr(_Described, _tag.name, _content(_tag))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -30,6 +30,7 @@ from msggen.model import (
     Message,
 )
 from msggen.primitives import PRIMITIVES
+from msggen.tags import ATTRIBUTES
 
 SPELLED_OUT_TO = 4
 """Tuples up to this length are spelled out in annotations."""
@@ -71,16 +72,8 @@ class Attribute(NamedTuple):
     @property
     def description(self) -> str:
         """Its description in `__msg__`."""
-        comment = self.comment
-        tags = (
-            ("unit", comment.unit),
-            ("range", comment.range),
-            ("enum", comment.enum),
-            ("invalid", comment.invalid),
-            ("frame", comment.frame),
-            ("attribute", "" if self.attribute == self.name else self.attribute),
-        )
-        given = [f"{name}={literal(value)}" for name, value in tags if value]
+        given = [f"{tag.name}={literal(value)}" for tag in ATTRIBUTES if (value := self.comment.tag(tag.name))]
+        given += [] if self.attribute == self.name else [f"attribute={literal(self.attribute)}"]
         items = (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
         return f"_cdr.Field({wrapped(items, 16)})"
 
