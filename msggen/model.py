@@ -65,8 +65,8 @@ class FieldType(NamedTuple):
         return self.package is None and self.name in PRIMITIVES
 
     @property
-    def count(self) -> int:  # type: ignore[override]  # a tuple's own is of no use here
-        """How many values there are, of one or of an array of fixed length."""
+    def element_count(self) -> int:
+        """The length of a fixed array; 1 for others."""
         return self.length if self.array is ArrayKind.FIXED else 1
 
     @property

@@ -74,11 +74,14 @@ UNIT = Tag("unit", "the unit of the values", "the values of a field count in ano
 TAGS: tuple[Tag, ...] = (
     UNIT,
     Tag("range", "smallest and largest value", "the values of a field lie in another range", _range, rank=2),
+    Tag("enum", "the prefix of the constants of a field", "other constants name the values of a field", rank=5),
     Tag(
-        "enum", "the prefix of the constants that are its values", "other constants name the values of a field", rank=5
-    ),
-    Tag(
-        "invalid", 'the value for "not known"', "another value of a field means 'not known'", _value, "invalid value", 4
+        "invalid",
+        'the value for "not known"',
+        "another value of a field means 'not known'",
+        _value,
+        message_name="invalid value",
+        rank=4,
     ),
     Tag("frame", "the frame of reference", "the values of a field are given in another frame", rank=3),
     Tag("uncontrolled", "the value of a setpoint that is not controlled"),

@@ -472,7 +472,7 @@ def test_leaves_and_fields_lie_where_the_layouts_say(catalog: CatalogView, embed
         first, second = (lay_out(embedded, message, encoding) for encoding in Encoding)
         assert (view.cdr_size, view.cdr_size_xcdr2) == (first.size, second.size)
         assert [(leaf.offset, leaf.padding, leaf.count, leaf.item_size) for leaf in view.leaves] == [
-            (leaf.offset, leaf.padding, leaf.count, leaf.size) for leaf in first.leaves
+            (leaf.offset, leaf.padding, leaf.element_count, leaf.size) for leaf in first.leaves
         ]
         assert [leaf.offset_xcdr2 for leaf in view.leaves] == [leaf.offset for leaf in second.leaves]
         assert [leaf.field.name for leaf in view.leaves] == [leaf.path[-1][0] for leaf in first.leaves]

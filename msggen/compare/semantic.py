@@ -22,7 +22,7 @@ def find_changed(tag: Tag, comparison: Comparison) -> Iterator[Change]:
             if change:
                 text = f"the {change.title} of '{after.name}' is {change.after}"
                 text += f", in {comparison.previous.label} {change.before}"
-                yield Change(pair.name, text, after.location, _excerpt(before), _excerpt(after))
+                yield Change(pair.name, text, after.location, before=_excerpt(before), after=_excerpt(after))
 
 
 def has_same_tags(pair: MessagePair) -> bool:

@@ -164,9 +164,16 @@ class _Body:
         self._first_line = 1
 
     def message(self, package: str, folder: str) -> Message:
-        where = Location(self.path)
-        fields, constants, topics = tuple(self.fields), tuple(self.constants), tuple(self.topics)
-        return Message(self.name, package, where, folder, fields, constants, topics, self.comment)
+        return Message(
+            name=self.name,
+            package=package,
+            location=Location(self.path),
+            folder=folder,
+            fields=tuple(self.fields),
+            constants=tuple(self.constants),
+            topics=tuple(self.topics),
+            comment=self.comment,
+        )
 
     def fault(self, code: str, line: int, column: int, message: str) -> None:
         self.faults.append(Diagnostic(Location(self.path, line, column), code, message))
@@ -260,9 +267,15 @@ class _Body:
             self._check_tags(element, comment.tags)
         if is_constant and value is not None:
             self._check_special(name, type_, value, location)
-            self.constants.append(Constant(name, type_, value, location, name_column, comment))
+            constant = Constant(
+                name=name, type=type_, value=value, location=location, name_column=name_column, comment=comment
+            )
+            self.constants.append(constant)
         else:
-            self.fields.append(Field(name, type_, location, name_column, value, comment))
+            field = Field(
+                name=name, type=type_, location=location, name_column=name_column, default=value, comment=comment
+            )
+            self.fields.append(field)
 
     def _misread(self, element: _Element) -> None:
         column = len(element.code) - len(element.code.lstrip()) + 1
@@ -382,8 +395,9 @@ def parse_type(text: str, *, of_uorb: bool = True) -> FieldType:
     if not match["length"] and not match["atmost"]:
         return FieldType(name, package, ArrayKind.UNBOUNDED, string_bound=bound)
     if match["atmost"]:
-        return FieldType(name, package, ArrayKind.BOUNDED, _length(match["length"], text, MAX_BOUND), bound)
-    return FieldType(name, package, ArrayKind.FIXED, _length(match["length"], text, most), bound)
+        length = _length(match["length"], text, MAX_BOUND)
+        return FieldType(name, package, ArrayKind.BOUNDED, length, string_bound=bound)
+    return FieldType(name, package, ArrayKind.FIXED, _length(match["length"], text, most), string_bound=bound)
 
 
 def _length(digits: str, text: str, most: int) -> int:

@@ -372,15 +372,15 @@ def _layout_arguments(xcdr1: Layout, xcdr2: Layout) -> Iterator[str]:
 def _values(leaves: tuple[Leaf, ...]) -> Iterator[tuple[int, int, str]]:
     for leaf in leaves:
         if leaf.type.array is ArrayKind.FIXED and (is_bytes(leaf.type) or is_large(leaf.type)):
-            yield leaf.padding, leaf.count * leaf.size, "s"
+            yield leaf.padding, leaf.element_count * leaf.size, "s"
         else:
-            yield leaf.padding, leaf.count, PRIMITIVES[leaf.type.name].code
+            yield leaf.padding, leaf.element_count, PRIMITIVES[leaf.type.name].code
 
 
 def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:
     for item in layout.items:
         if isinstance(item, Leaf):
             is_block = item.type.array is ArrayKind.FIXED and is_bytes(item.type)
-            yield item.padding, item.count, "s" if is_block else _UNSIGNED[item.size]
+            yield item.padding, item.element_count, "s" if is_block else _UNSIGNED[item.size]
         else:
             yield item.padding + 4, 0, "x"
