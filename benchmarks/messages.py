@@ -94,4 +94,4 @@ def _clean(catalog: Catalog, message: Message, stale: bytes) -> bytes:
 
 def _positions(catalog: Catalog, message: Message) -> Iterator[int]:
     for leaf in lay_out(catalog, message).leaves:
-        yield from range(leaf.offset, leaf.offset + leaf.count * leaf.size)
+        yield from range(leaf.offset, leaf.offset + leaf.element_count * leaf.size)

@@ -42,7 +42,7 @@ def draw(name: str) -> str:
 
 def _pieces(leaf: Leaf) -> list[tuple[int, int]]:
     """Return start and end of the field's part of each row that it touches."""
-    start, end = leaf.offset, leaf.offset + leaf.count * leaf.size
+    start, end = leaf.offset, leaf.offset + leaf.element_count * leaf.size
     pieces = []
     while start < end:
         stop = min(end, (start // PER_ROW + 1) * PER_ROW)

@@ -82,7 +82,13 @@ def _side(sources: Sources) -> Side:
     if history and sources.embedded:  # without the headers, which are PX4's
         history = replace(history, is_translated=True)
     catalog = read_catalog(sources, tolerated=COMPARABLE)
-    return Side(sources.label, _place(sources), catalog, sources.is_tree or sources.bridge is not None, history)
+    return Side(
+        label=sources.label,
+        place=_place(sources),
+        catalog=catalog,
+        has_bridge=sources.is_tree or sources.bridge is not None,
+        history=history,
+    )
 
 
 def _place(sources: Sources) -> str:
@@ -148,7 +154,14 @@ def _report(
     ]
     summary = f"{current.label} {verdicts[bool(failing)]} {previous.label}: {', '.join(counts)}"
     ordered = sorted(findings, key=lambda finding: (finding.change.subject, finding.change.location))
-    return Report(previous.label, current.label, tuple(rules), tuple(ordered), len(messages) + len(services), summary)
+    return Report(
+        previous=previous.label,
+        current=current.label,
+        rules=tuple(rules),
+        findings=tuple(ordered),
+        compared=len(messages) + len(services),
+        summary=summary,
+    )
 
 
 def _names(definitions: Iterable[Message | Service]) -> set[str]:

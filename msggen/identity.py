@@ -159,7 +159,14 @@ def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
             object_id = catalog.conventions.first_subscription_id + subscriptions
             interval = None
             subscriptions += 1
-        found.append(Endpoint(entry, message, _ros_name(entry, message, catalog.conventions), object_id, interval))
+        endpoint = Endpoint(
+            entry=entry,
+            message=message,
+            ros_name=_ros_name(entry, message, catalog.conventions),
+            object_id=object_id,
+            publish_interval_ms=interval,
+        )
+        found.append(endpoint)
     return tuple(found)
 
 

@@ -28,11 +28,11 @@ class Encoding(Enum):
 
 
 class Leaf(NamedTuple):
-    """A primitive or an array of primitives: `count` values of `size` bytes from `offset`, after `padding` bytes."""
+    """A primitive or an array of primitives: values of `size` bytes each from `offset`, after `padding` bytes."""
 
     path: Path
     type: FieldType
-    count: int  # type: ignore[assignment]  # a tuple's own is of no use here
+    element_count: int
     size: int
     offset: int
     padding: int
@@ -68,7 +68,7 @@ class Layout(NamedTuple):
         for leaf in self.leaves:
             name = leaf.path[0][0]
             offset = extents.get(name, (leaf.offset, 0))[0]
-            extents[name] = offset, leaf.offset + leaf.size * leaf.count - offset
+            extents[name] = offset, leaf.offset + leaf.size * leaf.element_count - offset
         return extents
 
 
@@ -97,11 +97,11 @@ def struct_size(catalog: Catalog, message: Message) -> int:
     Fields stand sorted by size, so only nested messages, at the end and aligned to 8, bring padding.
     """
     primitives = [field.type for field in message.fields if field.type.is_primitive]
-    offset = sum(PRIMITIVES[type_.name].size * type_.count for type_ in primitives)
+    offset = sum(PRIMITIVES[type_.name].size * type_.element_count for type_ in primitives)
     for field in message.fields:
         if not field.type.is_primitive:
             inner = -(-struct_size(catalog, catalog.nested(message, field.type)) // 8) * 8
-            offset = -(-offset // 8) * 8 + inner * field.type.count
+            offset = -(-offset // 8) * 8 + inner * field.type.element_count
     return offset
 
 
@@ -131,9 +131,10 @@ class _Writer:
 
     def _leaf(self, type_: FieldType, path: Path) -> None:
         size = PRIMITIVES[type_.name].size
-        count = type_.count
+        count = type_.element_count
         padding = self._pad(size)
-        self.items.append(Leaf(path, type_, count, size, self.offset, padding))
+        leaf = Leaf(path=path, type=type_, element_count=count, size=size, offset=self.offset, padding=padding)
+        self.items.append(leaf)
         self.offset += size * count
 
     def _array(self, outer: Message, type_: FieldType, name: str, path: Path) -> None:

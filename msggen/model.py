@@ -14,6 +14,7 @@ from typing import NamedTuple, Union
 from msggen.diagnostics import Diagnostic
 from msggen.location import Location
 from msggen.primitives import PRIMITIVES, STRINGS
+from msggen.tags import COMPARED, UNIT, TagChange
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -64,8 +65,8 @@ class FieldType(NamedTuple):
         return self.package is None and self.name in PRIMITIVES
 
     @property
-    def count(self) -> int:  # type: ignore[override]  # a tuple's own is of no use here
-        """How many values there are, of one or of an array of fixed length."""
+    def element_count(self) -> int:
+        """The length of a fixed array; 1 for others."""
         return self.length if self.array is ArrayKind.FIXED else 1
 
     @property
@@ -88,25 +89,25 @@ class FieldType(NamedTuple):
 
 
 class Comment(NamedTuple):
-    """What a definition says about a node: its sentences, and the tags that PX4 writes in brackets.
+    """The comment of a field or constant, taken apart.
 
-    `text` has the sentences, tags taken out; the tags hold their bracket's content, or "" when absent. `extra` has the
-    tags that have no attribute here, as name and content.
+    `text` has the sentences without the tags. `tags` has name and content of every tag with an `@`, known or not, the
+    known ones in the order of `TAGS`.
     """
 
     text: str = ""
     unit: str = ""
-    range: str = ""
-    enum: str = ""
-    invalid: str = ""
-    frame: str = ""
-    extra: tuple[tuple[str, str], ...] = ()
+    tags: tuple[tuple[str, str], ...] = ()
 
-    @property
-    def tags(self) -> tuple[tuple[str, str], ...]:
-        """Name and content of every tag with an `@`."""
-        named = (("range", self.range), ("enum", self.enum), ("invalid", self.invalid), ("frame", self.frame))
-        return (*[tag for tag in named if tag[1]], *self.extra)
+    def tag(self, name: str) -> str:
+        """Return the content of a tag, "" where the comment has none of that name."""
+        return self.unit if name == UNIT.name else dict(self.tags).get(name, "")
+
+    def changed_tags(self, after: "Comment") -> list[TagChange]:
+        """Return the tags that both comments have, and that do not mean the same."""
+        if self == after:
+            return []
+        return [change for tag in COMPARED if (change := tag.change(self.tag(tag.name), after.tag(tag.name)))]
 
     def __str__(self) -> str:
         tags = [f"[{self.unit}]"] if self.unit else []

@@ -44,7 +44,18 @@ class Frozen:
 class Field(Frozen):
     """A field of a message: its type, its place in a sample, and its tags. A tag that it does not have is ""."""
 
-    __slots__ = ("name", "type", "offset", "size", "unit", "range", "enum", "invalid", "frame", "attribute")
+    __slots__ = (
+        "name",
+        "type",
+        "offset",
+        "size",
+        "unit",
+        "range",
+        "enum",
+        "invalid",
+        "frame",
+        "attribute",
+    )
 
     name: str
     type: str
@@ -54,12 +65,15 @@ class Field(Frozen):
     size: int | None
     """Number of bytes from its first to its last. None if it varies by sample."""
     unit: str
+    """Unit of the values."""
     range: str
+    """Smallest and largest value."""
     enum: str
-    """Prefix of the constants that are its values."""
+    """Prefix of the constants that are the values."""
     invalid: str
-    """The value that means "unknown"."""
+    """Value that means "unknown"."""
     frame: str
+    """Frame of reference."""
     attribute: str
     """The attribute that holds the value: the name, or `from_` for a name that Python or the class reserves."""
 

@@ -68,7 +68,7 @@ def plan_bump(firmware: str, name: str, against: str | None) -> Edits:
         text = f"'{new.name}' is not in {previous.label}: a new message needs no new version before it is released"
         raise fault(new.location.path, "B103", text, 0)
     _check_versions(old.message, new, previous.label)
-    return _plan(VersionStep(tree, catalog, previous, old, new))
+    return _plan(VersionStep(tree, catalog, previous=previous, old=old, new=new))
 
 
 def _open_firmware(path: str) -> Folder:
@@ -128,7 +128,14 @@ def _plan(step: VersionStep) -> Edits:
         text = render_header(older, newer, step.topics, headers)
     changes = [*_archive(step), *_translate(step, text, headers), *_raise_version(step)]
     left = tuple(say_what_is_left(step, text, headers))
-    return Edits(step.tree.path, step.new.name, step.previous.label, step.version, tuple(changes), left)
+    return Edits(
+        firmware=step.tree.path,
+        message=step.new.name,
+        against=step.previous.label,
+        version=step.version,
+        changes=tuple(changes),
+        left=left,
+    )
 
 
 def _headers(step: VersionStep) -> dict[str, str]:

@@ -202,7 +202,7 @@ class _Copy:
         for field in target.fields:
             twin = known.pop(field.name, None)
             place = f"{to}.{field.name}"
-            prefix = field.comment.enum or (twin.comment.enum if twin else "")
+            prefix = field.comment.tag("enum") or (twin.comment.tag("enum") if twin else "")
             constants = changed_constants(*versions, f"{prefix}_") if prefix else []
             if twin and twin.type == field.type and field.type.is_primitive and constants:
                 yield f"{place} = {at}.{field.name};  {TODO} other constants: {few(constants)}"

@@ -299,7 +299,7 @@ def _values(layout: Layout) -> Iterator[tuple[Path, int, int, str]]:
     """
     for leaf in layout.leaves:
         path = tuple((name, index or 0) for name, index in leaf.path)
-        for index in range(leaf.count):
+        for index in range(leaf.element_count):
             yield path, index, leaf.offset + index * leaf.size, meaning(leaf.type)
 
 

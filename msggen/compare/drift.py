@@ -24,7 +24,7 @@ def find_added_constants(comparison: Comparison) -> Iterator[Change]:
         for name, constant in constants_of(pair.current).items():
             if name not in known and name != VERSION:
                 text = f"constant '{name}' is not in {comparison.previous.label}"
-                yield Change(pair.name, text, constant.location, None, excerpt(constant))
+                yield Change(pair.name, text, constant.location, after=excerpt(constant))
 
 
 def find_other_versions(comparison: Comparison) -> Iterator[Change]:

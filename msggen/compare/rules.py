@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 from msggen.compare import drift, hash_names, semantic, source_code, topic, version, wire
 from msggen.compare.comparison import Comparison
 from msggen.compare.finding import Category, Finding, Rule, Severity
+from msggen.tags import COMPARED
 
 _WIRE, _HASH, _SOURCE, _SEMANTIC = Category.WIRE, Category.HASH, Category.SOURCE, Category.SEMANTIC
 _TOPIC, _VERSION, _DRIFT = Category.TOPIC, Category.VERSION, Category.DRIFT
@@ -38,23 +40,28 @@ RULES = (
     Rule("CONSTANT_REMOVED", "a constant is gone", _SOURCE, source_code.find_removed_constants),
     Rule("CONSTANT_VALUE_CHANGED", "a constant has another value", _SOURCE, source_code.find_other_values),
     Rule("CONSTANT_TYPE_CHANGED", "a constant has another type", _SOURCE, source_code.find_other_types),
-    Rule("UNIT_CHANGED", "the values of a field count in another unit", _SEMANTIC, semantic.find_other_unit),
-    Rule("RANGE_CHANGED", "the values of a field lie in another range", _SEMANTIC, semantic.find_other_range),
-    Rule("FRAME_CHANGED", "the values of a field are given in another frame", _SEMANTIC, semantic.find_other_frame),
-    Rule("INVALID_CHANGED", "another value of a field means 'not known'", _SEMANTIC, semantic.find_other_invalid),
-    Rule("ENUM_CHANGED", "other constants name the values of a field", _SEMANTIC, semantic.find_other_enum),
+    *(
+        Rule(f"{tag.name.upper()}_CHANGED", tag.purpose, _SEMANTIC, partial(semantic.find_changed, tag))
+        for tag in COMPARED
+    ),
     Rule("TOPIC_REMOVED", "a topic is no longer bridged", _TOPIC, topic.find_removed),
     Rule("TOPIC_RETYPED", "a topic carries another message", _TOPIC, topic.find_retyped),
     Rule("TOPIC_MOVED", "a topic is bridged under another name", _TOPIC, topic.find_moved),
     Rule("TOPIC_RENAMED", "ROS 2 sees a topic under another name, as of another version", _TOPIC, topic.find_renamed),
-    Rule("RATE_LIMIT_CHANGED", "a topic is sent at another rate", _TOPIC, topic.find_other_rate, Severity.WARNING),
+    Rule(
+        "RATE_LIMIT_CHANGED",
+        "a topic is sent at another rate",
+        _TOPIC,
+        topic.find_other_rate,
+        severity=Severity.WARNING,
+    ),
     Rule("ROUTE_CHANGED", "samples reach other uORB instances, or fewer", _TOPIC, topic.find_other_route),
     Rule(
         "OPTIONS_CHANGED",
         "Zenoh's client publishes a topic with other options",
         _TOPIC,
         topic.find_other_options,
-        Severity.WARNING,
+        severity=Severity.WARNING,
     ),
     Rule(
         "VERSION_NOT_RAISED",
@@ -76,7 +83,7 @@ RULES = (
         "a header leaves out a field, or has a TODO",
         _VERSION,
         version.find_unfinished_translations,
-        Severity.WARNING,
+        severity=Severity.WARNING,
     ),
     Rule("DEFINITION_ADDED", "a message or service that the other side lacks", _DRIFT, drift.find_added_definitions),
     Rule("CONSTANT_ADDED", "a constant that the other side lacks", _DRIFT, drift.find_added_constants),

@@ -10,47 +10,24 @@ from collections.abc import Iterator
 from msggen.compare.comparison import Comparison, FieldPair, MessagePair
 from msggen.compare.finding import Change, Excerpt
 from msggen.model import Field
-from msggen.tags import changed_tag, changed_tags
+from msggen.tags import Tag
 
 
-def find_other_unit(comparison: Comparison) -> Iterator[Change]:
-    """Fields with another unit."""
-    return _find(comparison, "unit")
-
-
-def find_other_range(comparison: Comparison) -> Iterator[Change]:
-    """Fields with another range."""
-    return _find(comparison, "range")
-
-
-def find_other_frame(comparison: Comparison) -> Iterator[Change]:
-    """Fields in another frame."""
-    return _find(comparison, "frame")
-
-
-def find_other_invalid(comparison: Comparison) -> Iterator[Change]:
-    """Fields with another value for "not known"."""
-    return _find(comparison, "invalid value")
-
-
-def find_other_enum(comparison: Comparison) -> Iterator[Change]:
-    """Fields whose values are named by other constants."""
-    return _find(comparison, "enum")
+def find_changed(tag: Tag, comparison: Comparison) -> Iterator[Change]:
+    """Fields with another content of `tag`."""
+    for pair in comparison.pairs:
+        for kept in _both(pair):
+            before, after = kept.previous, kept.current
+            change = tag.change(before.comment.tag(tag.name), after.comment.tag(tag.name))
+            if change:
+                text = f"the {change.title} of '{after.name}' is {change.after}"
+                text += f", in {comparison.previous.label} {change.before}"
+                yield Change(pair.name, text, after.location, before=_excerpt(before), after=_excerpt(after))
 
 
 def has_same_tags(pair: MessagePair) -> bool:
     """Whether no tag says something else than before."""
-    return not any(changed_tags(kept.previous, kept.current) for kept in _both(pair))
-
-
-def _find(comparison: Comparison, what: str) -> Iterator[Change]:
-    for pair in comparison.pairs:
-        for kept in _both(pair):
-            change = changed_tag(what, kept.previous, kept.current)
-            if change:
-                text = f"the {what} of '{kept.current.name}' is {change.after}, in {comparison.previous.label} "
-                lines = _excerpt(kept.previous), _excerpt(kept.current)
-                yield Change(pair.name, text + change.before, kept.current.location, *lines)
+    return not any(kept.previous.comment.changed_tags(kept.current.comment) for kept in _both(pair))
 
 
 def _both(pair: MessagePair) -> Iterator[FieldPair]:

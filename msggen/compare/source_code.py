@@ -59,7 +59,7 @@ def find_other_values(comparison: Comparison) -> Iterator[Change]:
     for subject, before, after in _both(comparison):
         if wire_value(before) != wire_value(after):
             text = f"'{after.name}' is {after.value}, in {comparison.previous.label} {before.value}"
-            yield Change(subject, text, after.location, excerpt(before), excerpt(after))
+            yield Change(subject, text, after.location, before=excerpt(before), after=excerpt(after))
 
 
 def find_other_types(comparison: Comparison) -> Iterator[Change]:
@@ -67,7 +67,7 @@ def find_other_types(comparison: Comparison) -> Iterator[Change]:
     for subject, before, after in _both(comparison):
         if str(before.type) != str(after.type):
             text = f"'{after.name}' is {after.type}, in {comparison.previous.label} {before.type}"
-            yield Change(subject, text, after.location, excerpt(before), excerpt(after))
+            yield Change(subject, text, after.location, before=excerpt(before), after=excerpt(after))
 
 
 def wire_value(constant: Constant) -> str:

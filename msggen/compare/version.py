@@ -218,4 +218,10 @@ def _means_the_same(pair: MessagePair) -> bool:
 def _change(pair: MessagePair, text: str) -> Change:
     before, after = constants_of(pair.previous).get(VERSION), constants_of(pair.current).get(VERSION)
     location = after.location if after else pair.current.location
-    return Change(pair.name, text, location, excerpt(before) if before else None, excerpt(after) if after else None)
+    return Change(
+        pair.name,
+        text,
+        location,
+        before=excerpt(before) if before else None,
+        after=excerpt(after) if after else None,
+    )

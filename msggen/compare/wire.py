@@ -19,7 +19,7 @@ def find_added(comparison: Comparison) -> Iterator[Change]:
             text = f"'{_line(pair.current, field)}'{where} is not in {comparison.previous.label}"
             before = next((each.previous for each in pair.replaced if each.current == field), None)
             hint = f", which has '{before.name}' there: was it renamed?" if before else ""
-            yield Change(pair.name, text + hint, field.location, None, excerpt(pair.current, field))
+            yield Change(pair.name, text + hint, field.location, after=excerpt(pair.current, field))
 
 
 def find_removed(comparison: Comparison) -> Iterator[Change]:
@@ -30,7 +30,7 @@ def find_removed(comparison: Comparison) -> Iterator[Change]:
             text = f"'{_line(pair.previous, field)}'{where} of {comparison.previous.label} is missing"
             after = next((each.current for each in pair.replaced if each.previous == field), None)
             hint = f", '{after.name}' is there: was it renamed?" if after else ""
-            yield Change(pair.name, text + hint, _neighbour(pair, field), excerpt(pair.previous, field), None)
+            yield Change(pair.name, text + hint, _neighbour(pair, field), before=excerpt(pair.previous, field))
 
 
 def find_moved(comparison: Comparison) -> Iterator[Change]:
@@ -71,7 +71,7 @@ def find_nested(comparison: Comparison) -> Iterator[Change]:
 def change(pair: MessagePair, fields: FieldPair, text: str) -> Change:
     """Return the change of a field that both sides have."""
     before, after = excerpt(pair.previous, fields.previous), excerpt(pair.current, fields.current)
-    return Change(pair.name, text, fields.current.location, before, after)
+    return Change(pair.name, text, fields.current.location, before=before, after=after)
 
 
 def excerpt(message: Message, field: Field) -> Excerpt:

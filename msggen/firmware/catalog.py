@@ -104,15 +104,15 @@ def read_catalog(
     services.sort(key=lambda service: (service.package, service.name))
     versions = MappingProxyType({message.key: message for message in archived})
     return Catalog(
-        MappingProxyType(by_key),
-        tuple(services),
-        bridge,
-        conventions,
-        package,
-        versions,
-        reader.translations(),
-        parsed.extra,
-        notices,
+        messages=MappingProxyType(by_key),
+        services=tuple(services),
+        bridge=bridge,
+        conventions=conventions,
+        package=package,
+        archived=versions,
+        translations=reader.translations(),
+        bridge_extra=parsed.extra,
+        notices=notices,
     )
 
 

@@ -329,10 +329,10 @@ def _extent_of_field(
 ) -> _Extent:
     type_ = field.type
     if type_.is_primitive:
-        size = (PRIMITIVES[type_.name].size or _REFERENCE) * type_.count if type_.array in _COUNTED else 0
-        return _Extent(size, type_.count if type_.name == "bool" else 1)
+        size = (PRIMITIVES[type_.name].size or _REFERENCE) * type_.element_count if type_.array in _COUNTED else 0
+        return _Extent(size, type_.element_count if type_.name == "bool" else 1)
     size, values, depth = _extent(known[outer.key_of(type_)], known, extents)
-    return _Extent(size * type_.count if type_.is_fixed_size else 0, values * type_.count, depth)
+    return _Extent(size * type_.element_count if type_.is_fixed_size else 0, values * type_.element_count, depth)
 
 
 def _topics(message: Message) -> Iterator[tuple[str, Location]]:

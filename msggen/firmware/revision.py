@@ -78,7 +78,9 @@ def read_revision(folder: str, revision: str) -> Snapshot:
     contents = _read_blobs(folder, label, blobs, lambda name: is_wanted(name) or name in known)
     files = {name: contents.get(name, b"") for name in entries if name not in links}
     targets = {name: os.fsdecode(contents[name]) for name in links}
-    return Snapshot(label, files, targets, base, lambda wanted: _read_blobs(folder, label, blobs, wanted))
+    return Snapshot(
+        label, files, links=targets, base=base, more=lambda wanted: _read_blobs(folder, label, blobs, wanted)
+    )
 
 
 def _obstacle(folder: str) -> str:

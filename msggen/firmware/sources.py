@@ -172,12 +172,12 @@ def find_sources(
     is_tree = not first.package and _is_tree(first.tree)
     client = [name for name in CLIENT_SOURCES if is_tree and first.tree.is_file(name)]
     return Sources(
-        tuple(chain(*messages)),
-        tuple(chain(*services)),
-        bridge,
-        tuple(root.manifest for root in roots if root.manifest),
-        package,
-        release,
+        messages=tuple(chain(*messages)),
+        services=tuple(chain(*services)),
+        bridge=bridge,
+        manifests=tuple(root.manifest for root in roots if root.manifest),
+        package=package,
+        release=release,
         own=0 if first.package else len(messages[0]),
         is_tree=is_tree,
         label=_label(roots),

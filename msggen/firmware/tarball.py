@@ -39,7 +39,7 @@ def read_archive(path: str) -> Snapshot:
     def more(wanted: Wanted) -> dict[str, bytes]:
         return {name: data for name, data in read(path, wanted)[0].items() if wanted(name)}
 
-    return Snapshot(path, files, links, f"{top}/" if is_wrapped else "", more)
+    return Snapshot(path, files, links=links, base=f"{top}/" if is_wrapped else "", more=more)
 
 
 def _inside(name: str) -> str:

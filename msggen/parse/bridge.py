@@ -149,7 +149,14 @@ class _Reader:
         if not (topic and type_name):
             return None
         direction, multi = _LISTS[name]
-        entry = BridgeEntry(direction, topic, type_name, self.place(values["topic"]), self.place(values["type"]), multi)
+        entry = BridgeEntry(
+            direction=direction,
+            topic=topic,
+            type_name=type_name,
+            location=self.place(values["topic"]),
+            type_location=self.place(values["type"]),
+            multi=multi,
+        )
         optional = {
             key: node for key, node in values.items() if key in _OPTIONAL and (key == "instance" or not _is_null(node))
         }

@@ -9,9 +9,7 @@ import re
 from collections.abc import Sequence
 
 from msggen.model import Comment
-
-KNOWN_TAGS = ("range", "enum", "invalid", "frame", "uncontrolled")
-"""The tags that PX4 uses. All but the last are attributes of a `Comment`."""
+from msggen.tags import NAMES, UNIT
 
 _TAG = re.compile(r" ?\[@(\w+)\b\s*([^\]]*)\]")
 _UNIT = re.compile(r"\s*\[(?![-+\d., ]*\d[-+\d., ]*\])([^@\]\[]{1,24})\]")
@@ -19,10 +17,7 @@ _BOUND = r"[-+]?(?:\d[\d.]*|(?:\d[\d.]* ?\*? ?)?(?:pi|Pi|PI|π)(?:/\d+)?|inf|INF
 _RANGE = re.compile(rf"\s*\[ *({_BOUND} *(?:, *|\.\.+ *|to +|- *){_BOUND}) *\]")
 """Two bounds in brackets where a unit would stand: `[-pi, pi]`."""
 
-
-_NOT_TAGS = ("text", "extra")
-"""Attributes of a `Comment` that are no tags."""
-
+_PLACES = {name: place for place, name in enumerate(NAMES)}
 _NOTHING = Comment()
 
 
@@ -37,16 +32,21 @@ def parse_comment(lines: Sequence[str]) -> Comment:
     whole = "\n".join(lines)
     if "[" not in whole:
         return Comment(whole.strip())
-    tags = {"unit": ""}
+    tags = {UNIT.name: ""}
     text = [_take_tags(line, tags) for line in lines]
-    extra = tuple([(name, tags.pop(name)) for name in [*tags] if name not in Comment._fields])
-    return Comment("\n".join(text).strip(), **tags, extra=extra)
+    unit = tags.pop(UNIT.name)
+    return Comment("\n".join(text).strip(), unit, tuple(sorted(tags.items(), key=_place)))
+
+
+def _place(tag: tuple[str, str]) -> int:
+    """Return the place of a tag: that of its name, or behind all that are known."""
+    return _PLACES.get(tag[0], len(_PLACES))
 
 
 def _take_tags(line: str, tags: dict[str, str]) -> str:
     unit = _UNIT.match(line)
-    if unit and not tags["unit"] and not _RANGE.match(line):
-        tags["unit"] = unit[1].strip()
+    if unit and not tags[UNIT.name] and not _RANGE.match(line):
+        tags[UNIT.name] = unit[1].strip()
         line = line[unit.end() :]
     text = (_TAG.sub(lambda tag: _take_tag(tag, tags), line) if "[@" in line else line).strip()
     found = _RANGE.match(text) if text[:1] == "[" and "range" not in tags else None
@@ -58,7 +58,7 @@ def _take_tags(line: str, tags: dict[str, str]) -> str:
 
 def _take_tag(tag: re.Match[str], tags: dict[str, str]) -> str:
     """Note a tag and take it out of the text; a second one of its kind stays where it is."""
-    if tag[1] in tags or tag[1] in _NOT_TAGS:
+    if tag[1] in tags:
         return tag[0]
     tags[tag[1]] = tag[2].strip()
     return ""

@@ -22,9 +22,10 @@ from msggen.model import (
     Topic,
     snake_case,
 )
-from msggen.parse.comment import KNOWN_TAGS, parse_comment
+from msggen.parse.comment import parse_comment
 from msggen.parse.value import parse_value
 from msggen.primitives import INTEGERS, PRIMITIVES, STRINGS
+from msggen.tags import ATTRIBUTES, NAMES, UNIT
 
 MAX_LENGTH = 2**16 - 1
 """Longest fixed array in a message of uORB, which carries no more bytes than this."""
@@ -83,6 +84,8 @@ OTHER_SPELLINGS = {
     "unsigned": "uint32",
 }
 """What these types are called elsewhere."""
+_NAMED = [f"@{tag.name}" for tag in ATTRIBUTES if tag is not UNIT]
+_TAGS_OF_PX4 = f": PX4 has {', '.join(_NAMED[:-1])} and {_NAMED[-1]}, and units as '[m]'"
 _LOOKS_LIKE_TOPICS = re.compile(r"\s*#\s*TOPICS?\b")
 
 
@@ -161,9 +164,16 @@ class _Body:
         self._first_line = 1
 
     def message(self, package: str, folder: str) -> Message:
-        where = Location(self.path)
-        fields, constants, topics = tuple(self.fields), tuple(self.constants), tuple(self.topics)
-        return Message(self.name, package, where, folder, fields, constants, topics, self.comment)
+        return Message(
+            name=self.name,
+            package=package,
+            location=Location(self.path),
+            folder=folder,
+            fields=tuple(self.fields),
+            constants=tuple(self.constants),
+            topics=tuple(self.topics),
+            comment=self.comment,
+        )
 
     def fault(self, code: str, line: int, column: int, message: str) -> None:
         self.faults.append(Diagnostic(Location(self.path, line, column), code, message))
@@ -253,13 +263,19 @@ class _Body:
                 self.fault("M305", element.line, match.start("value") + 1, f"'{name}': {wrong}")
                 return
         comment = parse_comment(element.comment)
-        if comment.extra and self.of_uorb:
-            self._check_tags(element, comment.extra)
+        if comment.tags and self.of_uorb:
+            self._check_tags(element, comment.tags)
         if is_constant and value is not None:
             self._check_special(name, type_, value, location)
-            self.constants.append(Constant(name, type_, value, location, name_column, comment))
+            constant = Constant(
+                name=name, type=type_, value=value, location=location, name_column=name_column, comment=comment
+            )
+            self.constants.append(constant)
         else:
-            self.fields.append(Field(name, type_, location, name_column, value, comment))
+            field = Field(
+                name=name, type=type_, location=location, name_column=name_column, default=value, comment=comment
+            )
+            self.fields.append(field)
 
     def _misread(self, element: _Element) -> None:
         column = len(element.code) - len(element.code.lstrip()) + 1
@@ -290,11 +306,8 @@ class _Body:
     def _check_tags(self, element: _Element, tags: tuple[tuple[str, str], ...]) -> None:
         """Warn of tags that are not known, each where it stands: above the element, on its line or below."""
         for name, _ in tags:
-            if name not in KNOWN_TAGS:
-                hint = (
-                    suggestion(f"@{name}", [f"@{tag}" for tag in KNOWN_TAGS])
-                    or ": PX4 has @range, @enum, @invalid and @frame, and units as '[m]'"
-                )
+            if name not in NAMES:
+                hint = suggestion(f"@{name}", [f"@{known}" for known in NAMES]) or _TAGS_OF_PX4
                 self.fault("M107", *self._place_of(f"[@{name}", element), f"unknown tag '@{name}'{hint}")
 
     def _place_of(self, tag: str, element: _Element) -> tuple[int, int]:
@@ -382,8 +395,9 @@ def parse_type(text: str, *, of_uorb: bool = True) -> FieldType:
     if not match["length"] and not match["atmost"]:
         return FieldType(name, package, ArrayKind.UNBOUNDED, string_bound=bound)
     if match["atmost"]:
-        return FieldType(name, package, ArrayKind.BOUNDED, _length(match["length"], text, MAX_BOUND), bound)
-    return FieldType(name, package, ArrayKind.FIXED, _length(match["length"], text, most), bound)
+        length = _length(match["length"], text, MAX_BOUND)
+        return FieldType(name, package, ArrayKind.BOUNDED, length, string_bound=bound)
+    return FieldType(name, package, ArrayKind.FIXED, _length(match["length"], text, most), string_bound=bound)
 
 
 def _length(digits: str, text: str, most: int) -> int:

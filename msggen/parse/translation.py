@@ -104,7 +104,14 @@ class _Header:
         if last is None:
             return [], end
         (source, source_type), (target, target_type) = [(part[-1], _type_name(part[:-1])) for part in parameters]
-        return [_Function(source_type, source, target_type, target, self.code[stop + 2 : last])], last
+        function = _Function(
+            source_type=source_type,
+            source=source,
+            target_type=target_type,
+            target=target,
+            body=self.code[stop + 2 : last],
+        )
+        return [function], last
 
     def _next(self, word: str, position: int, end: int) -> int:
         while position < end and self.code[position] != word:

@@ -132,7 +132,8 @@ def _read(path: str, package: str, name: str) -> tuple[Definition, list[Diagnost
     faults += _unknown_to_the_firmware(message)
     constants = tuple((str(constant.type), constant.name, constant.value) for constant in message.constants)
     fields = tuple((field.name, _spelled(field, message)) for field in message.fields)
-    return Definition(message, text, message.topic_names, fields, constants), faults
+    definition = Definition(message=message, text=text, topics=message.topic_names, fields=fields, constants=constants)
+    return definition, faults
 
 
 def _misgiven(paths: Iterable[str]) -> Iterator[Diagnostic]:

@@ -12,6 +12,7 @@ from functools import cached_property
 from msggen.identity import Endpoint, Qos, UorbTopic, endpoints, message_hash, type_hash, uorb_topics
 from msggen.layout import Encoding, Layout, Path, is_static, lay_out, struct_size
 from msggen.model import ArrayKind, Catalog, Comment, Constant, Field, Message, Service, Value
+from msggen.tags import ATTRIBUTES, Tag
 
 
 class Views:
@@ -165,13 +166,13 @@ class MessageView(_Definition):
         pairs = zip(*(layout.leaves for layout in self._layouts), strict=True)
         return tuple(
             LeafView(
-                _written(leaf.path),
-                _reached(self, leaf.path),
-                leaf.count,
-                leaf.size,
-                leaf.offset,
-                leaf.padding,
-                other.offset,
+                path=_written(leaf.path),
+                field=_reached(self, leaf.path),
+                count=leaf.element_count,
+                item_size=leaf.size,
+                offset=leaf.offset,
+                padding=leaf.padding,
+                offset_xcdr2=other.offset,
             )
             for leaf, other in pairs
         )
@@ -226,22 +227,31 @@ class MessageView(_Definition):
         return lay_out(catalog, self._model), lay_out(catalog, self._model, Encoding.XCDR2)
 
     @cached_property
-    def _places(self) -> dict[str, tuple[int, int, int, int, int]]:
+    def _places(self) -> dict[str, dict[str, int]]:
         """What FieldView says of bytes, by field; empty unless static."""
         if not self._layouts:
             return {}
         first, second = (layout.extents() for layout in self._layouts)
         padding = {leaf.offset: leaf.padding for leaf in self._layouts[0].leaves}
-        return {name: (*first[name], padding[first[name][0]], *second[name]) for name in first}
+        return {
+            name: {
+                "offset": offset,
+                "size": size,
+                "padding": padding[offset],
+                "offset_xcdr2": second[name][0],
+                "size_xcdr2": second[name][1],
+            }
+            for name, (offset, size) in first.items()
+        }
 
     def _field(self, field: Field) -> FieldView:
         is_nested = not field.type.is_primitive
-        prefix = f"{field.comment.enum}_"
+        prefix = field.comment.tag("enum")
         return FieldView(
-            field,
-            self._views.message(self._views.model.nested(self._model, field.type)) if is_nested else None,
-            tuple(found for found in self.constants if field.comment.enum and found.name.startswith(prefix)),
-            *self._places.get(field.name, (None,) * 5),
+            _model=field,
+            message=self._views.message(self._views.model.nested(self._model, field.type)) if is_nested else None,
+            enum_constants=tuple(found for found in self.constants if prefix and found.name.startswith(f"{prefix}_")),
+            **self._places.get(field.name, {}),
         )
 
 
@@ -276,31 +286,6 @@ class _Described(_View):
         return dict(self._comment.tags)
 
     @property
-    def unit(self) -> str:
-        """`m/s`; empty, as the other tags, where the definition has none."""
-        return self._comment.unit
-
-    @property
-    def range(self) -> str:
-        """What stands in `[@range ...]`."""
-        return self._comment.range
-
-    @property
-    def enum(self) -> str:
-        """What stands in `[@enum ...]`: the prefix of the constants that are its values."""
-        return self._comment.enum
-
-    @property
-    def invalid(self) -> str:
-        """What stands in `[@invalid ...]`."""
-        return self._comment.invalid
-
-    @property
-    def frame(self) -> str:
-        """What stands in `[@frame ...]`."""
-        return self._comment.frame
-
-    @property
     def documentation(self) -> str:
         """Tags and sentences, as in the definition."""
         return str(self._comment)
@@ -308,6 +293,19 @@ class _Described(_View):
     @property
     def _comment(self) -> Comment:
         return self._model.comment
+
+
+def _content(tag: Tag) -> property:
+    """Return a property with the content of a tag, "" where the definition has none."""
+
+    def content(self: _Described) -> str:
+        return self._comment.tag(tag.name)
+
+    return property(content, doc=tag.documentation)
+
+
+for _tag in ATTRIBUTES:
+    setattr(_Described, _tag.name, _content(_tag))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -319,15 +317,15 @@ class FieldView(_Described):
     """The message that is nested here; None for primitives."""
     enum_constants: tuple[ConstantView, ...]
     """The constants that are its values: those whose names begin with the prefix in `[@enum PREFIX]`."""
-    offset: int | None
+    offset: int | None = None
     """Where its first value lies in XCDR1, counted from behind the header."""
-    size: int | None
+    size: int | None = None
     """Bytes from its first value to its last in XCDR1."""
-    padding: int | None
+    padding: int | None = None
     """Bytes of padding before it in XCDR1."""
-    offset_xcdr2: int | None
+    offset_xcdr2: int | None = None
     """The offset in XCDR2; an array of messages has its delimiter before that."""
-    size_xcdr2: int | None
+    size_xcdr2: int | None = None
     """The size in XCDR2."""
 
     @property

@@ -39,13 +39,11 @@ def describe_change(name: str, before: bytes | None, after: bytes) -> str:
 
 
 def _tag_changes(old: Message, new: Message) -> Iterator[str]:
-    from msggen.tags import changed_tags
-
     fields = {field.name: field for field in old.fields}
     for field in new.fields:
         if field.name in fields:
-            for change in changed_tags(fields[field.name], field):
-                yield f"{change.what} of '{field.name}' from '{change.before}' to '{change.after}'"
+            for change in fields[field.name].comment.changed_tags(field.comment):
+                yield f"{change.title} of '{field.name}' from '{change.before}' to '{change.after}'"
 
 
 def read_halves(path: str, data: bytes, package: str) -> list[Message]:

@@ -54,7 +54,13 @@ def read_contents(sources: Sources, package: str, *, topics_only: bool) -> Packa
     dependencies = {name: field.location for name, field in reversed(spelled) if name != package}
     sorted_dependencies = dict(sorted(dependencies.items()))
     notices = tuple(notice for notice in catalog.notices if notice.code not in _OF_BOARDS)
-    return PackageContents(dict(sorted(files.items())), _topics(catalog), topics_only, sorted_dependencies, notices)
+    return PackageContents(
+        files=dict(sorted(files.items())),
+        topics=_topics(catalog),
+        topics_only=topics_only,
+        dependencies=sorted_dependencies,
+        notices=notices,
+    )
 
 
 def _flat(folder: str, file: File) -> str:

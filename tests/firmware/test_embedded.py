@@ -176,11 +176,13 @@ def test_every_timestamp_is_in_microseconds(release: str) -> None:
 @every_release
 def test_enum_tags_name_constants_of_their_message(release: str) -> None:
     lost = [
-        f"{message.name}.{field.name}: {field.comment.enum}"
+        f"{message.name}.{field.name}: {field.comment.tag('enum')}"
         for message in catalog_of(release).messages.values()
         for field in message.fields
-        if field.comment.enum
-        and not any(constant.name.startswith(tuple(field.comment.enum.split())) for constant in message.constants)
+        if field.comment.tag("enum")
+        and not any(
+            constant.name.startswith(tuple(field.comment.tag("enum").split())) for constant in message.constants
+        )
     ]
     assert [each for each in lost if "VTE_FUSION_STATUS" not in each] == []  # an enum that PX4 itself does not have
 

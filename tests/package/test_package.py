@@ -30,6 +30,7 @@ from hypothesis import strategies as st
 
 from msggen.model import Catalog
 from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES
+from msggen.tags import ATTRIBUTES
 from support.catalogs import catalog_of, import_package
 from support.reference import HEADERS, serialize, to_values
 from support.repository import NAMES, ROOT
@@ -156,9 +157,8 @@ def test_the_description_is_that_of_the_definition(name: str, px4_types: Any, em
     assert info.message_version == definition.message_version
     assert [(field.name, field.type) for field in info.fields] == [(f.name, str(f.type)) for f in definition.fields]
     for field, defined in zip(info.fields, definition.fields, strict=True):
-        tags = (field.unit, field.range, field.enum, field.invalid, field.frame)
-        comment = defined.comment
-        assert tags == (comment.unit, comment.range, comment.enum, comment.invalid, comment.frame)
+        for tag in ATTRIBUTES:
+            assert getattr(field, tag.name) == defined.comment.tag(tag.name)
 
 
 @pytest.mark.parametrize("name", NAMES)

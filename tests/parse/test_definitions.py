@@ -357,32 +357,32 @@ def test_fields_and_constants_keep_their_order() -> None:
         ("[m/s] Speed.", Comment("Speed.", unit="m/s")),
         ("[-] Ratio.", Comment("Ratio.", unit="-")),
         ("[rad]", Comment(unit="rad")),
-        ("[@range 0, 100] Percent.", Comment("Percent.", range="0, 100")),
-        ("[@range -1 (Left), 1 (Right)]", Comment(range="-1 (Left), 1 (Right)")),
-        ("[@enum NAVIGATION_STATE]", Comment(enum="NAVIGATION_STATE")),
-        ("[@invalid NaN if unknown] Height.", Comment("Height.", invalid="NaN if unknown")),
-        ("[@frame NED] North.", Comment("North.", frame="NED")),
+        ("[@range 0, 100] Percent.", Comment("Percent.", tags=(("range", "0, 100"),))),
+        ("[@range -1 (Left), 1 (Right)]", Comment(tags=(("range", "-1 (Left), 1 (Right)"),))),
+        ("[@enum NAVIGATION_STATE]", Comment(tags=(("enum", "NAVIGATION_STATE"),))),
+        ("[@invalid NaN if unknown] Height.", Comment("Height.", tags=(("invalid", "NaN if unknown"),))),
+        ("[@frame NED] North.", Comment("North.", tags=(("frame", "NED"),))),
         (
             "[m] [@range 0, 9] [@enum A] [@invalid 0] [@frame FRD] All.",
-            Comment("All.", "m", "0, 9", "A", "0", "FRD"),
+            Comment("All.", "m", (("range", "0, 9"), ("enum", "A"), ("invalid", "0"), ("frame", "FRD"))),
         ),
-        ("[m][@frame NED]Close.", Comment("Close.", "m", frame="NED")),
-        ("Height [@frame NED] of it.", Comment("Height of it.", frame="NED")),
+        ("[m][@frame NED]Close.", Comment("Close.", "m", tags=(("frame", "NED"),))),
+        ("Height [@frame NED] of it.", Comment("Height of it.", tags=(("frame", "NED"),))),
         ("Height [m]", Comment("Height [m]")),
-        ("[-pi, pi] Heading.", Comment("Heading.", range="-pi, pi")),
-        ("[-PI..PI]", Comment(range="-PI..PI")),
+        ("[-pi, pi] Heading.", Comment("Heading.", tags=(("range", "-pi, pi"),))),
+        ("[-PI..PI]", Comment(tags=(("range", "-PI..PI"),))),
         ("[0, 2*pi)", Comment("[0, 2*pi)")),
-        ("[0, inf] Speed.", Comment("Speed.", range="0, inf")),
-        ("[-1, 1] Stick.", Comment("Stick.", range="-1, 1")),
-        ("[1-99] Percent.", Comment("Percent.", range="1-99")),
-        ("[rad] [-pi/2, pi/2] Pitch.", Comment("Pitch.", unit="rad", range="-pi/2, pi/2")),
-        ("[0, 1] [@range 0, 2] Tagged.", Comment("[0, 1] Tagged.", range="0, 2")),
+        ("[0, inf] Speed.", Comment("Speed.", tags=(("range", "0, inf"),))),
+        ("[-1, 1] Stick.", Comment("Stick.", tags=(("range", "-1, 1"),))),
+        ("[1-99] Percent.", Comment("Percent.", tags=(("range", "1-99"),))),
+        ("[rad] [-pi/2, pi/2] Pitch.", Comment("Pitch.", unit="rad", tags=(("range", "-pi/2, pi/2"),))),
+        ("[0, 1] [@range 0, 2] Tagged.", Comment("[0, 1] Tagged.", tags=(("range", "0, 2"),))),
         ("Heading [-pi, pi]", Comment("Heading [-pi, pi]")),
         ("[0] Zero.", Comment("[0] Zero.")),
         ("[pi] Half a turn.", Comment("Half a turn.", unit="pi")),
-        ("[@unknown 5] Text.", Comment("Text.", extra=(("unknown", "5"),))),
-        ("[@uncontrolled NaN] [@new] Text.", Comment("Text.", extra=(("uncontrolled", "NaN"), ("new", "")))),
-        ("[@text 1] [@extra 2] Text.", Comment("[@text 1] [@extra 2] Text.")),
+        ("[@unknown 5] Text.", Comment("Text.", tags=(("unknown", "5"),))),
+        ("[@uncontrolled NaN] [@new] Text.", Comment("Text.", tags=(("uncontrolled", "NaN"), ("new", "")))),
+        ("[@text 1] [@extra 2] Text.", Comment("Text.", tags=(("text", "1"), ("extra", "2")))),
         ("[] Text.", Comment("[] Text.")),
         ("[m Text.", Comment("[m Text.")),
         ("[more words than a unit has] Text.", Comment("[more words than a unit has] Text.")),
@@ -395,7 +395,7 @@ def test_tags_are_taken_out_of_the_text(line: str, expected: Comment) -> None:
 
 def test_tags_may_stand_on_any_line_of_a_comment() -> None:
     comment = parse_comment(("Height above home.", "[m] [@frame NED] Down is positive."))
-    assert comment == Comment("Height above home.\nDown is positive.", unit="m", frame="NED")
+    assert comment == Comment("Height above home.\nDown is positive.", unit="m", tags=(("frame", "NED"),))
 
 
 def test_a_comment_is_spelled_back_with_its_tags_in_front() -> None:
@@ -404,9 +404,9 @@ def test_a_comment_is_spelled_back_with_its_tags_in_front() -> None:
 
 def test_tags_of_the_embedded_set_are_read(embedded: Catalog) -> None:
     fields = {field.name: field for field in embedded.messages["px4_msgs/SensorCombined"].fields}
-    assert (fields["gyro_rad"].comment.unit, fields["gyro_rad"].comment.frame) == ("rad/s", "FRD")
-    assert fields["accelerometer_clipping"].comment.enum == "CLIPPING"
-    assert fields["accelerometer_timestamp_relative"].comment.invalid == "RELATIVE_TIMESTAMP_INVALID"
+    assert (fields["gyro_rad"].comment.unit, fields["gyro_rad"].comment.tag("frame")) == ("rad/s", "FRD")
+    assert fields["accelerometer_clipping"].comment.tag("enum") == "CLIPPING"
+    assert fields["accelerometer_timestamp_relative"].comment.tag("invalid") == "RELATIVE_TIMESTAMP_INVALID"
 
 
 # Topics

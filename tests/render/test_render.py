@@ -33,6 +33,7 @@ from msggen.render.views import (
     TopicView,
     Views,
 )
+from msggen.tags import UNIT
 from msggen.text.words import FILTERS, camel_case, comment, pascal_case
 from support.catalogs import catalog_of, write_definitions
 from support.repository import ROOT
@@ -471,7 +472,7 @@ def test_leaves_and_fields_lie_where_the_layouts_say(catalog: CatalogView, embed
         first, second = (lay_out(embedded, message, encoding) for encoding in Encoding)
         assert (view.cdr_size, view.cdr_size_xcdr2) == (first.size, second.size)
         assert [(leaf.offset, leaf.padding, leaf.count, leaf.item_size) for leaf in view.leaves] == [
-            (leaf.offset, leaf.padding, leaf.count, leaf.size) for leaf in first.leaves
+            (leaf.offset, leaf.padding, leaf.element_count, leaf.size) for leaf in first.leaves
         ]
         assert [leaf.offset_xcdr2 for leaf in view.leaves] == [leaf.offset for leaf in second.leaves]
         assert [leaf.field.name for leaf in view.leaves] == [leaf.path[-1][0] for leaf in first.leaves]
@@ -489,7 +490,7 @@ def test_a_path_of_a_leaf_is_written_as_in_code(catalog: CatalogView) -> None:
     paths = [leaf.path for leaf in message.leaves]
     assert paths[:7] == [*(field.name for field in message.fields[:-1]), "esc[0].timestamp"]
     assert paths[-1] == "esc[11].esc_power"
-    assert message.leaves[-1].field.unit == "%"
+    assert getattr(message.leaves[-1].field, UNIT.name) == "%"
 
 
 def test_a_field_knows_its_message_and_the_constants_that_are_its_values(catalog: CatalogView) -> None:

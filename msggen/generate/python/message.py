@@ -31,6 +31,7 @@ from msggen.model import (
     Message,
 )
 from msggen.primitives import PRIMITIVES
+from msggen.tags import ATTRIBUTES
 
 SPELLED_OUT_TO = 4
 """Tuples up to this length are spelled out in annotations."""
@@ -72,16 +73,8 @@ class Attribute(NamedTuple):
     @property
     def description(self) -> str:
         """Its description in `__msg__`."""
-        comment = self.comment
-        tags = (
-            ("unit", comment.unit),
-            ("range", comment.range),
-            ("enum", comment.enum),
-            ("invalid", comment.invalid),
-            ("frame", comment.frame),
-            ("attribute", "" if self.attribute == self.name else self.attribute),
-        )
-        given = [f"{name}={literal(value)}" for name, value in tags if value]
+        given = [f"{tag.name}={literal(value)}" for tag in ATTRIBUTES if (value := self.comment.tag(tag.name))]
+        given += [] if self.attribute == self.name else [f"attribute={literal(self.attribute)}"]
         items = (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
         return f"info.Field({wrapped(items, 16)})"
 
@@ -380,15 +373,15 @@ def _layout_arguments(xcdr1: Layout, xcdr2: Layout) -> Iterator[str]:
 def _values(leaves: tuple[Leaf, ...]) -> Iterator[tuple[int, int, str]]:
     for leaf in leaves:
         if kind_of(leaf.type) in (Kind.BYTES, Kind.ARRAY):
-            yield leaf.padding, leaf.count * leaf.size, "s"
+            yield leaf.padding, leaf.element_count * leaf.size, "s"
         else:
-            yield leaf.padding, leaf.count, PRIMITIVES[leaf.type.name].code
+            yield leaf.padding, leaf.element_count, PRIMITIVES[leaf.type.name].code
 
 
 def _words(layout: Layout) -> Iterator[tuple[int, int, str]]:
     for item in layout.items:
         if isinstance(item, Leaf):
             code = "s" if kind_of(item.type) is Kind.BYTES else _UNSIGNED[item.size]
-            yield item.padding, item.count, code
+            yield item.padding, item.element_count, code
         else:
             yield item.padding + 4, 0, "x"

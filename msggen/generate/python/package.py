@@ -17,6 +17,7 @@ from msggen.identity import endpoint_versions, endpoints, uorb_topics
 from msggen.layout import is_static
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
+from msggen.tags import ATTRIBUTES
 from msggen.text.environment import make_environment
 
 if TYPE_CHECKING:
@@ -181,7 +182,7 @@ FILES = (
     _support("cdr.py"),
     _support("encapsulation.py"),
     _support("explain.py"),
-    _support("info.py"),
+    _File("info.py", lambda _: _render("info", tags=ATTRIBUTES)),
     _support("lazy.py"),
     _support("lookup.py"),
     _File("orb_id.py", lambda package: _render("orb_id", topics=package.topics)),

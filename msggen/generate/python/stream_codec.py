@@ -132,7 +132,7 @@ class _Walk:
                 self._nested(self.catalog.nested(message, type_), type_, place)
             elif type_.is_fixed_size and kind_of(type_) is not Kind.ARRAY:
                 is_block = kind_of(type_) is Kind.BYTES
-                self._run("s" if is_block else PRIMITIVES[type_.name].code, place.path, type_.count)
+                self._run("s" if is_block else PRIMITIVES[type_.name].code, place.path, type_.element_count)
                 self.step.primitive(type_, place.attribute, place.attribute, place.stem)
             else:
                 self._primitive(type_, place)

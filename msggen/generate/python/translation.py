@@ -431,7 +431,7 @@ class _Reader:
         type_ = field.type
         has_parts = type_.name in _KINDS and type_.is_primitive
         if value == Number(None) and has_parts and type_.array in (ArrayKind.SCALAR, ArrayKind.FIXED):
-            return (Part(0, type_.count, _fitted(Number(0), type_, self.mine)),)
+            return (Part(0, type_.element_count, _fitted(Number(0), type_, self.mine)),)
         if has_parts and type_.array is ArrayKind.SCALAR:
             return (Part(0, 1, _fitted(self._resolved(value, None), type_, self.mine)),)
         if not isinstance(value, Place) or value.is_target or value.path[0].element is not None or len(value.path) > 1:
