@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from msggen.generate.build import write_if_changed
+from msggen.disk.staging import write_if_changed
 from msggen.px4_generate.definitions import Definitions
 from msggen.px4_generate.messages import Kind, Request, generate_messages
 from msggen.text.empy import EmpyTemplate

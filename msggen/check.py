@@ -13,7 +13,7 @@ from msggen.compare.finding import Category, Finding, Report, Rule, Severity
 from msggen.compare.renaming import nearest_message
 from msggen.compare.rules import BREAKING, CHECKED, find
 from msggen.diagnostics import InputError, counted
-from msggen.disk.record import MANIFEST, parse_record
+from msggen.disk.record import RECORD_NAME, parse_record
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
 from msggen.firmware.sources import Sources, find_sources
@@ -97,9 +97,9 @@ def _place(sources: Sources) -> str:
 
 def _own_files(sources: Sources) -> set[str] | None:
     """Return the files of a package that `sync` keeps, without its user's own; None where all count."""
-    if not sources.root or not sources.root.is_file(MANIFEST):
+    if not sources.root or not sources.root.is_file(RECORD_NAME):
         return None
-    return {name.rpartition("/")[2] for name in parse_record(sources.root.read(MANIFEST)).files} or None
+    return {name.rpartition("/")[2] for name in parse_record(sources.root.read(RECORD_NAME)).files} or None
 
 
 def _extra(sources: Sources, files: Collection[str]) -> Iterator[Extra]:

@@ -23,8 +23,9 @@ from msggen.cli.common import (
 )
 from msggen.diagnostics import counted, fault
 from msggen.disk.output import OutputPlan
+from msggen.disk.staging import write_if_changed
 from msggen.firmware.sources import Sources, with_archived
-from msggen.generate.build import Build, Outcome, depfile, write_if_changed
+from msggen.generate.build import Build, Outcome, depfile
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
@@ -105,7 +106,7 @@ def _prepare(options: argparse.Namespace, settings: Settings) -> tuple[Build, So
 def _report(outcome: Outcome, label: str, seconds: float, *, writes: bool, verbose: bool) -> Iterator[str]:
     """Say what was done, or what there would be to do."""
     plan = outcome.plan
-    if plan is None or not (writes or plan.is_stale):
+    if plan is None or not plan.is_stale:
         yield f"{os.path.basename(outcome.folder)} from {label}: {outcome.summary}"
         yield f"{outcome.folder} is up to date, {len(outcome.outputs)} files"
         return

@@ -59,7 +59,7 @@ def _generate(options: argparse.Namespace) -> int:
     if wants_bridge and (options.kind or options.file):
         options.parser.error("messages and the bridge are made by two runs: give the options of one of them")
     folder, files = _bridge(options) if wants_bridge else _messages(options)
-    from msggen.generate.build import write_if_changed
+    from msggen.disk.staging import write_if_changed
 
     for name, text in files.items():
         write_if_changed(os.path.join(folder, name), text)

@@ -20,7 +20,8 @@ from msggen.cli.common import (
 )
 from msggen.diagnostics import counted
 from msggen.disk.output import stale_files, write_stale_files
-from msggen.generate.build import depfile, write_if_changed
+from msggen.disk.staging import write_if_changed
+from msggen.generate.build import depfile
 from msggen.render import THINGS
 from msggen.settings import read_settings
 

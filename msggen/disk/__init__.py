@@ -1,1 +1,1 @@
-"""Files on disk: what the tool brings along, what it wrote before, and writing with care."""
+"""Files on disk: bundled resources, records of earlier runs, git, and all writing."""

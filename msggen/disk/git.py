@@ -1,4 +1,4 @@
-"""What msggen asks git. It asks the program: whoever has a repository has it, and it knows every format of one."""
+"""Calls of git. The program is called, because it knows every format of a repository."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _OWN_REPOSITORY = {
     "GIT_SHALLOW_FILE",
     "GIT_WORK_TREE",
 }
-"""Set while git runs a hook (`git rev-parse --local-env-vars`); they lead every call to that hook's repository."""
+"""Variables that git sets for a hook (`git rev-parse --local-env-vars`); each call would use its repository."""
 
 
 class GitError(Exception):
-    """Git refused; the text is its first line."""
+    """An error that git reported, as the first line of its output."""
 
 
 def git(folder: str, *arguments: str, stdin: bytes = b"") -> bytes:
@@ -41,7 +41,7 @@ def git(folder: str, *arguments: str, stdin: bytes = b"") -> bytes:
 
 
 def is_in_repository(folder: str) -> bool:
-    """Whether git should know the folder. What git itself says is not asked: it may refuse for other reasons."""
+    """Whether the folder is in a repository. Git is not called, because it may fail for other reasons."""
     here = os.path.realpath(folder)
     while not os.path.lexists(os.path.join(here, ".git")):
         here, below = os.path.dirname(here), here
@@ -72,7 +72,7 @@ def commit_of(folder: str, revision: str) -> str:
 
 
 def revisions(folder: str) -> list[str]:
-    """Return the names of branches and tags; none where there is no repository."""
+    """Return the names of branches and tags, or none if there is no repository."""
     try:
         return git(folder, "for-each-ref", "--format=%(refname:short)").decode(errors="replace").split()
     except GitError:

@@ -1,22 +1,16 @@
-"""Careful writing: only what changed, each file whole or not at all, and nothing that is not ours.
+"""Bringing the files in a folder up to date: only those that differ, and none that msggen did not write."""
 
-A run that finds the fingerprint of its inputs and the digests of its outputs as recorded has nothing to do.
-"""
-
-import errno
 import os
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
-from msggen.disk.record import Record, digest, digest_of, locked, read_record, write_record, write_text
-
-STAGE = ".msggen-stage"
-"""Where files are written aside."""
+from msggen.disk.record import Record, digest, digest_of, read_record, write_record
+from msggen.disk.staging import STAGE, clear, locked, make_folder, written_aside
 
 
 class OutputPlan(NamedTuple):
-    """What a run would do to a folder. `edited` are files to remove that someone changed: they stay."""
+    """The changes that a run would make in a folder. `edited` are obsolete files that someone edited: they stay."""
 
     folder: str
     files: Mapping[str, str]
@@ -25,83 +19,69 @@ class OutputPlan(NamedTuple):
     edited: tuple[str, ...]
 
     @property
-    def texts(self) -> Mapping[str, str]:
-        """What is to be written."""
-        return {name: self.files[name] for name in self.written}
-
-    @property
     def is_stale(self) -> bool:
-        """Whether anything would change."""
+        """Whether a file is to be written or removed."""
         return bool(self.written or self.removed)
 
 
 class ForeignFileError(Exception):
-    """A file stands where one is to be written, and msggen did not write it."""
+    """A file that msggen did not write is in the place of one that it is to write."""
 
     def __init__(self, path: str) -> None:
         super().__init__(path)
         self.path = path
 
 
-def is_current(folder: str, record: Record, fingerprint: str) -> bool:
-    """Whether `folder` holds what was made from `fingerprint`, untouched since."""
-    if not record.files or record.fingerprint != fingerprint:
-        return False
-    return all(digest_of(folder, name) == expected for name, expected in record.files.items())
-
-
 def plan_output(folder: str, files: Mapping[str, str], record: Record) -> OutputPlan:
-    """Compare `files`, texts by name, with what is in `folder`.
+    """Compare `files`, texts by name, with those in `folder`.
 
-    Raises ForeignFileError rather than plan to replace a file that is not in `record`.
+    Raises ForeignFileError if a file to be replaced is not in `record`.
     """
-    written = []
-    for name, text in files.items():
-        found = digest_of(folder, name)
-        if found is not None and found == digest(text.encode()):
-            continue
+    stale = stale_files(folder, files)
+    for name in stale:
         if name not in record.files and os.path.lexists(os.path.join(folder, name)):
             raise ForeignFileError(os.path.join(folder, name))
-        written.append(name)
-    obsolete = [name for name in record.files if name not in files and digest_of(folder, name)]
-    removed = tuple(name for name in obsolete if digest_of(folder, name) == record.files[name])
-    edited = tuple(name for name in obsolete if name not in removed)
-    return OutputPlan(folder, files, tuple(written), removed, edited)
+    found = {name: digest_of(folder, name) for name in _obsolete(folder, files, record)}
+    removed = tuple(name for name, value in found.items() if value == record.files[name])
+    edited = tuple(name for name, value in found.items() if value and name not in removed)
+    return OutputPlan(folder, files, stale, removed, edited)
 
 
-def write_output(folder: str, files: Mapping[str, str], made_of: Record) -> OutputPlan:
-    """Write `files`, and remove what an earlier run made and this one would not; return what was done.
+def write_output(folder: str, files: Mapping[str, str]) -> tuple[OutputPlan, Record]:
+    """Write `files`, and remove those that only an earlier run wrote. Return what was done, and the new record.
 
-    `made_of` is the record to leave, with no files in it yet.
-
-    All files are written aside first, then a record of old and new, then they are moved into place: a run that
-    is killed leaves only whole files, and the next one knows them as its own and what is left to do. Runs on
-    the same folder wait for each other. Raises ForeignFileError, or OSError where the folder cannot be written;
-    nothing is changed then.
+    All files are written aside first, then a record of old and new files, then they are moved into place: a run that
+    is killed leaves only whole files, and the next one recognises them and finishes. Runs on the same folder wait for
+    each other. Raises ForeignFileError, or OSError if the folder cannot be written; nothing is changed then.
     """
     os.makedirs(folder, exist_ok=True)
     with locked(folder):
-        record = read_record(folder)
-        plan = plan_output(folder, files, record)
-        digests = {name: digest(text.encode()) for name, text in files.items()}
-        obsolete = {name: value for name, value in record.files.items() if name not in {*files, *plan.edited}}
-        during = made_of._replace(fingerprint="", files={**obsolete, **digests})
-        _write(folder, plan.texts, plan.removed, during)
+        before = read_record(folder)
+        plan = plan_output(folder, files, before)
+        after = Record({name: digest(text.encode()) for name, text in files.items()})
+        obsolete = [name for name in _obsolete(folder, files, before) if name not in plan.edited]
+        if plan.is_stale:
+            for parent in _parents(plan.removed):
+                make_folder(os.path.join(folder, parent))
+            known = {name: before.files[name] for name in obsolete}
+            _write(folder, {name: files[name] for name in plan.written}, Record({**known, **after.files}))
+        else:
+            clear(os.path.join(folder, STAGE))
         _remove(folder, obsolete)
-        write_record(folder, made_of._replace(files=digests))
-        return plan
+        write_record(folder, after)
+        return plan, after
 
 
 def stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the names of those `files`, texts by name, that stand in `folder` otherwise or not at all."""
+    """Return the names of those `files`, texts by name, that are missing in `folder` or differ there."""
     return tuple(name for name, text in files.items() if digest_of(folder, name) != digest(text.encode()))
 
 
 def write_stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
-    """Write those `files` that are not in `folder` already, whosever they were; return their names.
+    """Write those `files` that are missing in `folder` or differ there, whoever wrote them. Return their names.
 
     All are written aside before the first is moved into place. Runs on the same folder wait for each other.
-    Raises OSError where the folder cannot be written; nothing is changed then.
+    Raises OSError if the folder cannot be written; nothing is changed then.
     """
     os.makedirs(folder, exist_ok=True)
     with locked(folder):
@@ -111,40 +91,31 @@ def write_stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
         return stale
 
 
-def _write(folder: str, texts: Mapping[str, str], removed: tuple[str, ...] = (), during: Record | None = None) -> None:
+def _write(folder: str, texts: Mapping[str, str], during: Record | None = None) -> None:
     """Write files aside, then the record `during`, then move the files into place."""
-    stage = os.path.join(folder, STAGE)
-    _clear(stage)
-    os.makedirs(stage)
-    try:
-        for index, text in enumerate(texts.values()):
-            write_text(os.path.join(stage, str(index)), text)
-        for parent in sorted({os.path.dirname(name) for name in (*texts, *removed)}):
-            place = os.path.join(folder, parent)
-            os.makedirs(place, exist_ok=True)
-            if not os.access(place, os.W_OK | os.X_OK):
-                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), place)
+    files = {os.path.join(folder, name): text.encode() for name, text in texts.items()}
+    with written_aside(files, os.path.join(folder, STAGE)) as move_into_place:
         if during:
             write_record(folder, during)
-        for index, name in enumerate(texts):
-            os.replace(os.path.join(stage, str(index)), os.path.join(folder, name))
-    finally:
-        _clear(stage)
+        move_into_place()
 
 
-def _clear(stage: str) -> None:
-    """Remove the files written aside, this run's or those of one that was killed."""
-    if os.path.isdir(stage) and not os.path.islink(stage):
-        for leftover in os.listdir(stage):
-            os.unlink(os.path.join(stage, leftover))
-        os.rmdir(stage)
+def _obsolete(folder: str, files: Collection[str], record: Record) -> list[str]:
+    """Return the names of the recorded files that are none of `files`, without those in folders that are links."""
+    root = os.path.realpath(folder)
+    homes = {name: os.path.dirname(os.path.join(root, name)) for name in record.files if name not in files}
+    return [name for name, home in homes.items() if os.path.realpath(home) == home]
 
 
 def _remove(folder: str, names: Collection[str]) -> None:
-    """Remove files, those that a killed run has removed already included, and the folders that this empties."""
+    """Remove files, including those that a killed run has removed already, and folders that become empty."""
     for name in names:
         with suppress(FileNotFoundError):
             os.unlink(os.path.join(folder, name))
-    for parent in sorted({os.path.dirname(name) for name in names} - {""}, reverse=True):  # inner folders first
+    for parent in reversed(_parents(names)):  # inner folders first
         with suppress(OSError):
             os.rmdir(os.path.join(folder, parent))
+
+
+def _parents(names: Collection[str]) -> list[str]:
+    return sorted({os.path.dirname(name) for name in names} - {""})

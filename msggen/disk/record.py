@@ -1,44 +1,48 @@
-"""What msggen wrote into a folder, recorded there in `.msggen.json`: so that a later run knows its own files.
+"""The record of the files that msggen wrote into a folder: `.msggen.json`, with a digest of each file.
 
-A file is recognised by its digest. The record is sealed: one that was merged or edited by hand still tells whose the
-files are, but no longer that they are current.
+A later run recognises its own files by it. It is committed with the files, so it holds nothing that would conflict when
+two branches are merged: only digests, each on a line of its own between the names of files. Records of earlier releases
+of msggen hold more, which is ignored.
 """
 
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from hashlib import sha256
 from typing import NamedTuple
 
-MANIFEST = ".msggen.json"
+from msggen.disk.staging import write_if_changed
+
+RECORD_NAME = ".msggen.json"
 
 _SAFE_NAME = re.compile(r"(?:[A-Za-z0-9_]+/)*[A-Za-z0-9_.]*[A-Za-z0-9_]")
+_CONFLICT = b"\n<<<<<<< "
+_LAYOUT = (",", ":\n   ")
+"""Puts each digest on a line of its own, so that changes of two neighbouring files never touch in a merge."""
 
 
 class Record(NamedTuple):
-    """What a run wrote: digests by file name, the fingerprint of what they were made from, and what it said.
+    """Digests by file name. While files are being replaced, a name may have two, separated by a space.
 
-    `has_warnings` tells a later run that there are some to repeat.
+    `scaffold` is a digest of the inputs of package.xml and the like, in a ROS package. It changes only if the README
+    does, which names the firmware's commit.
     """
 
-    fingerprint: str
-    summary: str
     files: Mapping[str, str]
-    has_warnings: bool = False
+    scaffold: str = ""
 
 
-NOTHING = Record("", "", {})
+NO_RECORD = Record({})
 
 
 def digest(data: bytes) -> str:
-    """Return what a file is recognised by."""
+    """Return the digest of a file's content."""
     return sha256(data).hexdigest()
 
 
 def digest_of(folder: str, name: str) -> str | None:
-    """Return the digest of a file, or None where none can be read."""
+    """Return the digest of a file, or None if it cannot be read."""
     try:
         with open(os.path.join(folder, name), "rb", buffering=0) as stream:
             return digest(stream.read())
@@ -47,64 +51,31 @@ def digest_of(folder: str, name: str) -> str | None:
 
 
 def read_record(folder: str) -> Record:
-    """Return what was recorded in `folder`; an empty record where there is none that can be read."""
+    """Return the record in `folder`, or an empty one if there is none that can be read."""
     try:
-        with open(os.path.join(folder, MANIFEST), "rb") as stream:
+        with open(os.path.join(folder, RECORD_NAME), "rb") as stream:
             return parse_record(stream.read())
     except OSError:
-        return NOTHING
+        return NO_RECORD
 
 
 def parse_record(data: bytes) -> Record:
-    """Return what the bytes of a record say; an empty record where they cannot be read."""
+    """Return the record that `data` is the text of, or an empty one if it cannot be read."""
     try:
-        stored = json.loads(data)
+        stored = json.loads(_first_side(data) if _CONFLICT in data else data)
         files = {name: str(value) for name, value in stored["files"].items() if _SAFE_NAME.fullmatch(name)}
-        warnings = stored.get("has_warnings") is True
-        record = Record(str(stored["fingerprint"]), str(stored["summary"]), files, warnings)
-        return record if stored["seal"] == _seal(record) else record._replace(fingerprint="")
+        return Record(files, str(stored.get("scaffold", "")))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return NOTHING
+        return NO_RECORD
 
 
-def _seal(record: Record) -> str:
-    """Return what tells a record as it was written from one that was merged or edited."""
-    return digest(json.dumps([record.fingerprint, record.summary, sorted(record.files.items())]).encode())
+def _first_side(data: bytes) -> bytes:
+    """Return the text with each conflict that git marked resolved to its first side."""
+    return re.sub(rb"(?ms)^<{7} .*?\n|^(?:\|{7}|={7}).*?^>{7} .*?\n", b"", data)
 
 
 def write_record(folder: str, record: Record) -> None:
-    """Replace the record of `folder`, whole or not at all."""
-    stored = {**record._asdict(), "files": dict(sorted(record.files.items())), "seal": _seal(record)}
-    if not record.has_warnings:
-        del stored["has_warnings"]
-    staged = os.path.join(folder, f"{MANIFEST}.new")
-    try:
-        write_text(staged, json.dumps(stored, indent=1) + "\n")
-        os.replace(staged, os.path.join(folder, MANIFEST))
-    except BaseException:
-        with suppress(FileNotFoundError):
-            os.unlink(staged)
-        raise
-
-
-@contextmanager
-def locked(folder: str) -> Iterator[None]:
-    """Hold the folder against other runs, as far as the system can; the lock ends with the process."""
-    try:
-        from fcntl import LOCK_EX, flock
-    except ImportError:
-        yield
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        with suppress(OSError):
-            flock(handle, LOCK_EX)
-        yield
-    finally:
-        os.close(handle)
-
-
-def write_text(path: str, text: str) -> None:
-    """Write `text` as UTF-8, line ends as they are."""
-    with open(path, "wb") as stream:
-        stream.write(text.encode())
+    """Replace the record in `folder`, unless it is the same already. Raises OSError."""
+    scaffold = {"scaffold": record.scaffold} if record.scaffold else {}
+    stored = {**scaffold, "files": dict(sorted(record.files.items()))}
+    write_if_changed(os.path.join(folder, RECORD_NAME), json.dumps(stored, indent=1, separators=_LAYOUT) + "\n")

@@ -1,4 +1,4 @@
-"""What the tool brings along: in the installed package, or in the checkout it runs from."""
+"""The files that are part of msggen, in the installed package or in the checkout."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ def resource(name: str) -> str:
 
 
 def embedded_root() -> str:
-    """Return the folder with the newest embedded release, and with `releases/`, which has the others."""
+    """Return the folder with the newest embedded release, and the others in `releases/`."""
     root = _root("embedded")
     return os.path.join(root, "embedded") if root == _PACKAGE else root
 
 
 def _root(name: str) -> str:
-    """Return the installed package if it holds `name`, else the checkout."""
+    """Return the folder of the installed package if it has `name`, else that of the checkout."""
     return _PACKAGE if os.path.isdir(os.path.join(_PACKAGE, name)) else os.path.dirname(_PACKAGE)

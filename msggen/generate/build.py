@@ -1,4 +1,4 @@
-"""One build: sources to a package on disk, or the news that there is nothing to do.
+"""A build: reads the sources and brings the package on disk up to date.
 
 A build with nothing to do ends before anything slow is imported: it reads the inputs and the outputs, and
 compares digests.
@@ -6,14 +6,14 @@ compares digests.
 
 import os
 from collections.abc import Iterable
-from contextlib import suppress
 from hashlib import sha256
 from typing import NamedTuple
 
 from msggen import __version__
 from msggen.diagnostics import Diagnostic, Level, counted, fault
-from msggen.disk.output import ForeignFileError, OutputPlan, is_current, plan_output, write_output
-from msggen.disk.record import Record, read_record
+from msggen.disk.fingerprint import Fingerprint, digest_record, read_fingerprint, write_fingerprint
+from msggen.disk.output import ForeignFileError, OutputPlan, plan_output, write_output
+from msggen.disk.record import read_record
 from msggen.disk.resources import resource
 from msggen.firmware.sources import Sources, read_files
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 
 class Outcome(NamedTuple):
-    """What a build found: what the package has, and what was to do; `plan` is None where the output was current.
+    """The result of a build: the files of the package, and what was to do, None if the fingerprint matched.
 
-    `notices` are the warnings and notes about the sources; of a package that is current the warnings alone.
+    `notices` are the warnings and notes about the sources, or only the warnings if the fingerprint matched.
     """
 
     folder: str
@@ -36,25 +36,26 @@ class Outcome(NamedTuple):
 
 
 class Build:
-    """Makes the package `name` in the folder `output` from `sources`."""
+    """Builds the package `name` in the folder `output` from `sources`."""
 
     def __init__(self, sources: Sources, output: str, name: str) -> None:
         self.sources = sources
         self.name = name
         self.folder = os.path.join(output, name)
         self.record = read_record(self.folder)
+        self.last = read_fingerprint(self.folder)
         self.contents = read_files(sources)
-        self.fingerprint = self._fingerprint()
+        self.inputs = self._digest_inputs()
 
     def run(self, *, write: bool) -> Outcome:
         """Bring the package up to date, or with `write` False only find out what that would take.
 
-        Raises InputError for faulty definitions and files that msggen did not write, OSError where the folder
+        Raises InputError for errors in definitions and for files that msggen did not write, and OSError if the folder
         cannot be written.
         """
-        if is_current(self.folder, self.record, self.fingerprint):
-            warnings = self._warnings() if self.record.has_warnings else ()
-            return Outcome(self.folder, self.record.summary, tuple(sorted(self.record.files)), None, warnings)
+        if self._is_current():
+            warnings = self._warnings() if self.last.has_warnings else ()
+            return Outcome(self.folder, self.last.summary, tuple(sorted(self.record.files)), None, warnings)
         from msggen.firmware.catalog import read_catalog
         from msggen.generate.python.package import render_package
 
@@ -63,8 +64,10 @@ class Build:
         summary = _summary(catalog)
         try:
             if write:
-                made_of = Record(self.fingerprint, summary, {}, bool(_warnings_among(catalog.notices)))
-                plan = write_output(self.folder, files, made_of)
+                plan, record = write_output(self.folder, files)
+                has_warnings = bool(_warnings_among(catalog.notices))
+                fingerprint = Fingerprint(self.inputs, digest_record(record), summary, has_warnings)
+                write_fingerprint(self.folder, fingerprint)
             else:
                 plan = plan_output(self.folder, files, self.record)
         except ForeignFileError as error:
@@ -73,22 +76,25 @@ class Build:
         return Outcome(self.folder, summary, tuple(sorted(files)), plan, catalog.notices)
 
     def outputs(self) -> tuple[str, ...]:
-        """Return the names of the files that a run makes, sorted. Raises InputError for faulty definitions."""
-        if is_current(self.folder, self.record, self.fingerprint):
+        """Return the names of the files of the package, sorted. Raises InputError for errors in definitions."""
+        if self._is_current():
             return tuple(sorted(self.record.files))
         from msggen.firmware.catalog import read_catalog
         from msggen.generate.python.package import list_package
 
         return list_package(read_catalog(self.sources, self.contents))
 
+    def _is_current(self) -> bool:
+        return self.last.matches(self.folder, self.record, self.inputs)
+
     def _warnings(self) -> tuple[Diagnostic, ...]:
-        """Return the warnings about the sources: they hold as long as nobody heeds them."""
+        """Return the warnings about the sources, which are repeated by each build."""
         from msggen.firmware.catalog import read_catalog
 
         return _warnings_among(read_catalog(self.sources, self.contents).notices)
 
-    def _fingerprint(self) -> str:
-        """Digest all that the output depends on: the tool, its templates, the options and every input."""
+    def _digest_inputs(self) -> str:
+        """Return a digest of everything that the output depends on: msggen, its templates, the options, the sources."""
         state = sha256()
         kind = f"{self.sources.own} {self.sources.is_tree} {self.sources.strict}"
         told = (each.message for each in self.sources.notices)
@@ -106,24 +112,11 @@ def _warnings_among(notices: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
 
 
 def depfile(target: str, inputs: Iterable[str]) -> str:
-    """Return a Makefile rule that makes `target`, the first of several outputs, depend on what all were made from.
+    """Return a Makefile rule by which `target`, the first of several outputs, depends on all `inputs`.
 
-    Only the first, because Ninja refuses a rule with outputs that it has not been told of, such as one that has gone.
+    The rule names only the first output, because Ninja refuses outputs that it does not know, such as a removed one.
     """
     return " \\\n ".join([f"{_escaped(target)}:", *map(_escaped, inputs)]) + "\n"
-
-
-def write_if_changed(path: str, text: str) -> None:
-    """Write `text` to `path`, whole or not at all, unless it stands there already."""
-    data = os.fsencode(text)
-    with suppress(OSError), open(path, "rb") as stream:
-        if stream.read() == data:
-            return
-    os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
-    staged = f"{path}.tmp"
-    with open(staged, "wb") as stream:
-        stream.write(data)
-    os.replace(staged, path)
 
 
 def _escaped(path: str) -> str:
@@ -153,7 +146,7 @@ def _summary(catalog: "Catalog") -> str:
 
 
 _ROOMS = ("disk", "firmware", "generate", "parse", "python", "support", "text")
-"""The folders of msggen that a package is made by; the others stand on this one."""
+"""The folders of msggen that the output depends on."""
 
 
 def _tool_digest() -> bytes:

@@ -1,4 +1,4 @@
-"""Why a plan must not be carried out. All of it is found before anything is written."""
+"""Checks that a plan can be carried out, before anything is written."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from collections.abc import Iterator, Mapping
 from shlex import quote
 
 from msggen.diagnostics import Diagnostic, fault
-from msggen.disk.record import MANIFEST, digest
+from msggen.disk.record import RECORD_NAME, digest
+from msggen.disk.staging import is_writable
 from msggen.location import Location
 from msggen.sync.change import read_halves
 from msggen.sync.plan import SyncPlan, entries, read_if_file
 from msggen.sync.target import KINDS, Target
 
-_WRITABLE = 0o222
 _FEW = 3
 _IGNORED = "!!"
 
 
 def find_faults(plan: SyncPlan, dependencies: Mapping[str, Location]) -> list[Diagnostic]:
-    """Return what stands against `plan`, whose definitions nest messages of the packages `dependencies`.
+    """Return the errors of `plan`, whose definitions nest messages of the packages `dependencies`.
 
-    Raises InputError where git cannot say what is committed.
+    Raises InputError if git cannot say what is committed.
     """
     if plan.target.is_new:
         return [*_no_place(plan)]
@@ -33,18 +33,18 @@ def find_faults(plan: SyncPlan, dependencies: Mapping[str, Location]) -> list[Di
 
 
 def _no_place(plan: SyncPlan) -> Iterator[Diagnostic]:
-    """A new package is moved into the folder that is to have it, or takes the place of an empty one."""
+    """Yield an error if the folder of a new package cannot be created or replaced."""
     target = plan.target
     parent = os.path.dirname(target.folder)
     while not os.path.lexists(parent):
         parent = os.path.dirname(parent)
     for name, path in ((".", target.folder), ("..", parent)):
-        if os.path.exists(path) and not _is_writable(path):
+        if os.path.exists(path) and not is_writable(path):
             yield _fault(plan, name, "S114", "the folder is read-only, and is to have a new package: make it writable")
 
 
 def _bad_links(plan: SyncPlan) -> Iterator[Diagnostic]:
-    """What is reached through a symbolic link must lie in the package: sync changes nothing outside."""
+    """Yield an error for each symbolic link that leads out of the package: sync changes nothing outside."""
     target = plan.target
     inside = os.path.join(target.folder, "")
     names = [kind for kind in KINDS if os.path.islink(os.path.join(target.folder, kind))]
@@ -73,7 +73,7 @@ def _no_files(plan: SyncPlan) -> Iterator[Diagnostic]:
 
 
 def _other_cases(plan: SyncPlan) -> Iterator[Diagnostic]:
-    """On many machines, and for ROS, names that differ only in case are the same."""
+    """Yield an error for each name that differs from a new one only in case: ROS takes them as one."""
     wanted = {name.lower(): name for name in plan.files}
     for kind in KINDS:
         for base in entries(plan.target.folder, kind):
@@ -86,7 +86,7 @@ def _other_cases(plan: SyncPlan) -> Iterator[Diagnostic]:
 
 
 def _read_only(plan: SyncPlan) -> list[Diagnostic]:
-    """What has no write bit is not to be written, even by a user who could all the same."""
+    """Return an error for each read-only file and folder to be changed, even for root; one error if they are many."""
     found = [*_each_read_only(plan)]
     if len(found) <= _FEW:
         return found
@@ -97,22 +97,18 @@ def _read_only(plan: SyncPlan) -> list[Diagnostic]:
 
 
 def _each_read_only(plan: SyncPlan) -> Iterator[Diagnostic]:
-    names = [".", *plan.folders, *plan.changed, *plan.removed, *plan.scaffold, MANIFEST]
+    names = [".", *plan.folders, *plan.changed, *plan.removed, *plan.scaffold, RECORD_NAME]
     for name in names:
         path = os.path.join(plan.target.folder, name)
         if not os.path.exists(path) or (os.path.islink(path) and not os.path.isdir(path)):
             continue
-        if not _is_writable(path):
+        if not is_writable(path):
             what = "the folder" if os.path.isdir(path) else "the file"
             yield _fault(plan, name, "S114", f"{what} is read-only, and is to be changed: make it writable")
 
 
-def _is_writable(path: str) -> bool:
-    return bool(os.stat(path).st_mode & _WRITABLE) and os.access(path, os.W_OK)
-
-
 def _losses(plan: SyncPlan) -> Iterator[Diagnostic]:
-    """Work that nobody could bring back: neither committed, nor written by msggen."""
+    """Yield an error for each file to be replaced or removed that is neither committed nor as msggen wrote it."""
     states = _uncommitted(plan.target)
     for name in (*plan.changed, *plan.removed):
         data = plan.before[name]
@@ -132,7 +128,7 @@ def _losses(plan: SyncPlan) -> Iterator[Diagnostic]:
 
 
 def _orphans(plan: SyncPlan) -> Iterator[Diagnostic]:
-    """PackageContents that stay need what they nest: without it the package could not be built."""
+    """Yield an error for each definition that stays and nests one to be removed."""
     for name in plan.left_alone:
         path = os.path.normpath(plan.target.place(name))
         for half in read_halves(path, plan.before[name] or b"", plan.target.name):
@@ -146,7 +142,7 @@ def _orphans(plan: SyncPlan) -> Iterator[Diagnostic]:
 
 
 def _missing_dependencies(plan: SyncPlan, dependencies: Mapping[str, Location]) -> Iterator[Diagnostic]:
-    """A package.xml or CMakeLists.txt that msggen leaves alone must speak of the packages that are nested now."""
+    """Yield an error for each nested package that a package.xml or CMakeLists.txt of the user does not name."""
     remedies = {"package.xml": "<depend>{0}</depend>", "CMakeLists.txt": "find_package({0} REQUIRED), and DEPENDENCIES"}
     for name, remedy in remedies.items():
         data = plan.scaffold.get(name) or read_if_file(os.path.join(plan.target.folder, name)) or b""
@@ -158,9 +154,9 @@ def _missing_dependencies(plan: SyncPlan, dependencies: Mapping[str, Location]) 
 
 
 def _uncommitted(target: Target) -> dict[str, str] | None:
-    """Return how git sees the files of the package that differ from the last commit, _IGNORED or another state.
+    """Return git's status of the files of the package that differ from the last commit, such as _IGNORED.
 
-    None where no repository has the package.
+    Return None if no repository has the package.
     """
     from msggen.disk.git import GitError, git, is_in_repository
 

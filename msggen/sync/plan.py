@@ -1,4 +1,4 @@
-"""What a sync would do to a package, found by comparing it with what the firmware has."""
+"""Compares a package with the firmware and plans the changes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from msggen.sync.target import KINDS, Target
 
 
 class SyncPlan(NamedTuple):
-    """What there is to do. Names count from the package.
+    """The changes that a sync makes. Names are relative to the package.
 
-    `files` are the definitions as they are to be, `before` as they are, without bytes where they cannot be read.
-    `left_alone` are definitions that the firmware does not have and msggen did not write. `scaffold` has what else
-    is to be written; `known` is the record that was found, `record` the one to leave.
+    `files` are the definitions of the firmware, `before` those of the package, None where they cannot be read.
+    `left_alone` are definitions that the firmware does not have and msggen did not write. `scaffold` has the other
+    files to write. `known` is the record that was found, `record` the new one.
     """
 
     target: Target
@@ -33,36 +33,36 @@ class SyncPlan(NamedTuple):
 
     @property
     def is_stale(self) -> bool:
-        """Whether the package is out of step with the firmware."""
+        """Whether anything is to be changed."""
         return bool(self.added or self.changed or self.removed or self.scaffold)
 
     @property
     def is_unfinished(self) -> bool:
-        """Whether the record, if there is one, still speaks of another state, as after a run that was killed."""
+        """Whether there is a record, and it differs from the new one, as after a run that was killed."""
         return bool(self.known.files) and self.known.files != self.record.files
 
     @property
     def folders(self) -> tuple[str, ...]:
-        """Those of `msg` and `srv` in which something changes."""
+        """Those of the folders `msg` and `srv` in which something changes."""
         names = (*self.added, *self.changed, *self.removed)
         return tuple(kind for kind in KINDS if any(name.startswith(f"{kind}/") for name in names))
 
     @property
     def during(self) -> Record:
-        """The record to have while files move: each file is known by what it was and by what it becomes."""
+        """The record while files are replaced: each has its digest before and after."""
         old, new = self.known.files, self.record.files
-        known = {name: [*old.get(name, "").split(), *new.get(name, "").split()] for name in {*old, *new, *self.removed}}
-        return Record("", "", {name: " ".join(dict.fromkeys(digests)) for name, digests in known.items()})
+        names = {*old, *new, *self.removed}
+        digests = {name: [*old.get(name, "").split(), *new.get(name, "").split()] for name in names}
+        return Record({name: " ".join(dict.fromkeys(each)) for name, each in digests.items()})
 
 
 def make_plan(target: Target, files: Mapping[str, bytes], known: Record, scaffold: Scaffold) -> SyncPlan:
-    """Compare the package with the definitions that it is to have.
+    """Compare the package with `files`, the definitions that it is to have.
 
-    Without a record it is a package that msggen meets for the first time: then what bears a name that PX4 has, or once
-    had, is taken for PX4's.
+    A package without a record is adopted: definitions with a name that PX4 has, or once had, count as PX4's.
     """
     before = read_package(target.folder)
-    owned = known.files.keys() if known.files else _names_of_px4()
+    owned = known.files.keys() or _names_of_px4()
     surplus = [name for name in before if name not in files]
     digests = {name: digest(data) for name, data in files.items()}
     return SyncPlan(
@@ -76,12 +76,12 @@ def make_plan(target: Target, files: Mapping[str, bytes], known: Record, scaffol
         left_alone=tuple(name for name in surplus if name not in owned),
         scaffold=scaffold.changes,
         known=known,
-        record=Record(scaffold.fingerprint, "", {**digests, **scaffold.digests}),
+        record=Record({**digests, **scaffold.digests}, scaffold.inputs),
     )
 
 
 def read_package(folder: str) -> dict[str, bytes | None]:
-    """Return the definitions of the package in `folder`; what cannot be read as a file has no bytes."""
+    """Return the definitions of the package in `folder`, None for those that are no files."""
     found: dict[str, bytes | None] = {}
     for kind in KINDS:
         for base in entries(folder, kind):
@@ -91,7 +91,7 @@ def read_package(folder: str) -> dict[str, bytes | None]:
 
 
 def entries(folder: str, kind: str) -> list[str]:
-    """Return what lies in one of the package's folders, sorted; nothing if there is no such folder."""
+    """Return the names in one of the folders of the package, sorted; none if there is no such folder."""
     try:
         return sorted(os.listdir(os.path.join(folder, kind)))
     except (FileNotFoundError, NotADirectoryError):
@@ -99,7 +99,7 @@ def entries(folder: str, kind: str) -> list[str]:
 
 
 def read_if_file(path: str) -> bytes | None:
-    """Return the bytes of `path`, or None where it is no file."""
+    """Return the bytes of `path`, or None if it is no file."""
     if not os.path.isfile(path):
         return None
     with open(path, "rb") as stream:
@@ -107,6 +107,6 @@ def read_if_file(path: str) -> bytes | None:
 
 
 def _names_of_px4() -> frozenset[str]:
-    """Return the name of every definition that PX4 has or once had, as px4_msgs spells them."""
+    """Return the name of every definition that PX4 has or once had, as in px4_msgs."""
     with open(os.path.join(os.path.dirname(__file__), "names.txt"), encoding="ascii") as stream:
         return frozenset(stream.read().split())

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 
 from msggen.diagnostics import InputError
-from msggen.disk.record import locked, read_record
+from msggen.disk.record import read_record
+from msggen.disk.staging import locked
 from msggen.firmware.sources import Sources
 from msggen.sync.contents import PackageContents
 from msggen.sync.guard import find_faults

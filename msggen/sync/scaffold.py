@@ -1,6 +1,6 @@
-"""What a package has besides definitions: package.xml, CMakeLists.txt, and a README that names the firmware.
+"""The files of a package besides definitions: package.xml, CMakeLists.txt, and a README that names the firmware.
 
-They are msggen's for as long as nobody edits them.
+msggen keeps them up to date until someone edits them.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ NAMES = ("CMakeLists.txt", "README.md", "package.xml")
 
 
 class Scaffold(NamedTuple):
-    """`changes` are the files to write, `digests` those to record, `fingerprint` tells what they are made from."""
+    """The files to write, the digests to record, and one digest of what they are made from."""
 
-    fingerprint: str
+    inputs: str
     digests: Mapping[str, str]
     changes: Mapping[str, bytes]
 
 
 class Origin(NamedTuple):
-    """Where definitions come from, without a path of this machine.
+    """The origin of the definitions, without a path of this machine.
 
-    `commit` is empty where no repository has them; `described` is what git calls the commit, if it has a tag.
+    `commit` is empty if no repository has them. `described` is the output of `git describe`, if there is a tag.
     """
 
     name: str
@@ -44,27 +44,28 @@ class Origin(NamedTuple):
 
 
 def plan_scaffold(target: Target, sources: Sources, known: Record, definitions: PackageContents) -> Scaffold:
-    """Return what to do with the files that an earlier run wrote and nobody edited, or in a new package with all."""
+    """Return the changes of the files that an earlier run wrote and nobody edited, or of all in a new package."""
     recorded = {name: value for name, value in known.files.items() if name in NAMES}
     found = {name: digest_of(target.folder, name) or "" for name in recorded}
     own = {name: value for name, value in found.items() if value in recorded[name].split()}
     if not own and not target.is_new:
-        return Scaffold(known.fingerprint, recorded, {})
+        return Scaffold(known.scaffold, recorded, {})
     origin = origin_of(sources)
     dependencies = tuple(definitions.dependencies)
     options = _options(target.name, dependencies, topics_only=definitions.topics_only)
-    fingerprint = _fingerprint(target.name, origin, options)
-    if fingerprint == known.fingerprint:
-        return Scaffold(fingerprint, recorded, {})
+    state = (target.name, origin, options)
+    if known.scaffold == _digest_inputs(state, recorded):
+        return Scaffold(known.scaffold, recorded, {})
     names = NAMES if target.is_new else tuple(own)
     rendered = _render(names, package=target.name, origin=origin, options=options, dependencies=dependencies)
     digests = {name: digest(data) for name, data in rendered.items()}
     changes = {name: data for name, data in rendered.items() if digests[name] != own.get(name)}
-    return Scaffold(fingerprint, {**recorded, **digests}, changes)
+    after = {**recorded, **digests}
+    return Scaffold(_digest_inputs(state, after), after, changes)
 
 
 def origin_of(sources: Sources) -> Origin:
-    """Return where the first of `sources` comes from, and the names of the others with messages of uORB's."""
+    """Return the origin of the first of `sources`, with the names of the others that have uORB messages."""
     root = sources.root
     trees = dict.fromkeys(file.tree for file in (*sources.messages, *sources.services) if not file.package)
     further = tuple(_base(tree.path) for tree in trees if tree is not None and tree is not root)
@@ -77,7 +78,7 @@ def origin_of(sources: Sources) -> Origin:
 
 
 def _origin_in_git(folder: str, revision: str | None) -> Origin:
-    """Return the commit that `folder` is at, or that `revision` names; no commit where git does not have the files."""
+    """Return the commit that `folder` is at, or that `revision` names; none if git does not have the files."""
     from msggen.disk.git import GitError, commit_of, git
 
     paths = [kind for kind in KINDS if os.path.isdir(os.path.join(folder, kind))] or ["."]
@@ -96,25 +97,26 @@ def _origin_in_git(folder: str, revision: str | None) -> Origin:
 
 
 def _base(path: str) -> str:
-    """Return the last part of a path, such that it can stand in a README."""
+    """Return the last part of a path, with characters that Markdown would interpret replaced."""
     folder, revision = split_revision(path)
     name = os.path.basename(os.path.abspath(folder or path)) + (f"@{revision}" if revision else "")
     return "".join(character if character.isprintable() and character not in "`|" else "_" for character in name)
 
 
 def _options(package: str, dependencies: tuple[str, ...], *, topics_only: bool) -> str:
-    """Return the options that the next sync needs too, each with a space behind it."""
+    """Return the options that the next sync needs too, each followed by a space."""
     folders = "".join(f"--msg-dir {dependency}={dependency} " for dependency in dependencies)
     name = "" if package == DEFAULT_PACKAGE else f"--package {package} "
     return folders + name + ("--topics-only " if topics_only else "")
 
 
-def _fingerprint(package: str, origin: Origin, options: str) -> str:
-    state = [__version__, package, repr(origin), options]
+def _digest_inputs(state: tuple[object, ...], digests: Mapping[str, str]) -> str:
+    """Return a digest of what the files are made from, and of the files: in a merge, both must be of one side."""
+    parts = [__version__, repr(state), repr(sorted(digests.items()))]
     for name in NAMES:
         with open(os.path.join(resource("templates"), *_template(name).split("/")), encoding="utf-8") as stream:
-            state.append(stream.read())
-    return digest("\0".join(state).encode())
+            parts.append(stream.read())
+    return digest("\0".join(parts).encode())
 
 
 def _render(names: tuple[str, ...], **values: object) -> dict[str, bytes]:

@@ -359,9 +359,9 @@ def test_the_setting_board_counts_from_its_file(monkeypatch: pytest.MonkeyPatch)
         with monkeypatch.context() as context:
             context.chdir("below")
             assert main(["build"]) == DONE
-        assert left in Path("out/px4_types/.msggen.json").read_text()
+        assert left in Path("out/px4_types/.msggen_cache/fingerprint.json").read_text()
     assert main(["build", "--board", "vendor_model"]) == DONE
-    assert "5 messages" in Path("out/px4_types/.msggen.json").read_text()
+    assert "5 messages" in Path("out/px4_types/.msggen_cache/fingerprint.json").read_text()
     Path("pyproject.toml").write_text('[tool.msggen]\npx4 = "firmware"\nboard = "vendor_model_small"\n')
     assert main(["sync", "-q", "--create", "px4_msgs"]) == DONE
     assert {path.stem for path in Path("px4_msgs/msg").iterdir()} == ALL

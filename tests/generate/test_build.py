@@ -28,6 +28,7 @@ from support.repository import ROOT, shared
 
 PACKAGE = Path("generated", "px4_types")
 RECORD = ".msggen.json"
+FINGERPRINT = ".msggen_cache/fingerprint.json"
 BRIDGE_PLACE = "src/modules/uxrce_dds_client/dds_topics.yaml"
 BRIDGE = """
 publications:
@@ -123,11 +124,11 @@ def test_a_changed_comment_rewrites_one_file_and_the_record() -> None:
         stream.write("uint8 STILL = 0  # Nothing turns.\n")
     assert build("-q", "--px4", "firmware") == 0
     after = identity(PACKAGE)
-    assert {name for name in before if after[name] != before[name]} == {RECORD, "msg/_rpm.py"}
+    assert {name for name in before if after[name] != before[name]} == {RECORD, FINGERPRINT, "msg/_rpm.py"}
     assert after.keys() == before.keys()
 
 
-def test_a_change_that_alters_no_output_rewrites_only_the_record() -> None:
+def test_a_change_that_alters_no_output_rewrites_only_the_fingerprint() -> None:
     firmware()
     build("-q", "--px4", "firmware")
     age(PACKAGE)
@@ -136,7 +137,7 @@ def test_a_change_that_alters_no_output_rewrites_only_the_record() -> None:
         stream.write("\n\n")
     assert build("-q", "--px4", "firmware") == 0
     after = identity(PACKAGE)
-    assert {name for name in before if after[name] != before[name]} <= {RECORD}
+    assert {name for name in before if after[name] != before[name]} == {FINGERPRINT}
 
 
 @pytest.mark.parametrize("harm", ["damaged", "deleted"])
@@ -150,7 +151,7 @@ def test_a_generated_file_that_was_harmed_is_restored_and_no_other_written(harm:
     assert build("-q", "--px4", "firmware") == 0
     assert content(PACKAGE) == sound
     after = identity(PACKAGE)
-    assert {name for name in before if after[name] != before[name]} <= {RECORD, "msg/_rpm.py"}
+    assert {name for name in before if after[name] != before[name]} == {"msg/_rpm.py"}
 
 
 def test_files_no_longer_needed_go_and_so_do_folders_that_this_empties() -> None:
@@ -452,7 +453,7 @@ def test_the_listed_outputs_are_those_that_a_build_makes(capsys: pytest.CaptureF
     listed = capsys.readouterr().out.splitlines()
     assert not Path("src").exists()
     build("-q", "--px4", "firmware", "-o", "src")
-    assert listed == sorted(str(path) for path in Path("src").rglob("*") if path.is_file() and path.name != RECORD)
+    assert listed == sorted(str(path) for path in Path("src").rglob("*") if path.suffix in (".py", ".typed"))
     assert build("--list-outputs", "--px4", "firmware", "-o", "src") == 0
     assert capsys.readouterr().out.splitlines() == listed
 
@@ -1042,7 +1043,7 @@ def test_a_bare_folder_may_be_named_with_either_option() -> None:
     folder_of("bare", *MESSAGES)
     build("-q", "--px4", "bare", "-o", "one")
     build("-q", "--msg-dir", "bare", "-o", "two")
-    same = {name: data for name, data in content(Path("one")).items() if not name.endswith(RECORD)}
+    same = {name: data for name, data in content(Path("one")).items() if not name.endswith(FINGERPRINT)}
     assert same.items() <= content(Path("two")).items()
 
 
@@ -1066,7 +1067,7 @@ def test_the_order_of_folders_changes_no_type_and_no_id() -> None:
     build("-q", "--msg-dir", "one", "--msg-dir", "two", "-o", "there")
     build("-q", "--msg-dir", "two", "--msg-dir", "one", "-o", "back")
     there, back = content(Path("there")), content(Path("back"))
-    assert [name for name in there if there[name] != back[name] and not name.endswith(RECORD)] == []
+    assert [name for name in there if there[name] != back[name] and not name.endswith(FINGERPRINT)] == []
 
 
 def test_a_firmware_tree_stays_one_beside_the_messages_of_a_ros_package(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -1186,6 +1187,6 @@ def test_what_a_source_is_counts_as_input() -> None:
     assert build("-q", "--px4", "in") == 0
     assert build("-q", "--px4", "in", "--check") == 0
     Path("in/src/modules").mkdir(parents=True)
-    before = json.loads((PACKAGE / RECORD).read_text())["summary"]
+    before = json.loads((PACKAGE / FINGERPRINT).read_text())["summary"]
     assert build("-q", "--px4", "in") == 0
-    assert json.loads((PACKAGE / RECORD).read_text())["summary"] != before
+    assert json.loads((PACKAGE / FINGERPRINT).read_text())["summary"] != before

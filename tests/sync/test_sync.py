@@ -17,9 +17,9 @@ from pathlib import Path
 import pytest
 
 from msggen.cli import main
+from msggen.disk import staging, swap
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources
-from msggen.sync import write
 from msggen.sync.change import describe_change
 from support.catalogs import write_definitions
 from support.packages import (
@@ -123,7 +123,7 @@ def test_from_any_release_to_any_other_it_becomes_what_a_fresh_one_is(new: str) 
 
 def test_where_folders_cannot_be_swapped_files_are_replaced_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
     sync("-q", "--px4", shared(f"firmware/{RELEASES[0]}"), "--create", PACKAGE)
-    monkeypatch.setattr(write, "_renameat2", lambda: None)
+    monkeypatch.setattr(swap, "_renameat2", lambda: None)
     for release in (*RELEASES[1:], RELEASES[0]):
         assert sync("-q", "--px4", shared(f"firmware/{release}"), PACKAGE) == 0
         assert sync("-q", "--px4", shared(f"firmware/{release}"), "--create", release) == 0
@@ -259,7 +259,7 @@ def test_what_is_not_the_firmwares_keeps_its_place_and_its_inode() -> None:
     assert os.readlink(PACKAGE / "msg" / "link") == "notes.txt"
     assert os.readlink(PACKAGE / "msg" / "dangling") == "/nowhere"
     assert (PACKAGE / "msg" / "more").stat().st_mode & 0o777 == 0o555
-    assert sorted(os.listdir(PACKAGE)) == sorted(set(os.listdir(PACKAGE)) - {"srv", write.STAGE})
+    assert sorted(os.listdir(PACKAGE)) == sorted(set(os.listdir(PACKAGE)) - {"srv", staging.STAGE})
 
 
 def test_without_hard_links_files_are_copied(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -424,7 +424,7 @@ def test_a_package_is_made_in_a_new_or_empty_folder(place: str) -> None:
     firmware()
     Path("empty").mkdir()
     assert content(package(place)) == content(package("other"))
-    assert not list(Path().rglob(f"*{write.STAGE}"))
+    assert not list(Path().rglob(f"*{staging.STAGE}"))
 
 
 # --- Only what crosses the bridge

@@ -21,9 +21,9 @@ from typing import Any
 
 import pytest
 
+from msggen.disk import staging, swap
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources
-from msggen.sync import write
 from support.catalogs import write_definitions
 from support.packages import (
     PACKAGE,
@@ -82,13 +82,13 @@ def dies_at(number: int, run: Callable[[], object], error: OSError | None = None
             if remaining == 0:
                 os._exit(KILLED)
 
-        exchange = write._exchange
+        exchange = swap._exchange
 
         def counted_exchange(*arguments: Any) -> None:
             sys.audit("swap")
             exchange(*arguments)
 
-        write._exchange = counted_exchange  # type: ignore[assignment]
+        swap._exchange = counted_exchange  # type: ignore[assignment]
         sys.addaudithook(count)
         try:
             run()
@@ -204,7 +204,7 @@ def test_killed_before_any_call_a_new_package_is_there_as_a_whole_or_not_at_all(
 def test_without_a_swap_every_file_is_whole_and_the_next_run_finishes(monkeypatch: pytest.MonkeyPatch) -> None:
     firmware()
     newer_firmware(srv=True)
-    monkeypatch.setattr(write, "_renameat2", lambda: None)
+    monkeypatch.setattr(swap, "_renameat2", lambda: None)
     started()
     old = definitions(PACKAGE)
     sync("-q", *NEWER)
@@ -272,7 +272,7 @@ def test_two_runs_at_once_wait_for_each_other() -> None:
         runs = [subprocess.Popen([*command, source]) for source in ("newer", "firmware", "newer", "firmware")]
         assert [run.wait() for run in runs] == [0, 0, 0, 0]
         assert definitions(PACKAGE) in expected
-        assert not (PACKAGE / write.STAGE).exists()
+        assert not (PACKAGE / staging.STAGE).exists()
 
 
 def test_two_runs_at_once_make_one_package() -> None:

@@ -1,0 +1,66 @@
+"""The fingerprint of the last build of a package, by which the next one finds that there is nothing to do.
+
+It is in `.msggen_cache`, which git ignores: it changes with every input, so it would conflict in every merge. A package
+without it, such as a fresh clone, is rendered once and compared with the files on disk.
+"""
+
+import json
+import os
+from contextlib import suppress
+from typing import NamedTuple
+
+from msggen.disk.record import Record, digest, digest_of
+from msggen.disk.staging import write_if_changed
+
+CACHE = ".msggen_cache"
+_NAME = "fingerprint.json"
+
+
+class Fingerprint(NamedTuple):
+    """The inputs and outputs of a build, as digests, and its summary.
+
+    With `has_warnings` the definitions are read again even if there is nothing to do, to repeat the warnings.
+    """
+
+    inputs: str
+    outputs: str
+    summary: str
+    has_warnings: bool = False
+
+    def matches(self, folder: str, record: Record, inputs: str) -> bool:
+        """Whether `folder` has what was built from `inputs`: the files of `record`, as they were written.
+
+        The record counts too: it is another one after a merge, and while a run that may be killed replaces files.
+        """
+        if (self.inputs, self.outputs) != (inputs, digest_record(record)):
+            return False
+        return all(digest_of(folder, name) == expected for name, expected in record.files.items())
+
+
+NO_FINGERPRINT = Fingerprint("", "", "")
+
+
+def digest_record(record: Record) -> str:
+    """Return one digest for all files of a record."""
+    return digest(json.dumps(sorted(record.files.items())).encode())
+
+
+def read_fingerprint(folder: str) -> Fingerprint:
+    """Return the fingerprint in `folder`, or NO_FINGERPRINT if there is none that can be read."""
+    try:
+        with open(os.path.join(folder, CACHE, _NAME), "rb") as stream:
+            stored = json.loads(stream.read())
+        inputs, outputs, summary = (str(stored[key]) for key in ("inputs", "outputs", "summary"))
+        return Fingerprint(inputs, outputs, summary, stored["has_warnings"] is True)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return NO_FINGERPRINT
+
+
+def write_fingerprint(folder: str, fingerprint: Fingerprint) -> None:
+    """Write the fingerprint into `folder` if possible: a package that cannot be written may still be up to date."""
+    cache = os.path.join(folder, CACHE)
+    if os.path.islink(cache):
+        return
+    with suppress(OSError):
+        write_if_changed(os.path.join(cache, ".gitignore"), "*\n")
+        write_if_changed(os.path.join(cache, _NAME), json.dumps(fingerprint._asdict(), indent=1) + "\n")
