@@ -19,7 +19,7 @@ import pytest
 from conftest import shared, write_definitions
 
 from msggen.cli import main
-from msggen.cli.common import terminal_width
+from msggen.cli.printing import terminal_width
 from msggen.compare.finding import Category, Change, Excerpt, Finding, Reader, Report
 from msggen.compare.rules import RULES
 from msggen.location import Location
