@@ -1,4 +1,4 @@
-"""`[tool.msggen]` of the nearest pyproject.toml: options for those who type them every day, and the choice of rules."""
+"""Settings: options and the choice of rules in `[tool.msggen]` of the nearest pyproject.toml."""
 
 import os
 import re
@@ -15,7 +15,10 @@ from msggen.location import Location
 
 
 class Settings(NamedTuple):
-    """What msggen is told; None or empty where it is told nothing. `origin` is the file that told it."""
+    """The settings, None or empty where they are not set. `origin` is the path of the file that sets them.
+
+    `package` is the Python package of `build`, `ros_package` the ROS package of `sync`.
+    """
 
     px4: str | None = None
     msg_dir: tuple[str, ...] = ()
@@ -24,6 +27,7 @@ class Settings(NamedTuple):
     board: str | None = None
     output: str | None = None
     package: str | None = None
+    ros_package: str | None = None
     archived: bool | None = None
     strict: bool | None = None
     select: tuple[str, ...] | None = None
@@ -32,7 +36,7 @@ class Settings(NamedTuple):
     origin: str = ""
 
     def place(self, key: str) -> Location:
-        """Return where a setting stands, or the option of that name where there are no settings."""
+        """Return the location of a setting, or the option of that name where there are no settings."""
         if not self.origin:
             return Location(f"--{key}", 0)
         return Location(self.origin, *_place(_text(self.origin), key))
@@ -40,7 +44,7 @@ class Settings(NamedTuple):
 
 _HEADER = r"(?m)^[ \t]*\[[ \t]*tool[ \t]*\.[ \t]*[\"']?msggen[\"']?[ \t]*\]"
 _MENTIONED = r"(?m)\btool[\"']?\s*\.\s*[\"']?msggen\b|^\s*\[\s*tool\s*\][^\[]*^\s*[\"']?msggen\b"
-"""All ways to spell the table in TOML; without one of them the file need not be parsed. Compiled when first needed."""
+"""All ways to spell the table in TOML; a file that has none of them is not parsed. Compiled on first use."""
 
 _PATHS = ("px4", "msg_dir", "topics", "output")
 
@@ -48,7 +52,7 @@ _PATHS = ("px4", "msg_dir", "topics", "output")
 def read_settings(folder: str) -> Settings:
     """Return the settings of the nearest pyproject.toml, from `folder` upwards, that has any.
 
-    Relative paths count from its folder. Raises InputError for settings that do not exist or are of the wrong kind.
+    Paths are relative to its folder. Raises InputError for unknown settings and for values of the wrong type.
     """
     here = os.path.abspath(folder)
     while True:
@@ -128,7 +132,7 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
 
 
 def _folder(text: str, base: str, place: Location) -> str:
-    """Return a folder, or `PKG=DIR`, as it is named from where msggen runs."""
+    """Return a folder, or `PKG=DIR`, with its path relative to the current folder."""
     package, folder = split_package(text, place)
     return join_package(package, os.path.join(base, os.path.expanduser(folder)))
 

@@ -1,6 +1,6 @@
-"""The command line: arguments, settings and exit codes; everything it does is done elsewhere.
+"""The command line: arguments, settings and exit codes.
 
-argparse on purpose: larger libraries take longer to import than a build with nothing to do (docs/libraries.md).
+It uses argparse, because larger libraries take longer to import than a build with nothing to do (docs/libraries.md).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from importlib import import_module
 from typing import Any
 
 from msggen import __version__
-from msggen.cli.common import DONE, FAILED, FINDINGS, print_annotations, print_faults, print_notices, terminal_width
+from msggen.cli.options import DONE, FAILED, FINDINGS, writes
+from msggen.cli.printing import print_annotations, print_faults, print_notices, terminal_width
 from msggen.diagnostics import InputError, suggestion
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main"]
@@ -34,23 +35,24 @@ _MODULES = {
     "rules": "rules",
     "explain": "rules",
 }
-"""Which module has a command."""
+"""The module of each command."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, by default that of this process; return the exit code."""
     if arguments is None:
-        gc.disable()  # hardly anything here refers to itself: looking for it would take longer than it is worth
-        atexit.register(gc.freeze)  # nor need it be looked for when Python ends
+        gc.disable()  # there are few cycles, and collecting them takes longer than it is worth
+        atexit.register(gc.freeze)  # so that Python does not collect when it ends either
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a name that the terminal cannot show must not end the run
+            stream.reconfigure(errors="backslashreplace")  # the terminal may not be able to show every name
     options = argparse.Namespace(writes=True)
     try:
         words = sys.argv[1:] if arguments is None else list(arguments)
         options, unknown = _parser(words).parse_known_args(words)
         if unknown:
-            options.parser.error(f"unknown argument '{unknown[0]}'{suggestion(unknown[0], options.known)}")
+            shown = [name for name, action in options.known.items() if action.help is not argparse.SUPPRESS]
+            options.parser.error(f"unknown argument '{unknown[0]}'{suggestion(unknown[0], shown)}")
         return _run(options)
     except InputError as error:
         with suppress(BrokenPipeError):
@@ -62,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return FAILED
     except BrokenPipeError:
         _say_no_more()
-        return DONE if _has_written(options) else FINDINGS
+        return DONE if writes(options) else FINDINGS  # a command that writes has done so before it prints
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         print(f"msggen: {place}{error.strerror or error}", file=sys.stderr)
@@ -74,29 +76,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     code = int(options.run(options))
-    print(end="", flush=True)  # now, not when Python ends, who has no good word for a reader that has left
+    print(end="", flush=True)  # here, so that a BrokenPipeError is caught
     return code
 
 
 def _say_no_more() -> None:
-    """Whoever read us has left: what was not printed yet goes nowhere."""
+    """Discard what is left to print: the reader has closed the pipe."""
     sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - it is open until the process ends
 
 
-def _has_written(options: argparse.Namespace) -> bool:
-    """Whether the command was to write, as it then has before it prints."""
-    return options.writes and not any(getattr(options, name, False) for name in ("check", "diff", "dry_run"))
-
-
 class _Formatter(argparse.HelpFormatter):
-    """Fits the terminal. One is made for each option that is added, long before anyone asks for help."""
+    """A formatter as wide as the terminal. argparse makes one for each option, so it must be cheap."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, width=terminal_width(80) - 2)
 
+    def add_argument(self, action: argparse.Action) -> None:
+        """Add an action; argparse forgets that commands are indented, and would wrap the longest."""
+        super().add_argument(action)
+        if action.nargs == argparse.PARSER:
+            self._action_max_length += 2
+
 
 class _Parser(argparse.ArgumentParser):
-    """Suggests the nearest choice, of commands too."""
+    """A parser that suggests the nearest choice, also among commands."""
 
     def __init__(self, **about: Any) -> None:
         super().__init__(formatter_class=_Formatter, allow_abbrev=False, **about)
@@ -109,10 +112,11 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Return the parser of the command that `words` begin with, or of all: each of them takes time to make."""
+    """Return the parser of the command that `words` begin with, or else of all: each takes time to make."""
     parser = _Parser(
         prog="msggen",
-        description="PX4's message definitions in; Python types, CDR codecs and a topic registry out.",
+        description="Generate Python types, CDR codecs and a topic registry from PX4's message definitions, and keep "
+        "ROS 2 packages up to date with them.",
     )
     parser.add_argument("--version", action="version", version=f"msggen {__version__}")
     commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True)

@@ -1,4 +1,4 @@
-"""`msggen breaking`: what a change of messages would break."""
+"""`msggen breaking`: report what a change of messages breaks."""
 
 from __future__ import annotations
 
@@ -7,19 +7,18 @@ import os
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from msggen.cli.common import (
+from msggen.cli.options import (
     DONE,
     FINDINGS,
     Commands,
-    add_board,
     add_command,
     add_output_format,
-    add_source_options,
-    board_of,
+    add_shared,
+    add_sources,
     given,
-    print_report,
-    sources_of,
 )
+from msggen.cli.printing import print_report
+from msggen.cli.sources import board_of, sources_of
 from msggen.diagnostics import Diagnostic, fault, suggestion
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.file import File
@@ -37,24 +36,18 @@ def add_to(commands: Commands) -> None:
         commands,
         "breaking",
         _breaking,
-        help="tell what a change of messages breaks",
-        description="Compare the definitions as they stand with those of another revision or folder, and tell by rule "
-        "what the change breaks; `msggen rules` lists the rules.",
-        epilog="Without --px4 and the setting px4, the current folder is what has changed. Exit codes: 0 nothing "
-        "breaks, 1 findings, 2 cannot tell. Rules are also chosen in [tool.msggen] of pyproject.toml: select, ignore, "
-        "per-message-ignores.",
+        help="report what a change of messages breaks",
+        description="Compare the current definitions with previous ones, and report by rule what the change breaks; "
+        "`msggen rules` lists the rules. The current definitions are those of --px4, by default the setting px4, or "
+        "else the current folder.",
+        epilog="Exit codes: 0 no findings, 1 findings, 2 usage, input or I/O error. Sources and rules (select, ignore, "
+        "per-message-ignores) can be set in [tool.msggen] of pyproject.toml.",
     )
-    parser.add_argument(
-        "--against",
-        metavar="REF|DIR",
-        type=given,
-        required=True,
-        help="a revision of the firmware's repository, a folder, PATH@REVISION, an archive or an embedded release",
-    )
-    add_board(add_source_options(parser))
+    add_sources(parser, "--board")
+    add_shared(parser, "--against", required=True)
     choice = parser.add_argument_group("rules")
-    choice.add_argument("--select", metavar="RULE,...", type=_list, help="ask these rules or categories, not all")
-    choice.add_argument("--ignore", metavar="RULE,...", type=_list, help="do not ask these rules or categories")
+    choice.add_argument("--select", metavar="RULE,...", type=_list, help="rules or categories to check (default: all)")
+    choice.add_argument("--ignore", metavar="RULE,...", type=_list, help="rules or categories to leave out")
     add_output_format(parser)
 
 
@@ -81,7 +74,7 @@ def _breaking(options: argparse.Namespace) -> int:
 
 
 def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
-    """Return the sources as they were at --against; what is not in that repository, as it is."""
+    """Return the sources as they were at --against; folders outside of that repository are read as they are."""
     from msggen.firmware.revision import kept_or_revised, revised, split_revision
 
     previous = revised(options.px4, options.against)

@@ -1,12 +1,15 @@
-"""`msggen bump`: a new version of a message, as far as a tool can make it."""
+"""`msggen bump`: give a versioned message its next version."""
 
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from msggen.cli.common import DONE, FINDINGS, Commands, add_command, check_setting, given, print_diff
+from msggen.cli.options import DONE, FINDINGS, WRITING_CODES, Commands, add_command, add_shared, given, writes
+from msggen.cli.printing import print_diff
+from msggen.cli.sources import check_setting
 from msggen.settings import read_settings
 
 if TYPE_CHECKING:
@@ -20,24 +23,17 @@ def add_to(commands: Commands) -> None:
         "bump",
         _bump,
         writes=True,
-        help="give a versioned message of the firmware its next version",
-        description="Give a versioned message of the firmware its next version: archive the old definition, write the "
-        "header that translates between both, raise MESSAGE_VERSION, and say what is left. The message may have been "
-        "edited before, or is edited afterwards.",
-        epilog="Exit codes: 0 done, 1 there is something to do (--dry-run, --diff), 2 usage, input or I/O error.",
-    )
-    parser.add_argument("message", metavar="MSG", type=given, help="its name, such as VehicleStatus, or its file")
-    parser.add_argument(
-        "--px4", metavar="PATH", type=given, help="PX4-Autopilot tree (the setting px4, else the current folder)"
+        help="give a versioned message its next version",
+        description="Give a versioned message its next version: archive the old definition, write the header that "
+        "translates between both, raise MESSAGE_VERSION, and list what is left to do. Edit the message before or "
+        "after. The firmware is a PX4-Autopilot tree: by default the setting px4, or else the current folder. The "
+        "old definition is by default that of the last commit or, without git, the file as it is.",
+        epilog=WRITING_CODES,
     )
     parser.add_argument(
-        "--against",
-        metavar="REF|DIR",
-        type=given,
-        help="where the old definition is: a revision, or another tree (HEAD; without git the file as it stands)",
+        "message", metavar="MSG", type=given, help="name of the message, such as VehicleStatus, or its file"
     )
-    parser.add_argument("--dry-run", action="store_true", help="write nothing; exit 1 if there is something to do")
-    parser.add_argument("--diff", action="store_true", help="write nothing; show the changes, exit 1 if any")
+    add_shared(parser, "--px4", "--against", "--check", "--diff", "-q, --quiet")
 
 
 def _bump(options: argparse.Namespace) -> int:
@@ -47,17 +43,18 @@ def _bump(options: argparse.Namespace) -> int:
     settings = read_settings(".")
     check_setting(options, settings)
     firmware = options.px4 or settings.px4 or "."
-    writes = not (options.dry_run or options.diff)
-    plan = (bump if writes else plan_bump)(firmware, options.message, options.against)
+    write = writes(options)
+    plan = (bump if write else plan_bump)(firmware, options.message, options.against)
     if options.diff:
         for change in plan.changes:
-            print_diff(change.name, change.before, change.after)
-    print("\n".join(_report(plan, writes=writes)))
-    return FINDINGS if plan.changes and not writes else DONE
+            print_diff(os.path.normpath(os.path.join(firmware, change.name)), change.before, change.after)
+    if not options.quiet:
+        print("\n".join(_report(plan, write=write)))
+    return FINDINGS if plan.changes and not write else DONE
 
 
-def _report(plan: Edits, *, writes: bool) -> Iterator[str]:
-    verbs = ("created", "changed") if writes else ("to create:", "to change:")
+def _report(plan: Edits, *, write: bool) -> Iterator[str]:
+    verbs = ("created", "changed") if write else ("to create:", "to change:")
     yield f"{plan.message}: version {plan.version} to {plan.version + 1}, the old one from {plan.against}"
     for change in plan.changes:
         yield f"  {verbs[change.before is not None]} {change.name}"

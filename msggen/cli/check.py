@@ -1,23 +1,21 @@
-"""`msggen check`: do two sources of definitions mean the same?"""
+"""`msggen check`: compare two sources of definitions by meaning."""
 
 from __future__ import annotations
 
 import argparse
 
-from msggen.cli.common import (
+from msggen.cli.options import (
     DONE,
     FINDINGS,
     Commands,
-    add_board,
     add_command,
     add_output_format,
-    add_source_options,
-    board_of,
-    firmware_of,
+    add_shared,
+    add_sources,
     given,
-    is_strict,
-    print_report,
 )
+from msggen.cli.printing import print_report
+from msggen.cli.sources import board_of, firmware_of, is_strict
 from msggen.firmware.sources import Sources, find_sources, with_board
 from msggen.settings import Settings, read_settings
 
@@ -28,19 +26,17 @@ def add_to(commands: Commands) -> None:
         commands,
         "check",
         _check,
-        help="prove that a package matches the firmware",
+        help="check that a package matches the firmware",
         description="Compare a package with the firmware, or any two sources, by meaning: bytes, names, constants, "
-        "nested types and services. Comments and white space do not count.",
-        epilog="A side is a PX4-Autopilot tree, a px4_msgs package, a folder of .msg files, PATH@REVISION of git, or "
-        "an archive. Without --px4 and the setting px4, one side is compared with the embedded set. Exit codes: 0 in "
-        "step, 1 findings, 2 cannot tell.",
+        "nested types and services. Comments and white space are ignored. A single side is compared with --px4, by "
+        "default the setting px4, or else the newest embedded release.",
+        epilog="Exit codes: 0 no findings, 1 findings, 2 usage, input or I/O error. Sources can be set in "
+        "[tool.msggen] of pyproject.toml.",
     )
-    parser.add_argument("side", metavar="PKG", type=given, help="what is judged")
-    parser.add_argument("other", metavar="B", type=given, nargs="?", help="with two sides, B is judged by the first")
-    add_board(add_source_options(parser))
-    parser.add_argument(
-        "--topics-only", action="store_true", help="only what crosses the bridge, what that nests, and services"
-    )
+    parser.add_argument("side", metavar="PKG", type=given, help="source to check, such as a px4_msgs package")
+    parser.add_argument("other", metavar="B", type=given, nargs="?", help="source to check against the first one")
+    add_sources(parser, "--board")
+    add_shared(parser, "--topics-only")
     add_output_format(parser)
 
 
@@ -60,7 +56,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _first_of_two(options: argparse.Namespace) -> Sources:
-    """Return the side that the other is judged by; --msg-dir may name further packages, which both nest."""
+    """Return the side that the other is compared with; --msg-dir may name further packages, which both nest."""
     sources = find_sources(options.side, tuple(options.msg_dir or ()), options.topics, options.release)
     sources = with_board(sources, board_of(options, Settings()))
     sources = sources._replace(strict=is_strict(options, read_settings(".")))

@@ -1,11 +1,11 @@
-"""`msggen px4-generate`: what the firmware's generator scripts do, with its own templates."""
+"""`msggen px4-generate`: do what the firmware's generator scripts do, with its own templates."""
 
 from __future__ import annotations
 
 import argparse
 import os
 
-from msggen.cli.common import DONE, Commands, add_command, given
+from msggen.cli.options import DONE, Commands, add_command, given
 
 
 def add_to(commands: Commands) -> None:
@@ -15,9 +15,9 @@ def add_to(commands: Commands) -> None:
         "px4-generate",
         _generate,
         writes=True,
-        help="run the firmware's own templates, in place of its generator scripts",
-        description="Make what the firmware's px_generate_uorb_topic_files.py and generate_dds_topics.py make, byte "
-        "for byte, with the templates and the arguments that they take. Files that would not change are not written.",
+        help="run the firmware's own templates in place of its scripts",
+        description="Generate the same files as the firmware's px_generate_uorb_topic_files.py and "
+        "generate_dds_topics.py, from the same templates and arguments. Files that would not change are not written.",
         epilog="Exit codes: 0 done, 2 usage, input or I/O error.",
     )
     _add_messages(parser)
@@ -34,24 +34,24 @@ def _add_messages(parser: argparse.ArgumentParser) -> None:
         ("--uorb-idl-header", "headers for Cyclone DDS"),
     ):
         kind.add_argument(option, dest="kind", action="store_const", const=option, help=text)
-    messages.add_argument("-f", dest="file", metavar="FILE", type=given, nargs="+", help="the .msg files")
+    messages.add_argument("-f", dest="file", metavar="FILE", type=given, nargs="+", help=".msg files")
     messages.add_argument(
-        "-i", dest="include_paths", metavar="DIR", type=given, nargs="*", help="where to look for what they nest"
+        "-i", dest="include_paths", metavar="DIR", type=given, nargs="*", help="folders of the messages that they nest"
     )
     messages.add_argument("-o", dest="outputdir", metavar="DIR", type=given, help="folder to write to")
-    messages.add_argument("-e", dest="templatedir", metavar="DIR", type=given, help="folder of the templates")
-    messages.add_argument("-k", dest="package", metavar="NAME", type=given, default="px4", help="package name (px4)")
-    messages.add_argument("-p", dest="prefix", metavar="PREFIX", help="taken, but of no effect, as in the script")
+    messages.add_argument("-e", dest="templatedir", metavar="DIR", type=given, help="folder of templates")
+    messages.add_argument(
+        "-k", dest="package", metavar="NAME", type=given, default="px4", help="package name (default: px4)"
+    )
+    messages.add_argument("-p", dest="prefix", metavar="PREFIX", help="accepted and ignored, as by the script")
 
 
 def _add_bridge(parser: argparse.ArgumentParser) -> None:
     bridge = parser.add_argument_group("bridge (generate_dds_topics.py)")
     bridge.add_argument("-y", "--dds-topics-file", dest="yaml_file", metavar="FILE", type=given, help="dds_topics.yaml")
-    bridge.add_argument("-t", "--template_file", metavar="FILE", type=given, help="the template")
+    bridge.add_argument("-t", "--template_file", metavar="FILE", type=given, help="template file")
     bridge.add_argument("-u", "--client-outdir", dest="clientdir", metavar="DIR", type=given, help="folder to write to")
-    bridge.add_argument(
-        "-m", "--topic-msg-dir", metavar="DIR", help="taken, but of no effect: an option of older scripts"
-    )
+    bridge.add_argument("-m", "--topic-msg-dir", metavar="DIR", help="accepted and ignored: an option of older scripts")
 
 
 def _generate(options: argparse.Namespace) -> int:

@@ -1,10 +1,10 @@
-"""`msggen releases`: the releases of PX4 whose definitions are embedded."""
+"""`msggen releases`: list the embedded releases of PX4."""
 
 from __future__ import annotations
 
 import argparse
 
-from msggen.cli.common import DONE, Commands, add_command
+from msggen.cli.options import DONE, Commands, add_command
 
 _HEADINGS = ("release", "messages", "services", "topics", "endpoints")
 
@@ -16,7 +16,7 @@ def add_to(commands: Commands) -> None:
         "releases",
         _releases,
         help="list the embedded releases of PX4",
-        description="List the releases of PX4 whose definitions are embedded: `--px4 v1.16` stands for one of them.",
+        description="List the releases of PX4 whose definitions are part of msggen. `--px4 v1.16` names one of them.",
     )
 
 
@@ -32,7 +32,7 @@ def _releases(_: argparse.Namespace) -> int:
 
 
 def _counts(release: str) -> tuple[int, ...]:
-    """Return the numbers that stand below the headings."""
+    """Return the numbers below the headings."""
     from msggen.firmware.catalog import read_catalog
     from msggen.firmware.embedded import PREFIX
     from msggen.firmware.sources import find_sources

@@ -1,10 +1,11 @@
-"""`msggen rules` and `msggen explain`: what `check` and `breaking` look for, and what the codes of errors mean."""
+"""`msggen rules` and `msggen explain`: list and explain rules, categories and error codes."""
 
 from __future__ import annotations
 
 import argparse
 
-from msggen.cli.common import DONE, Commands, add_command, colour, given, width
+from msggen.cli.options import DONE, Commands, add_command, given
+from msggen.cli.printing import colour, width
 from msggen.diagnostics import CODES, fault, suggestion
 
 
@@ -15,17 +16,18 @@ def add_to(commands: Commands) -> None:
         "rules",
         _rules,
         help="list the rules of check and breaking",
-        description="List the rules: check asks all but VERSION, breaking all but DRIFT.",
+        description="List the rules. check applies all but the category VERSION, breaking all but DRIFT.",
     )
     explain = add_command(
         commands,
         "explain",
         _explain,
-        help="explain a rule with an example, a category or the code of an error",
-        description="Explain a rule: what it is for, and what it finds in an example. Or say what a category of rules, "
-        "or the code of an error, means.",
+        help="explain a rule, a category or an error code",
+        description="Explain a rule with its purpose and an example, or a category of rules, or an error code.",
     )
-    explain.add_argument("rule", metavar="RULE", type=given, help="as `msggen rules` lists it; WIRE, or M301, say")
+    explain.add_argument(
+        "rule", metavar="RULE", type=given, help="rule, category or error code, such as FIELD_MOVED, WIRE or M301"
+    )
 
 
 def _rules(_: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""`msggen sync`: a ROS 2 package in step with the firmware."""
+"""`msggen sync`: bring a ROS 2 package in step with the firmware."""
 
 from __future__ import annotations
 
@@ -6,28 +6,33 @@ import argparse
 import os
 from typing import TYPE_CHECKING
 
-from msggen.cli.common import (
+from msggen.cli.options import (
     DONE,
     FINDINGS,
+    WRITING_CODES,
     Commands,
     add_command,
-    add_source_options,
-    firmware_of,
+    add_option,
+    add_shared,
+    add_sources,
     given,
-    print_diff,
-    print_notices,
+    writes,
 )
-from msggen.settings import read_settings
+from msggen.cli.printing import print_diff, print_notices
+from msggen.cli.sources import firmware_of
+from msggen.location import Location
+from msggen.settings import Settings, read_settings
 
 if TYPE_CHECKING:
     from msggen.sync.contents import PackageContents
     from msggen.sync.plan import SyncPlan
+    from msggen.sync.target import Request
 
 _VERBS = {True: ("added", "changed", "removed"), False: ("to add", "to change", "to remove")}
-"""What is done to definitions, by whether it was, or only would be."""
+"""Verbs for changes, by whether they were written."""
 
 _MANY = 20
-"""More changes of nothing but comments are told by their number."""
+"""The most changes of comments alone that are listed one by one."""
 
 
 def add_to(commands: Commands) -> None:
@@ -37,28 +42,26 @@ def add_to(commands: Commands) -> None:
         "sync",
         _sync,
         writes=True,
-        help="bring a ROS 2 package such as px4_msgs in step with the firmware",
-        description="Make msg/ and srv/ of a ROS 2 package what the firmware has. PackageContents that are not the "
-        "firmware's, and everything else in the package, stay as they are. A new package may be made without a source, "
-        "from the embedded set.",
-        epilog="Exit codes: 0 done, 1 out of step (--dry-run, --diff), 2 usage, input or I/O error. "
-        "Sources may stand in [tool.msggen] of pyproject.toml.",
+        help="bring a ROS 2 package such as px4_msgs up to date",
+        description="Copy the definitions of the firmware into msg/ and srv/ of a ROS 2 package. Definitions of your "
+        "own, and all other files of the package, stay as they are. Without a source, only a new package can be made, "
+        "from the newest embedded release.",
+        epilog=f"{WRITING_CODES} Sources and ros-package can be set in [tool.msggen] of pyproject.toml.",
     )
     parser.add_argument("target", metavar="PKG", type=given, help="folder of the package")
-    add_source_options(parser)
+    add_sources(parser)
     package = parser.add_argument_group("package")
-    package.add_argument("--create", action="store_true", help="make a whole package where there is none")
-    package.add_argument(
-        "--package", metavar="NAME", type=given, default="px4_msgs", help="name of the ROS package (px4_msgs)"
+    package.add_argument("--create", action="store_true", help="create the package if there is none")
+    add_option(
+        package,
+        "--ros-package",
+        old="--package",
+        metavar="NAME",
+        type=given,
+        help="name of the ROS package (default: px4_msgs)",
     )
-    package.add_argument(
-        "--topics-only", action="store_true", help="only what crosses the bridge, what that nests, and services"
-    )
-    package.add_argument(
-        "--dry-run", action="store_true", help="write nothing; say what would change, exit 1 if anything"
-    )
-    package.add_argument("--diff", action="store_true", help="write nothing; show the changes, exit 1 if any")
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but what is wrong")
+    add_shared(package, "--topics-only", "--check", "--diff")
+    add_shared(parser, "-q, --quiet")
 
 
 def _sync(options: argparse.Namespace) -> int:
@@ -70,41 +73,51 @@ def _sync(options: argparse.Namespace) -> int:
     sources = firmware_of(options, settings)
     from msggen.sync.contents import read_contents
     from msggen.sync.run import sync
-    from msggen.sync.target import Request
 
-    writes = not (options.dry_run or options.diff)
-    definitions = read_contents(sources, options.package, topics_only=options.topics_only)
-    plan = sync(sources, definitions, Request(options.target, options.package, options.create), write=writes)
+    write = writes(options)
+    request = _request(options, settings)
+    definitions = read_contents(sources, request.name, topics_only=options.topics_only)
+    plan = sync(sources, definitions, request, write=write)
     print_notices(definitions.notices, quiet=options.quiet)
     if options.diff:
         _print_diffs(plan)
     if not options.quiet:
         if not (options.diff or plan.target.is_new):
-            _print_list(plan, definitions, writes=writes)
-        print(_summary(plan, sources.label, writes=writes))
-    return FINDINGS if plan.is_stale and not writes else DONE
+            _print_list(plan, definitions, write=write)
+        print(_summary(plan, sources.label, write=write))
+    return FINDINGS if plan.is_stale and not write else DONE
 
 
-def _summary(plan: SyncPlan, label: str, *, writes: bool) -> str:
-    """Return in a line what was done, or what there would be to do."""
+def _request(options: argparse.Namespace, settings: Settings) -> Request:
+    """Return the package that the options name, or else the settings."""
+    from msggen.model import DEFAULT_PACKAGE
+    from msggen.sync.target import Request
+
+    name = options.ros_package or settings.ros_package or DEFAULT_PACKAGE
+    place = Location("--ros-package", 0) if options.ros_package else settings.place("ros-package")
+    return Request(options.target, name, options.create, place)
+
+
+def _summary(plan: SyncPlan, label: str, *, write: bool) -> str:
+    """Return a line that says what was done, or without `write` what would be done."""
     target = plan.target
     path = target.name if os.path.normpath(target.path) == os.curdir else target.path
     if not plan.is_stale:
         return f"{path} is in step with {label}: {len(plan.unchanged)} definitions"
     if target.is_new:
         name = "" if os.path.basename(target.folder) == target.name else f"package {target.name}, "
-        return f"{path} {'made' if writes else 'would be made'} from {label}: {name}{len(plan.files)} definitions"
+        return f"{path} {'made' if write else 'would be made'} from {label}: {name}{len(plan.files)} definitions"
     names = (plan.added, (*plan.changed, *plan.scaffold), plan.removed, plan.unchanged, plan.left_alone)
-    verbs = (*_VERBS[writes], "unchanged", "left alone")
+    verbs = (*_VERBS[write], "unchanged", "left alone")
     counts = ", ".join(f"{len(each)} {verb}" for each, verb in zip(names, verbs, strict=True) if each)
-    return f"{path} {'from' if writes else 'is out of step with'} {label}: {counts}"
+    return f"{path} {'from' if write else 'is out of step with'} {label}: {counts}"
 
 
-def _print_list(plan: SyncPlan, definitions: PackageContents, *, writes: bool) -> None:
-    """Print the changes one by one, with the topics that they touch."""
+def _print_list(plan: SyncPlan, definitions: PackageContents, *, write: bool) -> None:
+    """Print the changes one by one, each with the topics that carry the message."""
     from msggen.sync.change import COMMENTS, WHITE_SPACE, describe_change
 
-    added, changed, removed = (verb.ljust(len(_VERBS[writes][1])) for verb in _VERBS[writes])
+    added, changed, removed = (verb.ljust(len(_VERBS[write][1])) for verb in _VERBS[write])
     how = {name: describe_change(name, plan.before[name], plan.files[name]) for name in plan.changed}
     numbers = {what: list(how.values()).count(what) for what in (COMMENTS, WHITE_SPACE)}
     folded = {what: number for what, number in numbers.items() if number > _MANY}

@@ -40,6 +40,13 @@ def unknown_release(text: str) -> str:
     return what + (suggestion(name, EMBEDDED) or f": expected {', '.join(EMBEDDED)}")
 
 
+def near_release(text: str) -> str:
+    """Return ", did you mean 'v1.16'?" for `1.16` and `v1.16.0`, "" where no embedded release is meant."""
+    found = re.fullmatch(r"[vV]?(\d+\.\d+)(?:\.\d+)?", text)
+    name = f"v{found[1]}" if found else ""
+    return f", did you mean '{name}'?" if name in EMBEDDED else ""
+
+
 def open_release(text: str) -> tuple[str, Tree]:
     """Return name and files of the embedded release that `text` names. Raises InputError."""
     wrong = unknown_release(text)

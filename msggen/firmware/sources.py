@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from msggen.diagnostics import Diagnostic, counted, fault, suggestion
-from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release, open_release
+from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release, near_release, open_release
 from msggen.firmware.file import BoardOption, File, read_file
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
@@ -129,7 +129,7 @@ def open_tree(text: str) -> Tree:
 
     folder, revision = split_revision(text)
     if folder == text:
-        raise fault(text.partition("@")[0] or text, "S101", "no such folder", 0)
+        raise fault(text.partition("@")[0] or text, "S101", f"no such folder{near_release(text)}", 0)
     return read_revision(folder, revision)
 
 

@@ -106,7 +106,7 @@ def _base(path: str) -> str:
 def _options(package: str, dependencies: tuple[str, ...], *, topics_only: bool) -> str:
     """Return the options that the next sync needs too, each followed by a space."""
     folders = "".join(f"--msg-dir {dependency}={dependency} " for dependency in dependencies)
-    name = "" if package == DEFAULT_PACKAGE else f"--package {package} "
+    name = "" if package == DEFAULT_PACKAGE else f"--ros-package {package} "
     return folders + name + ("--topics-only " if topics_only else "")
 
 

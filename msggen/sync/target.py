@@ -9,6 +9,7 @@ from typing import NamedTuple
 from msggen.diagnostics import fault
 from msggen.firmware.sources import Sources
 from msggen.firmware.tree import Folder
+from msggen.location import Location
 from msggen.model import DEFAULT_PACKAGE
 from msggen.parse.package_xml import package_name
 
@@ -17,11 +18,12 @@ KINDS = ("msg", "srv")
 
 
 class Request(NamedTuple):
-    """What a user asks for: the package `name` at `path`; with `create` it may be one that does not exist yet."""
+    """The package that a user asks for: `name`, asked for at `name_place`, at `path`; with `create` it may be new."""
 
     path: str
     name: str = DEFAULT_PACKAGE
     create: bool = False
+    name_place: Location = Location("--ros-package", 0)
 
 
 class Target(NamedTuple):
@@ -39,10 +41,10 @@ class Target(NamedTuple):
 
 def open_target(request: Request, sources: Sources) -> Target:
     """Return the package that is asked for. Raises InputError where something else lies at its place."""
-    path, name, create = request
+    path, name, create, place = request
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         text = f"'{name}' is no name of a ROS package: expected lower case, digits and underscores"
-        raise fault("--package", "S112", text, 0)
+        raise fault(place.path, "S112", text, *place[1:])
     folder = os.path.realpath(path)
     _check_sources(path, folder, sources)
     if not os.path.lexists(os.path.join(folder, "package.xml")):
@@ -53,7 +55,7 @@ def open_target(request: Request, sources: Sources) -> Target:
     with open(manifest, "rb") as stream:
         found = package_name(stream.read(), manifest)
     if found != name:
-        hint = f": give its name with --package {found}" if name == DEFAULT_PACKAGE else ""
+        hint = f": give its name with --ros-package {found}" if name == DEFAULT_PACKAGE else ""
         raise fault(manifest, "S112", f"this is the package '{found}', not '{name}'{hint}", 0)
     return Target(path, folder, name)
 

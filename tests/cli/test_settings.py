@@ -44,6 +44,7 @@ release = "v1.16"
 board = "px4_sitl"
 output = "src"
 package = "vehicle_types"
+ros-package = "vehicle_msgs"
 archived = true
 strict = true
 select = "WIRE"
@@ -59,6 +60,7 @@ per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
         "px4_sitl",
         "src",
         "vehicle_types",
+        "vehicle_msgs",
         True,  # noqa: FBT003 - all of them in order
         True,  # noqa: FBT003
         ("WIRE",),

@@ -18,7 +18,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from msggen.cli import main
-from msggen.cli.common import terminal_width
+from msggen.cli.printing import terminal_width
 from msggen.compare.finding import Category, Change, Excerpt, Finding, Reader, Report
 from msggen.compare.rules import RULES
 from msggen.location import Location

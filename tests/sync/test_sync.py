@@ -406,7 +406,7 @@ def test_a_package_may_have_a_name_of_its_own() -> None:
     for name in ("package.xml", "CMakeLists.txt", "README.md"):
         assert "my_msgs" in Path("my_msgs", name).read_text()
         assert name == "README.md" or "px4_msgs" not in Path("my_msgs", name).read_text()
-    assert "msggen sync --px4 PX4-Autopilot --package my_msgs my_msgs" in Path("my_msgs/README.md").read_text()
+    assert "msggen sync --px4 PX4-Autopilot --ros-package my_msgs my_msgs" in Path("my_msgs/README.md").read_text()
     assert sync("-q", "--px4", "firmware", "--package", "my_msgs", "my_msgs") == 0
 
 

@@ -249,7 +249,7 @@ REFUSALS = [
     # a package of another name
     Refusal("S112", "px4_msgs/package.xml", "'my_msgs', not 'px4_msgs'", rename_package),
     Refusal("S112", "px4_msgs/package.xml", "not 'my_msgs'", nothing, (*SYNC, "--package", "my_msgs")),
-    Refusal("S112", "--package", "'my-msgs' is no name", nothing, (*SYNC, "--package", "my-msgs")),
+    Refusal("S112", "--ros-package", "'my-msgs' is no name", nothing, (*SYNC, "--package", "my-msgs")),
     Refusal(
         "M301",
         "firmware/msg/EscStatus.msg:",

@@ -1,0 +1,128 @@
+"""Commands and their options. Options that several commands share are declared here, once."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
+
+from msggen.firmware.embedded import EMBEDDED
+
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001 - argparse names no other
+Group: TypeAlias = "argparse._ActionsContainer"  # noqa: SLF001 - likewise, for parsers and groups of options
+
+DONE, FINDINGS, FAILED = 0, 1, 2
+"""Exit codes: success, findings or changes, and usage, input or I/O errors."""
+
+WRITING_CODES = "Exit codes: 0 done, 1 changes found by --check or --diff, 2 usage, input or I/O error."
+"""The exit codes of a command that writes."""
+
+SOURCE_KINDS = (
+    "a PX4-Autopilot tree, a px4_msgs package, a folder of .msg files, PATH@REVISION of one of these in git, "
+    "an archive of one, or an embedded release such as v1.16"
+)
+
+
+def given(text: str) -> str:
+    """Refuse an empty value: an unset variable in a script must not mean the default."""
+    if not text:
+        raise argparse.ArgumentTypeError("expected a value, found an empty text")
+    return text
+
+
+SHARED: Mapping[str, Mapping[str, Any]] = {
+    "--px4": {"metavar": "PATH", "type": given, "help": "firmware, such as a PX4-Autopilot tree"},
+    "--msg-dir": {
+        "metavar": "[PKG=]DIR",
+        "type": given,
+        "action": "append",
+        "help": "folder of further messages: of external modules, or of another ROS package; repeatable",
+    },
+    "--topics": {
+        "metavar": "FILE",
+        "type": given,
+        "help": "dds_topics.yaml (default: the one of the firmware)",
+    },
+    "--release": {
+        "metavar": "RELEASE",
+        "type": given,
+        "help": f"release whose conventions hold: {EMBEDDED[-1]} to {EMBEDDED[0]}, main (default: the firmware's own)",
+    },
+    "--strict": {"action": argparse.BooleanOptionalAction, "help": "treat warnings as errors"},
+    "--board": {
+        "metavar": "NAME|FILE",
+        "type": given,
+        "help": "board, such as px4_sitl_default, or .px4board file: leave out messages that it does not build",
+    },
+    "--against": {
+        "metavar": "REF|DIR",
+        "type": given,
+        "help": "previous definitions: a revision of the firmware's repository, or another source",
+    },
+    "--topics-only": {
+        "action": "store_true",
+        "help": "take only the messages that cross the bridge, the messages that they nest, and the services",
+    },
+    "-o, --output": {"metavar": "DIR", "type": given, "help": "folder to write to"},
+    "--check": {
+        "old": "--dry-run",
+        "action": "store_true",
+        "help": "write nothing; list the changes, exit with 1 if there are any",
+    },
+    "--diff": {
+        "action": "store_true",
+        "help": "write nothing; show the changes as a patch, exit with 1 if there are any",
+    },
+    "--depfile": {
+        "metavar": "FILE",
+        "type": given,
+        "help": "write a Makefile rule that lists all inputs, for CMake and Ninja",
+    },
+    "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
+    "-q, --quiet": {"action": "store_true", "help": "print only errors, warnings and the patch of --diff"},
+}
+"""Options that mean the same in every command that has them."""
+
+
+def add_command(
+    commands: Commands, name: str, run: Callable[[argparse.Namespace], int], *, writes: bool = False, **about: Any
+) -> argparse.ArgumentParser:
+    """Return the parser of a new command `name`, which calls `run`; `writes` tells whether it may write files."""
+    parser = commands.add_parser(name, **about)
+    known = parser._option_string_actions  # noqa: SLF001 - no other way
+    parser.set_defaults(run=run, parser=parser, known=known, writes=writes)
+    return parser
+
+
+def add_shared(group: Group, *names: str, **more: Any) -> None:
+    """Add options of `SHARED` by their keys; `more` is what this command alone asks of them."""
+    for name in names:
+        add_option(group, *name.split(", "), **SHARED[name], **more)
+
+
+def add_option(group: Group, *names: str, old: str = "", **about: Any) -> None:
+    """Add an option, and its `old` spelling, which the help does not show."""
+    action = group.add_argument(*names, **about)
+    if old:
+        hidden = {"dest": action.dest, "default": argparse.SUPPRESS, "help": argparse.SUPPRESS}
+        group.add_argument(old, **{**about, **hidden})
+
+
+def add_sources(parser: argparse.ArgumentParser, *further: str) -> argparse._ArgumentGroup:
+    """Add the options that name definitions, and `further` ones of `SHARED`; return their group."""
+    group = parser.add_argument_group("sources", f"A source is {SOURCE_KINDS}.")
+    add_shared(group, "--px4", "--msg-dir", "--topics", "--release", "--strict", *further)
+    return group
+
+
+def add_output_format(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of how findings are shown."""
+    from msggen.report import FORMATS
+
+    text = f"{', '.join(FORMATS)} (default: {FORMATS[0]})"
+    parser.add_argument("--output-format", choices=FORMATS, default=FORMATS[0], metavar="FORMAT", help=text)
+
+
+def writes(options: argparse.Namespace) -> bool:
+    """Whether the command is to write, not only to tell what would change."""
+    return options.writes and not any(getattr(options, name, False) for name in ("check", "diff"))

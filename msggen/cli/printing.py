@@ -1,0 +1,99 @@
+"""What the commands print: reports, patches, errors, warnings and notes."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from msggen.diagnostics import Diagnostic, Level, counted
+
+if TYPE_CHECKING:
+    from msggen.compare.finding import Report
+
+_WIDTH_OF_A_LOG = 120
+
+
+def print_report(report: Report, options: argparse.Namespace) -> None:
+    """Print `report` in the format that the options name, and its warnings and notes to stderr."""
+    from msggen.report import render
+
+    print_notices(report.notices)
+    print(render(report, options.output_format, width=width(), colour=colour()))
+
+
+def print_annotations(faults: Sequence[Diagnostic], options: argparse.Namespace) -> None:
+    """Print `faults` to stdout as annotations if the options ask for the format of GitHub."""
+    if getattr(options, "output_format", None) == "github":
+        from msggen.report.github import write_faults
+
+        print(write_faults(faults), flush=True)
+
+
+def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:
+    """Print the change of a file as a patch; None stands for no file."""
+    from difflib import unified_diff
+    from io import StringIO
+
+    old, new = (StringIO((data or b"").decode(errors="replace"), newline="\n").readlines() for data in (before, after))
+    source, target = ("/dev/null" if data is None else path for data in (before, after))
+    for line in unified_diff(old, new, source, target):
+        whole = line if line.endswith("\n") else f"{line}\n\\ no line end here\n"
+        sys.stdout.write(whole)
+
+
+def print_change(path: str, text: str | None) -> None:
+    """Print the change of the file at `path` to `text` as a patch; None removes the file."""
+    before = None
+    with suppress(OSError), open(path, "rb") as stream:
+        before = stream.read()
+    print_diff(path, before, None if text is None else text.encode())
+
+
+def print_faults(faults: Sequence[Diagnostic], outcome: str) -> None:
+    """Print `faults`, their number and the `outcome` of the run to stderr."""
+    for found in faults:
+        _print_diagnostic(found, "", 31)
+    print(f"{counted(len(faults), 'error')}, {outcome}", file=sys.stderr)
+
+
+def print_notices(notices: Iterable[Diagnostic], *, quiet: bool = False) -> None:
+    """Print warnings and notes to stderr, each once; with `quiet`, print warnings only."""
+    for each in dict.fromkeys(notices):
+        if each.level is Level.WARNING:
+            _print_diagnostic(each, "warning: ", 33)
+        elif not quiet:
+            _print_diagnostic(each, "note: ", 36)
+
+
+def _print_diagnostic(found: Diagnostic, word: str, colour: int) -> None:
+    """Print a line to stderr, `word` before its message, its code in a `colour` of the terminal."""
+    place, code, message = found
+    if sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
+        print(f"\033[1m{place}\033[0m: \033[{colour}m{code}\033[0m {word}{message}", file=sys.stderr)
+    else:
+        print(f"{place}: {code} {word}{message}", file=sys.stderr)
+
+
+def width() -> int:
+    """Return the number of columns to print in."""
+    return terminal_width(_WIDTH_OF_A_LOG) if sys.stdout.isatty() else _WIDTH_OF_A_LOG
+
+
+def terminal_width(otherwise: int) -> int:
+    """Return the columns of the terminal as shutil finds them; importing shutil takes longer than asking."""
+    with suppress(KeyError, ValueError):
+        columns = int(os.environ["COLUMNS"])
+        if columns > 0:
+            return columns
+    with suppress(AttributeError, OSError, ValueError):
+        return os.get_terminal_size(sys.__stdout__.fileno()).columns or otherwise  # type: ignore[union-attr]
+    return otherwise
+
+
+def colour() -> bool:
+    """Whether stdout is a terminal that shows colours, and its user wants them (https://no-color.org)."""
+    return sys.stdout.isatty() and not os.environ.get("NO_COLOR")

@@ -1,0 +1,346 @@
+"""Options mean the same in every command that has them; old spellings keep working."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import subprocess
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from conftest import ROOT, write_definitions
+from msggen.cli import DONE, FAILED, FINDINGS, _parser, main
+from msggen.firmware.embedded import EMBEDDED
+
+COMMANDS: dict[str, argparse.ArgumentParser] = next(
+    action.choices  # type: ignore[misc]
+    for action in _parser([])._actions
+    if action.nargs == argparse.PARSER
+)
+"""The parser of every command."""
+
+
+def actions(command: str) -> list[argparse.Action]:
+    """Return the arguments of a command that its help shows."""
+    return [action for action in COMMANDS[command]._actions if action.help is not argparse.SUPPRESS]
+
+
+def meaning(action: argparse.Action) -> tuple[object, ...]:
+    choices = None if action.choices is None else tuple(action.choices)
+    return (type(action), action.help, action.type, action.default, action.metavar, action.nargs, choices)
+
+
+def meanings() -> dict[str, dict[str, tuple[object, ...]]]:
+    """Return what each spelling means, by command."""
+    found: dict[str, dict[str, tuple[object, ...]]] = defaultdict(dict)
+    for command in COMMANDS:
+        for action in actions(command):
+            for spelling in action.option_strings:
+                found[spelling][command] = meaning(action)
+    return found
+
+
+SHARED = sorted(spelling for spelling, by_command in meanings().items() if len(by_command) > 1)
+"""The spellings that several commands have."""
+
+CHECKED = sorted(meanings()["--check"])
+"""The commands that can tell what they would change."""
+
+
+# --- Declarations
+
+
+@pytest.mark.parametrize("spelling", SHARED)
+def test_a_spelling_has_the_same_help_type_and_default_in_every_command(spelling: str) -> None:
+    first, *others = meanings()[spelling].items()
+    for other in others:
+        assert other[1] == first[1], f"{spelling} of {other[0]} and of {first[0]}"
+
+
+def test_the_shared_options_are_found() -> None:
+    assert {"--px4", "--check", "--diff", "--output", "--against", "--topics-only", "--output-format"} <= {*SHARED}
+
+
+def test_commands_that_write_all_have_check_and_diff_but_the_stand_in_for_scripts() -> None:
+    writing = {command for command, parser in COMMANDS.items() if parser.get_default("writes")}
+    assert writing - {"px4-generate"} == {*CHECKED} == {*meanings()["--diff"]}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_argument_has_help_in_the_same_style(command: str) -> None:
+    for action in actions(command):
+        assert action.help, action
+        assert not action.help.endswith("."), action.help
+        assert re.match(r"[a-z.]|C\+\+|B\b", action.help), action.help
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_every_command_can_be_printed(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main([command, "--help"])
+    assert stopped.value.code == 0
+    assert "--dry-run" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("columns", ["80", "200"])
+def test_the_help_lists_each_command_in_a_line(
+    columns: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    listed = re.findall(r"(?m)^ {4}(\S+) {2,}\S.*$", capsys.readouterr().out)
+    assert listed == [*COMMANDS]
+
+
+PAGES = {"build": "build", "sync": "sync", "check": "check", "bump": "bump", "render": "render", "breaking": "check"}
+
+
+@pytest.mark.parametrize("command", PAGES)
+def test_the_page_of_a_command_names_all_its_own_options(command: str) -> None:
+    page = (ROOT / "docs" / f"{PAGES[command]}.md").read_text() + (ROOT / "docs" / "build.md").read_text()
+    missing = [
+        action.option_strings
+        for action in actions(command)
+        if action.option_strings and "--help" not in action.option_strings
+        if not any(re.search(rf"(?<![\w-]){name}(?![\w-])", page) for name in action.option_strings)
+    ]
+    assert missing == []
+
+
+# --- --check, --diff and the old --dry-run
+
+MESSAGE = "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\n"
+ARGUMENTS = {
+    "build": ["--px4", "px4", "-o", "out", "--depfile", "out.d"],
+    "bump": ["Lamp", "--px4", "px4", "--against", "old"],
+    "render": ["--template", "names.txt.j2", "--px4", "px4", "-o", "out", "--depfile", "out.d"],
+    "sync": ["--px4", "px4", "--create", "px4_msgs"],
+}
+CHECKS = [["--check"], ["--dry-run"], ["--diff"], ["--check", "--diff"]]
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    tree = {
+        "msg/versioned/Lamp.msg": MESSAGE,
+        "msg/translation_node/translations/all_translations.h": "#pragma once\n",
+        "src/modules/README": "",
+    }
+    write_definitions(tmp_path / "old", tree)
+    write_definitions(tmp_path / "px4", tree)
+    return write_definitions(tmp_path, {"names.txt.j2": "{{ message.name }}\n"})
+
+
+def state(folder: Path) -> dict[str, tuple[int, int, bytes]]:
+    """Return all that is in a folder, and when it was written."""
+    found = {}
+    for path in folder.rglob("*"):
+        stat = path.stat()
+        found[str(path)] = (stat.st_ino, stat.st_mtime_ns, path.read_bytes() if path.is_file() else b"")
+    return found
+
+
+def test_every_command_with_check_is_tried() -> None:
+    assert {*ARGUMENTS} == {*CHECKED}
+
+
+@pytest.mark.parametrize("options", CHECKS, ids=" ".join)
+@pytest.mark.parametrize("command", ARGUMENTS)
+def test_a_check_writes_nothing_and_exits_with_1_until_nothing_would_change(
+    here: Path, command: str, options: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [command, *ARGUMENTS[command]]
+    before = state(here)
+    assert main([*arguments, *options]) == FINDINGS
+    assert state(here) == before
+    shown = capsys.readouterr().out
+    assert ("\n+++ " in shown) == ("--diff" in options)
+    assert shown.splitlines()[-1]
+    assert main(arguments) == DONE
+    assert state(here) != before
+    written = state(here)
+    capsys.readouterr()
+    assert main([*arguments, *options]) == DONE
+    assert state(here) == written
+    assert "+++ " not in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("command", ARGUMENTS)
+def test_dry_run_is_check(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [command, *ARGUMENTS[command]]
+    check, dry_run = ((main([*arguments, each]), *capsys.readouterr()) for each in ("--check", "--dry-run"))
+    assert check == dry_run
+
+
+@pytest.mark.skipif(not shutil.which("patch"), reason="needs patch on the PATH")
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("command", ARGUMENTS)
+def test_a_diff_applied_in_the_current_folder_does_what_the_command_does(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [command, *ARGUMENTS[command]]
+    assert main([*arguments, "--diff"]) == FINDINGS
+    patch = capsys.readouterr().out
+    done = subprocess.run(["patch", "-p0"], input=patch, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done
+    if command == "build":
+        Path("out/px4_types/py.typed").touch()  # a patch cannot create an empty file
+    assert main([*arguments, "--check"]) == DONE
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("command", ARGUMENTS)
+def test_a_quiet_diff_is_nothing_but_a_patch(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, *ARGUMENTS[command], "-q", "--check"]) == FINDINGS
+    assert capsys.readouterr().out == ""
+    assert main([command, *ARGUMENTS[command], "-q", "--diff"]) == FINDINGS
+    shown = capsys.readouterr().out
+    assert all(re.match(r"[-+@ \\]|$", line) for line in shown.splitlines())
+    assert shown.startswith("--- ")
+
+
+# --- A Python package and a ROS package
+
+
+def settings(text: str) -> None:
+    Path("pyproject.toml").write_text(f"[tool.msggen]\n{text}\n")
+
+
+def manifest() -> str:
+    return str(re.findall("<name>(.*)</name>", Path("made/package.xml").read_text())[0])
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    ("setting", "options", "name"),
+    [
+        ("", [], "px4_msgs"),
+        ("", ["--ros-package", "my_msgs"], "my_msgs"),
+        ("", ["--package", "my_msgs"], "my_msgs"),
+        ('package = "my_types"', [], "px4_msgs"),
+        ('ros-package = "my_msgs"', [], "my_msgs"),
+        ('ros-package = "my_msgs"', ["--ros-package", "your_msgs"], "your_msgs"),
+        ('ros-package = "my_msgs"', ["--package", "your_msgs"], "your_msgs"),
+    ],
+)
+def test_the_ros_package_has_the_name_that_is_given(setting: str, options: list[str], name: str) -> None:
+    settings(setting)
+    assert main(["sync", "-q", "--px4", "px4", "--create", "made", *options]) == DONE
+    assert manifest() == name
+    assert main(["sync", "-q", "--px4", "px4", "made", "--check", *options]) == DONE
+
+
+@pytest.mark.usefixtures("here")
+def test_the_setting_of_the_ros_package_is_not_that_of_the_python_package() -> None:
+    settings('ros-package = "my_msgs"')
+    assert main(["build", "-q", "--px4", "px4"]) == DONE
+    assert Path("generated/px4_types/__init__.py").is_file()
+
+
+@pytest.mark.usefixtures("here")
+def test_build_does_not_know_the_option_of_sync(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["build", "--ros-package", "my_msgs"])
+    assert "unknown argument '--ros-package', did you mean '--package'?" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("option", ["--ros-package", "--package"])
+def test_a_wrong_name_of_a_ros_package_is_reported_at_the_option(
+    option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sync", "--px4", "px4", "--create", "made", option, "My-Msgs"]) == FAILED
+    assert capsys.readouterr().err.startswith("--ros-package: S112 'My-Msgs' ")
+
+
+@pytest.mark.usefixtures("here")
+def test_a_wrong_name_of_a_ros_package_is_reported_at_the_setting(capsys: pytest.CaptureFixture[str]) -> None:
+    settings('ros-package = "My-Msgs"')
+    assert main(["sync", "--px4", "px4", "--create", "made"]) == FAILED
+    assert capsys.readouterr().err.startswith("pyproject.toml:2:1: S112 'My-Msgs' ")
+    assert not Path("made").exists()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (["sync", "made", "--ros-pakage", "x"], ", did you mean '--ros-package'?"),
+        (["sync", "made", "--pakcage", "x"], ", did you mean '--ros-package'?"),
+        (["bump", "Lamp", "--dry-rnu"], "--dry-rnu'\n"),
+    ],
+)
+def test_old_spellings_are_not_suggested(wrong: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(wrong)
+    assert stopped.value.code == FAILED
+    assert told in capsys.readouterr().err
+
+
+# --- Embedded releases that are almost named
+
+
+def almost() -> Iterator[tuple[str, str]]:
+    for release in EMBEDDED:
+        yield release.removeprefix("v"), release
+        yield f"{release}.0", release
+        yield f"{release.removeprefix('v')}.2", release
+        yield release.upper(), release
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(("name", "release"), [*almost()])
+def test_an_embedded_release_that_is_almost_named_is_suggested(
+    name: str, release: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["build", "--px4", name]) == FAILED
+    assert f"{name}: S101 no such folder, did you mean '{release}'?\n" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    "command",
+    [
+        "build --msg-dir 1.16",
+        "sync --create made --px4 1.16",
+        "render --template names.txt.j2 -o out --px4 1.16",
+        "check 1.16",
+        "check px4 1.16",
+        "check 1.16 px4",
+        "breaking --px4 1.16 --against px4",
+    ],
+)
+def test_it_is_suggested_wherever_a_source_is_named(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(command.split()) == FAILED
+    assert "1.16: S101 no such folder, did you mean 'v1.16'?\n" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("folder", [".", "inner"])
+def test_an_embedded_release_that_a_setting_almost_names_is_suggested(
+    folder: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings('px4 = "1.16"')
+    Path(folder).mkdir(exist_ok=True)
+    monkeypatch.chdir(folder)
+    assert main(["build"]) == FAILED
+    assert capsys.readouterr().err.splitlines()[0].endswith("1.16': no such folder, did you mean 'v1.16'?")
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("name", ["1.99", "2.16", "116", "v1.16.0.0", "1.16/px5"])
+def test_other_names_get_no_such_suggestion(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["build", "--px4", name]) == FAILED
+    assert "did you mean 'v" not in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("here")
+def test_a_folder_named_like_a_release_is_read() -> None:
+    Path("px4").rename("1.16")
+    assert main(["build", "-q", "--px4", "1.16"]) == DONE
