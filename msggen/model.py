@@ -48,7 +48,7 @@ SIZES: Mapping[str, int] = {
     "float32": 4,
     "float64": 8,
 }
-"""Bytes of each primitive that has a fixed size in CDR (OMG DDS-XTypes 1.3, section 7.4)."""
+"""Bytes of each primitive that has a fixed size in CDR (docs/wire.md, 2)."""
 
 VERSION = "MESSAGE_VERSION"
 """The constant that says which version of a message a definition is."""
