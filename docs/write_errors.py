@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from itertools import groupby
 from pathlib import Path
-from textwrap import fill
 
 from msggen.diagnostics import CODES
-from msggen.report.errors import ErrorText, error_texts
+from msggen.report.errors import ErrorText, error_texts, paragraph
 
 PAGE = Path(__file__).resolve().parent / "errors.md"
+WIDTH = 120
 MARK = "<!-- docs/write_errors.py writes what follows, from msggen/report/errors.yaml -->\n"
 GROUPS = {
     "M": "Definitions",
@@ -37,15 +37,11 @@ def _entry(code: str, text: ErrorText) -> str:
         [
             f"\n### {code}\n",
             f"**{text.title[0].upper()}{text.title[1:]}** ({CODES[code].value})\n",
-            f"{_paragraph(text.meaning)}\n",
+            f"{paragraph(text.meaning, WIDTH)}\n",
             f"```console\n{text.example}```\n",
-            f"{_paragraph(f'How to fix it: {text.fix}')}\n",
+            f"{paragraph(f'How to fix it: {text.fix}', WIDTH)}\n",
         ]
     )
-
-
-def _paragraph(text: str) -> str:
-    return fill(text, 120, break_long_words=False, break_on_hyphens=False)
 
 
 if __name__ == "__main__":

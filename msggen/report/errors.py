@@ -12,6 +12,8 @@ from msggen.diagnostics import CODES
 
 _TEXTS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "errors.yaml")
 _LINK = re.compile(r"\[([^\]]+)\]\([^)]+\)")
+_CODE = re.compile(r"`[^`]+`")
+_NO_BREAK = "\N{NO-BREAK SPACE}"
 _WIDEST = 100
 
 
@@ -35,13 +37,14 @@ def error_texts() -> Mapping[str, ErrorText]:
 def explain_code(code: str, *, width: int) -> str:
     """Return the text about `code` for a terminal."""
     text = error_texts()[code]
+    width = min(width, _WIDEST)
     return "\n\n".join(
         [
             f"{code} ({CODES[code].value}): {text.title}",
-            _paragraph(text.meaning, width),
+            paragraph(_LINK.sub(r"\1", text.meaning), width),
             "For example:",
             indent(text.example, "    ").rstrip("\n"),
-            _paragraph(f"How to fix it: {text.fix}", width),
+            paragraph(_LINK.sub(r"\1", f"How to fix it: {text.fix}"), width),
         ]
     )
 
@@ -54,6 +57,7 @@ def nearest_code(wrong: str) -> str:
     return min(alike, key=lambda code: (code[1] != wrong[1], abs(int(code[1:]) - int(wrong[1:]))), default="")
 
 
-def _paragraph(text: str, width: int) -> str:
-    plain = _LINK.sub(r"\1", text)
-    return fill(plain, min(width, _WIDEST), break_long_words=False, break_on_hyphens=False)
+def paragraph(text: str, width: int) -> str:
+    """Return `text` in lines of at most `width`, none of which ends within code."""
+    together = _CODE.sub(lambda code: code[0].replace(" ", _NO_BREAK), text)
+    return fill(together, width, break_long_words=False, break_on_hyphens=False).replace(_NO_BREAK, " ")
