@@ -1,7 +1,6 @@
 """What the firmware and ROS 2 call a message: hashes, ids and names.
 
-The firmware's `Tools/msg` computes hashes and ORB ids, its `src/modules/uxrce_dds_client` names and object ids.
-REP 2016 has ROS 2's type hash.
+docs/wire.md, 8 to 13, has the rules and where they come from.
 """
 
 from collections.abc import Iterator
@@ -22,7 +21,7 @@ from msggen.primitives import PRIMITIVES
 _FNV_OFFSET, _FNV_PRIME = 0x811C9DC5, 0x01000193
 
 _NESTED_TYPE_ID = 1
-"""type_description_interfaces/msg/FieldType."""
+"""The type_id of a nested message (docs/wire.md, 10)."""
 
 _ARRAY_OFFSETS = {ArrayKind.SCALAR: 0, ArrayKind.FIXED: 48, ArrayKind.BOUNDED: 96, ArrayKind.UNBOUNDED: 144}
 _BOUNDED_STRING_OFFSET = 4
@@ -49,7 +48,7 @@ def _field_lines(catalog: Catalog, message: Message) -> Iterator[str]:
 
 
 def type_hash(catalog: Catalog, message: Message) -> str:
-    """Return ROS 2's type hash, RIHS01 (REP 2016): of JSON in which no name needs an escape."""
+    """Return ROS 2's type hash, RIHS01 (docs/wire.md, 10). No name in the JSON needs an escape."""
     nested = ", ".join(_description(catalog, inner) for inner in catalog.nested_all(message))
     text = f'{{"type_description": {_description(catalog, message)}, "referenced_type_descriptions": [{nested}]}}'
     return "RIHS01_" + sha256(text.encode()).hexdigest()
@@ -102,7 +101,7 @@ class Qos(NamedTuple):
 
 
 PX4_WRITER = Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0)
-"""What PX4 publishes with, whatever the topic."""
+"""The QoS of all writers of PX4 (docs/wire.md, 13)."""
 
 APPLICATION = Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10)
 """What matches PX4 at the other end. A reader must not ask for RELIABLE; a writer may offer either."""
@@ -141,7 +140,7 @@ class Endpoint(NamedTuple):
 
 
 _SOURCES = 2
-"""How many queues PX4's reader keeps, unless `max_instances` says so."""
+"""How many times the queue length PX4's reader keeps, without `max_instances` (docs/wire.md, 13)."""
 
 
 def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
@@ -171,7 +170,7 @@ def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
 
 
 def _interval(entry: BridgeEntry, conventions: Conventions) -> int:
-    """Return the milliseconds that PX4 makes of a rate limit (`generate_dds_topics.py` since July 2026)."""
+    """Return the milliseconds that PX4 makes of a rate limit (docs/wire.md, 15)."""
     rate = entry.rate_limit_hz
     if rate is None or (rate == 0 and not conventions.exact_intervals):
         return conventions.default_interval_ms

@@ -1,4 +1,4 @@
-"""Where each value lies in a CDR sample (OMG DDS-XTypes 1.3, section 7.4).
+"""Where each value lies in a CDR sample (docs/wire.md, 3 and 5).
 
 Of messages whose samples all have the same layout, so every offset is known here. Offsets count from the first byte
 after the four bytes of the encapsulation header, as alignment does.
@@ -39,7 +39,7 @@ class Leaf(NamedTuple):
 
 
 class DelimiterHeader(NamedTuple):
-    """XCDR2's four bytes before an array of messages; they hold the `size` in bytes of what follows."""
+    """XCDR2's four bytes before an array of messages: the `size` in bytes of what follows (docs/wire.md, 5)."""
 
     offset: int
     size: int
@@ -92,7 +92,7 @@ def lay_out(catalog: Catalog, message: Message, encoding: Encoding = Encoding.XC
 
 
 def struct_size(catalog: Catalog, message: Message) -> int:
-    """Return the bytes of the firmware's C++ struct without padding at its end.
+    """Return the bytes of the firmware's C++ struct without padding at its end (docs/wire.md, 9).
 
     Fields stand sorted by size, so only nested messages, at the end and aligned to 8, bring padding.
     """

@@ -42,16 +42,19 @@ def _explain(options: argparse.Namespace) -> int:
     from msggen.check import example_of
     from msggen.compare.finding import Category
     from msggen.compare.rules import RULES, named
-    from msggen.report.rules import explain_category, explain_code, explain_rule
+    from msggen.report.errors import explain_code, nearest_code
+    from msggen.report.rules import explain_category, explain_rule
 
     name = options.rule.upper()
     rules = named(name)
     if name in CODES:
-        print(explain_code(name))
+        print(explain_code(name, width=width()))
     elif name in Category.__members__:
         print(explain_category(Category[name], rules, width=width()))
     elif rules:
         print(explain_rule(rules[0], example_of(rules[0]), width=width(), colour=colour()))
+    elif nearest := nearest_code(name):
+        raise fault("explain", "C104", f"unknown code '{options.rule}', did you mean '{nearest}'?", 0)
     else:
         known = [*(rule.id for rule in RULES), *Category.__members__, *CODES]
         hint = suggestion(options.rule, known) or ": `msggen rules` lists them"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from msggen.parse.cmake import MessageLists
 
 MAX_SIZE = 2**16 - 1
-"""uORB keeps the size of a message in 16 bits."""
+"""uORB keeps the size of a message in 16 bits (docs/wire.md, 9)."""
 
 MAX_OTHER_SIZE = 2**24
 """Bytes of a message of another package: ROS 2 has no limit, but each default value is made as it stands."""

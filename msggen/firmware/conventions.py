@@ -31,7 +31,7 @@ _MAIN = _V1_18._replace(release="main")
 CONVENTIONS: Mapping[str, Conventions] = MappingProxyType(
     {each.release: each for each in (_V1_14, _V1_15, _V1_16, _V1_17, _V1_18, _MAIN)}
 )
-"""By release, each with what it changed."""
+"""By release, each with what it changed (docs/wire.md, 11, 12 and 15)."""
 
 NEWEST = EMBEDDED[0]
 """The newest release; `main` follows it."""

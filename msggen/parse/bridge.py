@@ -1,8 +1,8 @@
 """`dds_topics.yaml`: what crosses the bridge between uORB and DDS, or Zenoh.
 
 Where PX4 adds to the file, reading goes on: what is not known here is a warning, and kept as data. Only what leaves
-an entry without a meaning is an error. Keys and their meaning are those of the firmware's
-`src/modules/uxrce_dds_client/generate_dds_topics.py`.
+an entry without a meaning is an error. Keys have the meaning that the firmware's script gives them (docs/wire.md, 15
+to 17).
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ ZENOH_OPTIONS: Mapping[str, tuple[object, ...]] = MappingProxyType(
         "rel": ("reliable", "best_effort"),
     }
 )
-"""What Zenoh's client takes for each publication (`src/modules/zenoh/zenoh_config.cpp`)."""
+"""What Zenoh's client takes for each publication (docs/wire.md, 17)."""
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

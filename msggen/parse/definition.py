@@ -1,4 +1,4 @@
-"""`.msg` and `.srv` files: the whole ROS 2 grammar, and PX4's additions (docs/build.md).
+"""`.msg` and `.srv` files: the whole ROS 2 grammar, and PX4's additions (docs/wire.md, 1; docs/build.md).
 
 https://docs.ros.org/en/kilted/Concepts/Basic/About-Interfaces.html has the grammar. One pass, line by line;
 a fault is noted and the next line read, so that all faults of a file are told at once.

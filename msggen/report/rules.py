@@ -7,7 +7,6 @@ from textwrap import fill
 
 from msggen.compare.finding import Category, Report, Rule, Severity
 from msggen.compare.rules import BREAKING, CHECKED
-from msggen.diagnostics import CODES
 from msggen.report import render
 
 _SAYS = {Severity.ERROR: "fails", Severity.WARNING: "warns of it"}
@@ -23,11 +22,6 @@ def list_rules(rules: Sequence[Rule]) -> str:
 def explain_category(category: Category, rules: Sequence[Rule], *, width: int) -> str:
     """Return what findings of a category mean, and the `rules` that it has."""
     return f"{_sentence(f'{category.name}: {category.value}.', width)}\n\n{list_rules(rules)}"
-
-
-def explain_code(code: str) -> str:
-    """Return what the code of an error stands for."""
-    return f"{code}: {CODES[code]}.\n\ndocs/errors.md shows an example, and how to mend it."
 
 
 def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> str:

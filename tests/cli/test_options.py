@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from conftest import ROOT, write_definitions
 from msggen.cli import DONE, FAILED, FINDINGS, _parser, main
 from msggen.firmware.embedded import EMBEDDED
+from support.catalogs import write_definitions
+from support.repository import ROOT
 
 COMMANDS: dict[str, argparse.ArgumentParser] = next(
     action.choices  # type: ignore[misc]

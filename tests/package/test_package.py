@@ -1,5 +1,5 @@
-"""What the classes of the committed package do, as issue 2 promises: values, codec, errors, protocols of the standard
-library, lazy imports, topics. Sample values of every field type go through every one of the 259 messages.
+"""What the classes of the committed package do: values, codec, errors, protocols of the standard library, lazy
+imports, topics. Sample values of every field type go through every one of the 259 messages.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ Set = Mapping[str, Facts]
 
 
 def message_hash(known: Set, name: str) -> int:
-    """Return the FNV-1a hash that PX4 compares."""
+    """Return the FNV-1a hash that PX4 compares (docs/wire.md, 8)."""
     state = 0x811C9DC5
     for byte in "".join(f"{line}\n" for line in unfolded(known, name)).encode():
         state = (state ^ byte) * 0x01000193 % 2**32
@@ -87,7 +87,7 @@ def cdr_size(known: Set, name: str, start: int = 0) -> int:
 
 
 def struct_size(known: Set, name: str) -> int:
-    """Return the bytes of the firmware's struct: simple values by size, then nested ones aligned to 8."""
+    """Return the bytes of the firmware's struct: simple values, then nested ones aligned to 8 (docs/wire.md, 9)."""
     size = sum(SIZES[type_] * (length or 1) for type_, length, _ in known[name].fields if type_ in SIZES)
     for type_, length, _ in known[name].fields:
         for _ in range(length or 1):
@@ -98,7 +98,7 @@ def struct_size(known: Set, name: str) -> int:
 
 
 def type_hash(known: Set, name: str) -> str:
-    """Return the hash of REP 2011 as `RIHS01_` and hexadecimal digits."""
+    """Return the type hash of ROS 2 as `RIHS01_` and hexadecimal digits (docs/wire.md, 10)."""
     inner = sorted(nested(known, name))
     described = {
         "type_description": description(known, name),

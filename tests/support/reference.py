@@ -1,6 +1,6 @@
 """A second codec, slow and obvious: CDR written and read one value at a time, straight from the definitions.
 
-It shares nothing with msggen but the parsed model. Read it beside DDS-XTypes 1.3, section 7.4, and what rclpy does:
+It shares nothing with msggen but the parsed model. The rules are those of docs/wire.md, 2 to 6:
 
 - a number of n bytes starts at a multiple of n (at most 8 in XCDR1, at most 4 in XCDR2), counted from the
   first byte after the encapsulation header
@@ -27,7 +27,7 @@ SIZES = {"bool": 1, "byte": 1, "char": 1, "int8": 1, "uint8": 1, "int16": 2, "ui
 SIZES |= {"int32": 4, "uint32": 4, "int64": 8, "uint64": 8, "float32": 4, "float64": 8}
 
 SURPLUS = 3
-"""Samples arrive rounded up to a multiple of 4."""
+"""Samples arrive rounded up to a multiple of 4 (docs/wire.md, 7)."""
 
 OVERESTIMATE = 8
 """rclpy's serialize_message ends each wstring, and aligns each sequence of 8-byte numbers that has none, but only when
