@@ -98,7 +98,7 @@ def test_the_versions_of_python_agree() -> None:
 
 def test_every_url_of_the_repository_is_the_same() -> None:
     repository = PROJECT["urls"]["Repository"]
-    files = [ROOT / "SECURITY.md", ROOT / "CHANGELOG.md", *GITHUB.rglob("*.*")]
+    files = [*ROOT.glob("*.md"), ROOT / "docs" / "ci.md", *GITHUB.rglob("*.*")]
     texts = [path.read_text(encoding="utf-8") for path in files if path.is_file()]
     found = [
         url for text in (*texts, *PROJECT["urls"].values()) for url in re.findall(r"https://github\.com/[\w/-]+", text)
