@@ -1,0 +1,59 @@
+"""A source to a catalog in one call, for programs that use msggen as a library."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from typing import TypeAlias
+
+from msggen.firmware.catalog import read_catalog
+from msggen.firmware.file import BoardOption
+from msggen.firmware.sources import find_sources, with_archived, with_board
+from msggen.location import Location
+from msggen.model import Catalog
+
+Path: TypeAlias = str | os.PathLike[str]
+
+
+def read(  # noqa: PLR0913 - keywords, each of which has a default
+    source: Path | None = None,
+    *,
+    folders: Path | Iterable[Path] = (),
+    topics: Path | None = None,
+    release: str | None = None,
+    board: Path | None = None,
+    archived: bool = False,
+    strict: bool = False,
+) -> Catalog:
+    """Return the catalog of a source: all of its definitions, which fit together.
+
+    `source` is a PX4-Autopilot tree, a px4_msgs package, a folder of `.msg` files, `folder@revision` of git, an
+    archive of one of them, or an embedded release such as "v1.16". Without `source` and `folders` it is the newest
+    embedded release.
+
+    `folders` hold further definitions, those of another ROS package as "PKG=DIR" or with a package.xml. `topics` is
+    the dds_topics.yaml to use instead of the tree's own. `release` names the conventions to follow instead of those
+    that the tree shows. `board` keeps only the messages that this board of the firmware builds. With `archived` the
+    catalog also has the earlier versions that the tree keeps. With `strict` warnings are errors.
+
+    Raises InputError with all errors in the sources. Warnings and notes are in the catalog's `notices`. Settings in
+    pyproject.toml do not count.
+    """
+    further = (folders,) if isinstance(folders, (str, os.PathLike)) else folders
+    sources = find_sources(
+        None if source is None else os.fspath(source),
+        tuple(os.fspath(folder) for folder in further),
+        None if topics is None else os.fspath(topics),
+        release,
+        _argument("release"),
+    )
+    if board is not None:
+        sources = with_board(sources, BoardOption(os.fspath(board), _argument("board")))
+    if archived:
+        sources = with_archived(sources, _argument("archived"))
+    return read_catalog(sources._replace(strict=strict))
+
+
+def _argument(name: str) -> Location:
+    """Return the place that errors about an argument of `read` name."""
+    return Location(name, 0)

@@ -1,0 +1,173 @@
+"""The files for contributors and for GitHub: paths, versions and URLs agree, and workflows are valid."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from support.repository import ROOT
+
+from msggen import __version__
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+GITHUB = ROOT / ".github"
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PYTHONS = [line.rpartition(" ")[2] for line in PROJECT["classifiers"] if "Python :: 3." in line]
+
+
+def load(path: Path) -> Any:
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
+
+
+# --- paths in the prose
+
+PLACEHOLDERS = re.compile(r"LANGUAGE|PRECISION_CHANGED|DEFAULT_CHANGED|checkstyle|ulog|/idl|test_idl")
+"""Files of the examples, which a contributor would add."""
+
+@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "SECURITY.md", "docs/backend.md", "docs/library.md"])
+def test_the_files_that_a_page_names_are_there(page: str) -> None:
+    text = re.sub(r"```.*?```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.DOTALL)
+    folders = r"(?:msggen|templates|tests|docs|generated|benchmarks|examples|\.ci|\.github)"
+    named = set(re.findall(rf"`({folders}/[\w./-]*)`", text)) | set(
+        re.findall(r"`(\.?[\w-]+\.(?:md|toml|yaml))`", text)
+    )
+    named = {path for path in named if not PLACEHOLDERS.search(path) and path != "dds_topics.yaml"}
+    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)
+    assert len(named) + len(links) > 0
+    missing = {path for path in named if not (ROOT / path).exists()}
+    missing |= {link for link in links if not ((ROOT / page).parent / link).exists()}
+    assert missing == set()
+
+
+# --- Python versions and URLs
+
+
+def test_the_versions_of_python_agree() -> None:
+    assert PROJECT["requires-python"] == f">={PYTHONS[0]}"
+    assert load(GITHUB / "workflows" / "ci.yml")["jobs"]["test"]["strategy"]["matrix"]["python"] == PYTHONS
+    assert f"Python {PYTHONS[0]} to {PYTHONS[-1]}." in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_every_url_of_the_repository_is_the_same() -> None:
+    repository = PROJECT["urls"]["Repository"]
+    files = [*ROOT.glob("*.md"), ROOT / "docs" / "ci.md", *GITHUB.rglob("*.*")]
+    texts = [path.read_text(encoding="utf-8") for path in files if path.is_file()]
+    found = [
+        url for text in (*texts, *PROJECT["urls"].values()) for url in re.findall(r"https://github\.com/[\w/-]+", text)
+    ]
+    assert len(found) > len(PROJECT["urls"])
+    assert [url for url in found if not url.startswith(repository)] == []
+
+
+# --- workflows
+
+SCHEMAS = {
+    "workflows/*.yml": "vendor.github-workflows",
+    "ISSUE_TEMPLATE/[!c]*.yml": "vendor.github-issue-forms",
+    "ISSUE_TEMPLATE/config.yml": "vendor.github-issue-config",
+    "dependabot.yml": "vendor.dependabot",
+}
+
+
+@pytest.mark.parametrize("pattern", SCHEMAS)
+def test_the_files_for_github_keep_to_their_schemas(pattern: str) -> None:
+    pytest.importorskip("check_jsonschema")
+    files = [str(path) for path in GITHUB.glob(pattern)]
+    command = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", SCHEMAS[pattern], *files]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_every_file_for_github_has_a_schema() -> None:
+    known = {path for pattern in SCHEMAS for path in GITHUB.glob(pattern)}
+    assert {*GITHUB.rglob("*.yml")} == known
+
+
+@pytest.mark.parametrize("path", sorted((GITHUB / "workflows").iterdir()), ids=lambda path: path.name)
+def test_workflows_may_do_no_more_than_they_need(path: Path) -> None:
+    workflow = load(path)
+    assert workflow["permissions"] == {"contents": "read"}
+    allowed = {"publish": {"id-token": "write"}, "release": {"contents": "write"}}
+    for name, job in workflow["jobs"].items():
+        assert job.get("permissions") == allowed.get(name)
+        for step in job.get("steps", ()):
+            if "uses" in step:
+                assert re.fullmatch(r"[\w-]+/[\w-]+@(?:v\d+|release/v\d+)", step["uses"])
+            assert "${{" not in step.get("run", ""), "an expression in a script is code"
+
+
+def test_ci_runs_the_command_for_ci() -> None:
+    runs = [step.get("run") for step in load(GITHUB / "workflows" / "ci.yml")["jobs"]["test"]["steps"]]
+    assert ".ci/run" in runs
+
+
+@pytest.mark.parametrize("script", ["run", "portable"])
+def test_the_scripts_of_ci_are_bash_and_can_be_run(script: str) -> None:
+    path = ROOT / ".ci" / script
+    assert os.access(path, os.X_OK)
+    assert subprocess.run(["bash", "-n", str(path)], check=False).returncode == 0
+
+
+CHANGELOG = """# Changelog
+
+## [{version}] - {date}
+
+### Added
+
+- A thing.
+
+## [0.0.1] - 2026-01-01
+
+- An older thing.
+"""
+
+
+@pytest.mark.parametrize(
+    ("tag", "version", "date", "code"),
+    [
+        (f"v{__version__}", __version__, "2026-12-01", 0),
+        (f"v{__version__}1", __version__, "2026-12-01", 1),
+        (__version__, __version__, "2026-12-01", 1),
+        (f"v{__version__}", __version__, "unreleased", 1),
+        (f"v{__version__}", "9.9.9", "2026-12-01", 1),
+    ],
+    ids=["right", "another version", "without v", "without a date", "not in the changelog"],
+)
+def test_a_release_needs_its_tag_its_version_and_its_changes(
+    tag: str, version: str, date: str, code: int, tmp_path: Path
+) -> None:
+    steps = load(GITHUB / "workflows" / "release.yml")["jobs"]["build"]["steps"]
+    (script,) = (step["run"] for step in steps if step.get("name", "").startswith("Compare the tag"))
+    (tmp_path / "CHANGELOG.md").write_text(CHANGELOG.format(version=version, date=date), encoding="utf-8")
+    (tmp_path / "msggen").symlink_to(ROOT / "msggen")
+    (tmp_path / "python").symlink_to(sys.executable)
+    path = os.pathsep.join([str(tmp_path), os.environ["PATH"]])
+    done = subprocess.run(
+        ["bash", "-eo", "pipefail", "-c", script],
+        cwd=tmp_path,
+        env={"PATH": path, "GITHUB_REF_NAME": tag},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code, done.stdout + done.stderr
+    assert done.stdout.startswith("::error::") == bool(code)
+    if not code:
+        notes = (tmp_path / "release" / "notes.md").read_text(encoding="utf-8")
+        assert notes.strip() == "### Added\n\n- A thing."
+
+
+def test_pre_commit_accepts_our_own_hooks() -> None:
+    command = [sys.executable, "-m", "pre_commit", "validate-config", ".pre-commit-config.yaml"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
