@@ -12,12 +12,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.catalogs import write_definitions
-from support.repository import DEFINITIONS, ROOT
 
 import msggen
 from msggen import InputError, Location, endpoints, read
 from msggen.firmware.embedded import EMBEDDED
+from support.catalogs import write_definitions
+from support.repository import DEFINITIONS, ROOT
 
 PAGE = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
 LAMP = "uint64 timestamp\nfloat32[2] colour\n"

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 import yaml
-from support.repository import ROOT
 
 from msggen import __version__
+from support.repository import ROOT
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -33,6 +33,7 @@ def load(path: Path) -> Any:
 
 PLACEHOLDERS = re.compile(r"LANGUAGE|PRECISION_CHANGED|DEFAULT_CHANGED|checkstyle|ulog|/idl|test_idl")
 """Files of the examples, which a contributor would add."""
+
 
 @pytest.mark.parametrize("page", ["CONTRIBUTING.md", "SECURITY.md", "docs/backend.md", "docs/library.md"])
 def test_the_files_that_a_page_names_are_there(page: str) -> None:
