@@ -13,7 +13,6 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib import import_module
 from typing import Any
 
 from msggen import __version__
@@ -86,23 +85,24 @@ def _say_no_more() -> None:
 
 
 class _Formatter(argparse.HelpFormatter):
-    """A formatter as wide as the terminal. argparse makes one for each option, so it must be cheap."""
-
-    def __init__(self, prog: str) -> None:
-        super().__init__(prog, width=terminal_width(80) - 2)
+    """A formatter that keeps the longest command on one line with its help."""
 
     def add_argument(self, action: argparse.Action) -> None:
-        """Add an action; argparse forgets that commands are indented, and would wrap the longest."""
         super().add_argument(action)
         if action.nargs == argparse.PARSER:
-            self._action_max_length += 2
+            self._action_max_length += 2  # argparse forgets that commands are indented
 
 
 class _Parser(argparse.ArgumentParser):
     """A parser that suggests the nearest choice, also among commands."""
 
     def __init__(self, **about: Any) -> None:
-        super().__init__(formatter_class=_Formatter, allow_abbrev=False, **about)
+        width = terminal_width(80) - 2  # once, because argparse makes a formatter for each option
+
+        def formatter(prog: str) -> argparse.HelpFormatter:
+            return _Formatter(prog, width=width)
+
+        super().__init__(formatter_class=formatter, allow_abbrev=False, **about)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -122,5 +122,5 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True)
     known = _MODULES.get(words[0]) if words else None
     for module in dict.fromkeys([known] if known else _MODULES.values()):
-        import_module(f"msggen.cli.{module}").add_to(commands)
+        __import__(f"msggen.cli.{module}", fromlist=["add_to"]).add_to(commands)  # importlib would take longer
     return parser
