@@ -14,7 +14,7 @@ from typing import NamedTuple, Union
 from msggen.diagnostics import Diagnostic
 from msggen.location import Location
 from msggen.primitives import PRIMITIVES, STRINGS
-from msggen.tags import COMPARED, UNIT, TagChange
+from msggen.tags import ATTRIBUTES, COMPARED, UNIT, TagChange
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -88,6 +88,9 @@ class FieldType(NamedTuple):
         return f"{self.base}[<={self.length}]" if self.array is ArrayKind.BOUNDED else f"{self.base}[]"
 
 
+_ATTRIBUTES = frozenset(tag.name for tag in ATTRIBUTES)
+
+
 class Comment(NamedTuple):
     """The comment of a field or constant, taken apart.
 
@@ -101,7 +104,15 @@ class Comment(NamedTuple):
 
     def tag(self, name: str) -> str:
         """Return the content of a tag, "" where the comment has none of that name."""
-        return self.unit if name == UNIT.name else dict(self.tags).get(name, "")
+        if name == UNIT.name:
+            return self.unit
+        return next((content for known, content in self.tags if known == name), "")
+
+    @property
+    def attributes(self) -> list[tuple[str, str]]:
+        """Name and content of the tags that are attributes, those without content left out."""
+        unit = [(UNIT.name, self.unit)] if self.unit else []
+        return unit + [(name, content) for name, content in self.tags if content and name in _ATTRIBUTES]
 
     def changed_tags(self, after: "Comment") -> list[TagChange]:
         """Return the tags that both comments have, and that do not mean the same."""

@@ -24,11 +24,6 @@ class Primitive(NamedTuple):
     """Zero as C++ source."""
 
     @property
-    def is_bool(self) -> bool:
-        """Whether the type is `bool`."""
-        return self.python_type == "bool"
-
-    @property
     def is_integer(self) -> bool:
         """Whether the values are integers."""
         return self.python_type == "int"

@@ -35,7 +35,8 @@ def parse_comment(lines: Sequence[str]) -> Comment:
     tags = {UNIT.name: ""}
     text = [_take_tags(line, tags) for line in lines]
     unit = tags.pop(UNIT.name)
-    return Comment("\n".join(text).strip(), unit, tuple(sorted(tags.items(), key=_place)))
+    found = sorted(tags.items(), key=_place) if len(tags) > 1 else tags.items()
+    return Comment("\n".join(text).strip(), unit, tuple(found))
 
 
 def _place(tag: tuple[str, str]) -> int:

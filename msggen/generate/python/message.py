@@ -31,7 +31,6 @@ from msggen.model import (
     Message,
 )
 from msggen.primitives import PRIMITIVES
-from msggen.tags import ATTRIBUTES
 
 SPELLED_OUT_TO = 4
 """Tuples up to this length are spelled out in annotations."""
@@ -73,7 +72,7 @@ class Attribute(NamedTuple):
     @property
     def description(self) -> str:
         """Its description in `__msg__`."""
-        given = [f"{tag.name}={literal(value)}" for tag in ATTRIBUTES if (value := self.comment.tag(tag.name))]
+        given = [f"{name}={literal(content)}" for name, content in self.comment.attributes]
         given += [] if self.attribute == self.name else [f"attribute={literal(self.attribute)}"]
         items = (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
         return f"info.Field({wrapped(items, 16)})"
