@@ -499,7 +499,7 @@ def test_the_depfile_escapes_what_make_would_misread() -> None:
     assert "out put/px4_types/__init__.py" in targets
 
 
-@pytest.mark.skipif(shutil.which("make") is None, reason="needs make on the PATH")
+@pytest.mark.tools("make")
 def test_make_understands_the_depfile() -> None:
     folder = "a b/#1/$x"
     folder_of(folder, "Rpm")
@@ -507,7 +507,7 @@ def test_make_understands_the_depfile() -> None:
     marker = PACKAGE / "__init__.py"
     makefile = "include types.d\n$(firstword $(MAKECMDGOALS)):\n\t@echo again\n"
     Path("Makefile").write_text(makefile)
-    asked = [shutil.which("make") or "make", "--question", str(marker)]
+    asked = ["make", "--question", str(marker)]
     os.utime(Path(folder, "Rpm.msg"), (10**9, 10**9))
     assert subprocess.run(asked, check=False).returncode == 0
     age(PACKAGE)

@@ -11,6 +11,8 @@ import pytest
 
 from support.repository import ROOT, VECTORS
 
+pytestmark = pytest.mark.tools
+
 VERSIONS = ["3.10", "3.11", "3.12", "3.13"]
 
 OWN = f"{sys.version_info.major}.{sys.version_info.minor}"
@@ -43,7 +45,7 @@ def interpreter(version: str) -> str:
             done = subprocess.run(asked, capture_output=True, text=True, check=False)
             if done.stdout.strip() == version:
                 return str(candidate)
-    pytest.skip(f"this machine has no Python {version}")
+    pytest.skip(f"needs Python {version}")
 
 
 @pytest.mark.parametrize("version", VERSIONS)

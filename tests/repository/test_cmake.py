@@ -86,12 +86,11 @@ class Project:
         return {str(path.relative_to(self.package)): (path.stat().st_ino, path.stat().st_mtime_ns) for path in files}
 
 
-@pytest.fixture(params=GENERATORS)
+@pytest.fixture(
+    params=[pytest.param(name, marks=pytest.mark.tools("cmake", program)) for name, program in GENERATORS.items()]
+)
 def project(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
-    """A configured and built project, all of it a day old; skips without CMake and the generator's program."""
-    for program in ("cmake", GENERATORS[request.param]):
-        if shutil.which(program) is None:
-            pytest.skip(f"needs {program} on the PATH")
+    """A configured and built project, all of it a day old."""
     made = Project(tmp_path, request.param)
     made.configure()
     assert made.build() == 1

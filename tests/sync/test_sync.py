@@ -586,13 +586,11 @@ def test_the_diff_does_not_tell_each_change_again(capsys: pytest.CaptureFixture[
 APPLY = {"patch": ("patch", "-p0"), "git": ("git", "apply", "-p0", "-")}
 
 
-@pytest.mark.parametrize("tool", APPLY)
+@pytest.mark.parametrize("tool", [pytest.param(tool, marks=pytest.mark.tools(tool)) for tool in APPLY])
 @pytest.mark.parametrize("where", [".", "px4_msgs"])
 def test_the_diff_is_a_patch_that_brings_the_package_in_step(
     tool: str, where: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if not shutil.which(tool):
-        pytest.skip(f"needs {tool} on the PATH")
     out_of_step()
     (PACKAGE / "msg" / "EscStatus.msg").write_bytes("uint8 a # a\fb\x85c\u2028d\r\nuint8 b".encode())
     prefix, px4 = ("", "../firmware") if where == "." else ("px4_msgs/", "firmware")
