@@ -295,6 +295,7 @@ def test_a_second_run_changes_nothing(firmware: Path, name: str, line: str, caps
     assert "nothing to do" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_run_killed_anywhere_is_finished_by_another(
     firmware: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -567,6 +568,7 @@ def test_a_bump_of_what_has_changed_does_not_say_so(capsys: pytest.CaptureFixtur
 # --- It is complete
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["VehicleStatus", "VehicleOdometry", "ArmingCheckReply", "Wind"])
 def test_history_finds_archive_and_translation_and_breaking_is_content(name: str) -> None:
     append(VERSIONED / f"{name}.msg", "uint8 brand_new")
@@ -597,6 +599,7 @@ MISARCHIVED = {
 """Those whose version 0 is archived in v1.17 as v1.16 did not have it: applications of v1.16 read wrong values."""
 
 
+@pytest.mark.slow
 @pytest.mark.tools("g++")
 @pytest.mark.parametrize("backwards", [False, True], ids=["a-z", "z-a"])
 @pytest.mark.parametrize("releases", RAISED, ids="-".join)
@@ -755,6 +758,7 @@ def run(tree: Path, folder: Path, names: Iterable[str]) -> dict[str, str]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.tools("g++")
 def test_headers_of_all_kinds_compile_and_translate(firmware: Path, tmp_path: Path) -> None:
     append(STATUS, "float64[4] brand_new")
@@ -791,6 +795,7 @@ def test_every_topic_is_registered_when_it_runs(firmware: Path, tmp_path: Path) 
     assert topics == [f"topic {name}" for name in names]
 
 
+@pytest.mark.slow
 @pytest.mark.tools("g++")
 def test_every_versioned_message_of_a_release_can_be_bumped(tmp_path: Path) -> None:
     tree = writable_copy(shared("firmware/main-2026-03"), tmp_path / "tree")

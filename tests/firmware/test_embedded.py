@@ -252,6 +252,7 @@ def test_tags_are_those_of_the_firmware(release: str) -> None:
     assert differing == []
 
 
+@pytest.mark.slow
 @every_release
 def test_nothing_differs_from_the_firmware_in_meaning(release: str) -> None:
     ours, theirs = sources_of(release), find_sources(str(shared(f"firmware/{release}")))

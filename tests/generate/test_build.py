@@ -815,6 +815,7 @@ def killed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         return Killed(content(Path("before")), content(Path("after")), kills)
 
 
+@pytest.mark.slow
 def test_a_killed_build_leaves_only_whole_files(killed: Killed) -> None:
     for kill in killed.kills:
         for name in killed.before.keys() | killed.after.keys():
@@ -1128,6 +1129,7 @@ def test_a_tree_may_be_named_by_a_link_to_it(tmp_path: Path) -> None:
     assert content(Path("one")) == content(Path("two"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("release", "messages"), [("v1.14", 184), ("v1.16", 226), ("v1.17", 235), ("v1.18", 259), ("main-2026-03", 242)]
 )

@@ -48,6 +48,7 @@ def interpreter(version: str) -> str:
     pytest.skip(f"needs Python {version}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_generated_package_works_on(version: str) -> None:
     command = [
@@ -64,6 +65,7 @@ def test_the_generated_package_works_on(version: str) -> None:
     assert done.stdout == "all vectors\n", done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [version for version in VERSIONS if version != OWN])
 def test_the_tool_works_on(version: str, tmp_path: Path) -> None:
     environment = tmp_path / "environment"

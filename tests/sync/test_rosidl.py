@@ -46,6 +46,7 @@ def package(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     return tmp_path / "px4_msgs"
 
 
+@pytest.mark.slow
 def test_rosidl_reads_every_message_as_msggen_does(package: Path) -> None:
     messages = read_catalog(find_sources(str(package))).messages
     for path in sorted((package / "msg").iterdir()):
@@ -53,6 +54,7 @@ def test_rosidl_reads_every_message_as_msggen_does(package: Path) -> None:
         assert_same(found, messages[f"px4_msgs/{path.stem}"])
 
 
+@pytest.mark.slow
 def test_rosidl_reads_every_service_as_msggen_does(package: Path) -> None:
     for service in read_catalog(find_sources(str(package))).services:
         found = parser.parse_service_file("px4_msgs", str(package / "srv" / f"{service.name}.srv"))
@@ -92,6 +94,7 @@ def test_the_manifest_is_that_of_a_package_of_interfaces(package: Path) -> None:
     assert {dependency.name for dependency in manifest.exec_depends} == {"rosidl_default_runtime"}
 
 
+@pytest.mark.slow
 @pytest.mark.tools("cmake")
 def test_cmake_hands_every_definition_to_rosidl(package: Path, tmp_path: Path) -> None:
     prefix = write_definitions(tmp_path / "stand-ins", STAND_INS)

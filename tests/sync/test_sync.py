@@ -102,6 +102,7 @@ def test_the_firmware_may_be_a_revision_or_an_archive(source: str) -> None:
     assert definitions(package(source=source)) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", RELEASES)
 def test_a_created_package_means_what_the_firmware_means(release: str) -> None:
     source = shared(f"firmware/{release}")
@@ -111,6 +112,7 @@ def test_a_created_package_means_what_the_firmware_means(release: str) -> None:
     assert [service.name for service in found.services] == [service.name for service in expected.services]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("new", RELEASES)
 def test_from_any_release_to_any_other_it_becomes_what_a_fresh_one_is(new: str) -> None:
     assert sync("-q", "--px4", shared(f"firmware/{new}"), "--create", PACKAGE) == 0
@@ -121,6 +123,7 @@ def test_from_any_release_to_any_other_it_becomes_what_a_fresh_one_is(new: str) 
     assert main(["check", "--px4", str(shared(f"firmware/{new}")), str(PACKAGE)]) == 0
 
 
+@pytest.mark.slow
 def test_where_folders_cannot_be_swapped_files_are_replaced_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
     sync("-q", "--px4", shared(f"firmware/{RELEASES[0]}"), "--create", PACKAGE)
     monkeypatch.setattr(write, "_renameat2", lambda: None)
