@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 import importlib
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources
 from msggen.model import Catalog
 from support.repository import ROOT
+
+# How long an example takes depends on what else the machine does.
+settings.register_profile("msggen", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("msggen")
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip a test marked `tools("a", "b")` where one of these programs is missing."""
+    for mark in item.iter_markers("tools"):
+        for program in mark.args:
+            if shutil.which(program) is None:
+                pytest.skip(f"needs {program}")
 
 
 @pytest.fixture(scope="session")

@@ -295,6 +295,7 @@ def test_a_second_run_changes_nothing(firmware: Path, name: str, line: str, caps
     assert "nothing to do" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_run_killed_anywhere_is_finished_by_another(
     firmware: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -567,6 +568,7 @@ def test_a_bump_of_what_has_changed_does_not_say_so(capsys: pytest.CaptureFixtur
 # --- It is complete
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["VehicleStatus", "VehicleOdometry", "ArmingCheckReply", "Wind"])
 def test_history_finds_archive_and_translation_and_breaking_is_content(name: str) -> None:
     append(VERSIONED / f"{name}.msg", "uint8 brand_new")
@@ -597,6 +599,8 @@ MISARCHIVED = {
 """Those whose version 0 is archived in v1.17 as v1.16 did not have it: applications of v1.16 read wrong values."""
 
 
+@pytest.mark.slow
+@pytest.mark.tools("g++")
 @pytest.mark.parametrize("backwards", [False, True], ids=["a-z", "z-a"])
 @pytest.mark.parametrize("releases", RAISED, ids="-".join)
 def test_what_px4_archived_by_hand_is_taken_and_the_headers_compile(
@@ -648,7 +652,6 @@ def writable_copy(tree: Path, target: Path) -> Path:
 
 # --- It compiles, and it translates
 
-COMPILER = shutil.which("g++")
 FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wno-unused-parameter", "-Werror", "-O0")
 """Those of the translation node, which compiles with -Werror."""
 
@@ -728,8 +731,6 @@ def run(tree: Path, folder: Path, names: Iterable[str]) -> dict[str, str]:
 
     Fails unless all fields that both versions have came back. "topics" has the registered ones.
     """
-    if COMPILER is None:
-        pytest.skip("needs g++, which this machine does not have")
     current = {message.name: message for message in read_catalog(find_sources(str(tree))).messages.values()}
     archived = read_history(Folder(str(tree))).archived
     files = {f"px4_msgs/msg/{ros_file(name)}.hpp": struct_of(message, "px4_msgs") for name, message in current.items()}
@@ -746,7 +747,7 @@ def run(tree: Path, folder: Path, names: Iterable[str]) -> dict[str, str]:
     files["main.cpp"] = f'#include "all_translations.h"\n{body}int main() {{\n{calls}}}\n'
     write_definitions(folder, files)
     includes = ["-isystem", str(folder), "-I", str(tree / TRANSLATIONS)]
-    command = [COMPILER, *FLAGS, *includes, str(folder / "main.cpp"), "-o", str(folder / "main")]
+    command = ["g++", *FLAGS, *includes, str(folder / "main.cpp"), "-o", str(folder / "main")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     said = subprocess.run([str(folder / "main")], capture_output=True, text=True, check=True).stdout.splitlines()
@@ -757,6 +758,8 @@ def run(tree: Path, folder: Path, names: Iterable[str]) -> dict[str, str]:
     return found
 
 
+@pytest.mark.slow
+@pytest.mark.tools("g++")
 def test_headers_of_all_kinds_compile_and_translate(firmware: Path, tmp_path: Path) -> None:
     append(STATUS, "float64[4] brand_new")
     append(VERSIONED / "Event.msg", "uint8 severity")
@@ -775,12 +778,14 @@ def test_headers_of_all_kinds_compile_and_translate(firmware: Path, tmp_path: Pa
     assert run(firmware, tmp_path / "second", names).keys() == set(names)
 
 
+@pytest.mark.tools("g++")
 def test_a_nested_message_without_a_new_version_compiles(firmware: Path, tmp_path: Path) -> None:
     append(VERSIONED / "ArmingCheckReply.msg", "uint8 reason")
     bump("ArmingCheckReply")
     assert run(firmware, tmp_path / "cpp", ["ArmingCheckReply"])
 
 
+@pytest.mark.tools("g++")
 def test_every_topic_is_registered_when_it_runs(firmware: Path, tmp_path: Path) -> None:
     bump("VehicleOdometry")
     run(firmware, tmp_path / "cpp", ["VehicleOdometry"])
@@ -790,6 +795,8 @@ def test_every_topic_is_registered_when_it_runs(firmware: Path, tmp_path: Path) 
     assert topics == [f"topic {name}" for name in names]
 
 
+@pytest.mark.slow
+@pytest.mark.tools("g++")
 def test_every_versioned_message_of_a_release_can_be_bumped(tmp_path: Path) -> None:
     tree = writable_copy(shared("firmware/main-2026-03"), tmp_path / "tree")
     names = [path.stem for path in sorted((tree / VERSIONED).glob("*.msg"))]

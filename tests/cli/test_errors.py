@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msggen.cli import DONE, FAILED, main
@@ -425,7 +425,6 @@ def made_of(words: list[str]) -> st.SearchStrategy[bytes]:
     return st.lists(st.sampled_from(words), max_size=25).map(lambda chosen: "".join(chosen).encode())
 
 
-@settings(deadline=None)
 @given(st.one_of(ANY_TEXT, made_of(WORDS)))
 def test_any_message_is_read_or_refused(data: bytes) -> None:
     for fault in faults_in(data):
@@ -433,7 +432,6 @@ def test_any_message_is_read_or_refused(data: bytes) -> None:
         assert is_one_plain_line(str(fault))
 
 
-@settings(deadline=None)
 @given(st.one_of(ANY_TEXT, made_of(KEYS)))
 @example(b'publications:\n- topic: "/a\\n\\e[31m"\n  type: px4_msgs::msg::Foo\n')  # escapes that YAML decodes
 @example(b'"a\\nb": 1')
@@ -445,7 +443,6 @@ def test_any_yaml_is_read_or_refused(data: bytes) -> None:
         assert is_one_plain_line(str(fault))
 
 
-@settings(deadline=None)
 @given(st.one_of(ANY_TEXT, made_of(WORDS)))
 def test_any_service_is_read_or_refused(data: bytes) -> None:
     for fault in faults_in(STAMP.encode(), service=data):

@@ -14,7 +14,9 @@ from support.repository import PX4_TREE, shared
 FIRMWARE = ["v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03"]
 """Each before the next, in order of time but for main, which lies between v1.17 and v1.18."""
 
-each_firmware = pytest.mark.parametrize("name", FIRMWARE)
+each_firmware = pytest.mark.parametrize(
+    "name", [name if name == "v1.18" else pytest.param(name, marks=pytest.mark.slow) for name in FIRMWARE]
+)
 
 pytestmark = pytest.mark.usefixtures("working_folder")
 
@@ -60,6 +62,7 @@ def test_nothing_breaks_where_nothing_changed(name: str, capsys: pytest.CaptureF
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", [*pairwise(FIRMWARE)], ids="-".join)
 def test_breaking_tells_two_releases_apart(pair: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
     for previous, current in (pair, pair[::-1]):
@@ -90,6 +93,7 @@ def test_px4_generate_of_the_bridges(name: str, client: str) -> None:
     assert len(Path("out", template.removesuffix(".em")).read_text().splitlines()) > 40
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in FIRMWARE if name >= "v1.16" or name.startswith("main")])
 def test_bump_tells_what_is_to_do(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for path in Path(tree(name)).rglob("*"):

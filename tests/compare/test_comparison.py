@@ -27,6 +27,7 @@ RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03")
 WITHOUT_ORACLE = ("v1.15",)
 Definitions = dict[str, slow.Definition]
 PAIRS = list(itertools.permutations(RELEASES, 2))
+SUCCESSIVE = list(itertools.pairwise(RELEASES))
 
 
 def report(command: Callable[..., Report], previous: Path, current: Path) -> Report:
@@ -81,7 +82,11 @@ def hashes(release: str) -> dict[str, int] | None:
     return {name: oracle["message_hash"] for name, oracle in messages.items()}
 
 
-@pytest.fixture(scope="module", params=PAIRS, ids=" to ".join)
+@pytest.fixture(
+    scope="module",
+    params=[pair if pair in SUCCESSIVE else pytest.param(pair, marks=pytest.mark.slow) for pair in PAIRS],
+    ids=" to ".join,
+)
 def pair(request: pytest.FixtureRequest) -> Pair:
     sides = [shared(f"firmware/{release}") for release in request.param]
     before, after = request.param
@@ -207,7 +212,8 @@ def cosmetic_edits(draw: st.DrawFn) -> dict[str, str]:
     return edited
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@pytest.mark.slow
+@settings(max_examples=60, suppress_health_check=list(HealthCheck))
 @given(edited=cosmetic_edits())
 def test_comments_and_white_space_never_count(edited: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> None:
     real = write_definitions(tmp_path_factory.mktemp("real"), {f"msg/{name}.msg": TEXTS[name] for name in NAMES})
@@ -265,7 +271,8 @@ def edits(draw: st.DrawFn) -> Edited:
     return Edited({f"msg/{name}.msg": "\n".join(lines) + "\n" for name, lines in texts.items()}, kept)
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+@pytest.mark.slow
+@settings(max_examples=200, suppress_health_check=list(HealthCheck))
 @given(edited=edits())
 def test_random_edits_are_found_if_and_only_if_they_change_something(
     edited: Edited, tmp_path_factory: pytest.TempPathFactory

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import subprocess
 from collections.abc import Iterator
 from functools import cache
@@ -255,6 +254,7 @@ def test_tags_are_those_of_the_firmware(release: str) -> None:
     assert differing == []
 
 
+@pytest.mark.slow
 @every_release
 def test_nothing_differs_from_the_firmware_in_meaning(release: str) -> None:
     ours, theirs = sources_of(release), find_sources(str(shared(f"firmware/{release}")))
@@ -389,7 +389,7 @@ class TestNames:
         assert "TOPIC_RENAMED handled" in out
         assert "the embedded PX4 v1.17 breaks the embedded PX4 v1.16: " in out
 
-    @pytest.mark.skipif(not shutil.which("git"), reason="needs git on the PATH")
+    @pytest.mark.tools("git")
     def test_a_revision_of_that_name_wins(self, capsys: Capture) -> None:
         write_definitions(Path("fw"), {"msg/Wheel.msg": "uint64 timestamp\n", "src/modules/x": ""})
         who = ["-c", "user.name=Someone", "-c", "user.email=someone@example.org", "-c", "commit.gpgsign=false"]

@@ -7,7 +7,6 @@ docs/build.md has the same table for readers, and a test that compares both.
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,7 +21,6 @@ from support.px4_scripts import snake_case, topics
 from support.repository import ROOT
 
 STAMP = "uint64 timestamp\n"
-GXX = shutil.which("g++") or ""
 SIZED = {"bool", "char", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"}
 """The types that PX4's helper knows."""
 
@@ -142,7 +140,7 @@ def ask_px4(folder: Path) -> str:
         return NO
     names = [topic for path in paths for topic in topics(path)]
     source.append(f"enum class ORB_ID {{ {', '.join(f'{name} = {number}' for number, name in enumerate(names))} }};")
-    command = [GXX, "-std=c++17", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-x", "c++", "-"]
+    command = ["g++", "-std=c++17", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-x", "c++", "-"]
     done = subprocess.run(command, input="\n".join(source), capture_output=True, text=True, check=False)
     return COMPILER if done.returncode else YES
 
@@ -164,7 +162,7 @@ def ask_ros(folder: Path) -> str:
     return YES
 
 
-@pytest.mark.skipif(not GXX, reason="needs g++")
+@pytest.mark.tools("g++")
 @pytest.mark.parametrize("each", ROWS, ids=ids)
 def test_px4_says_what_the_table_says(each: Row, tmp_path: Path) -> None:
     assert ask_px4(write_definitions(tmp_path, each.files)) == each.px4

@@ -605,6 +605,7 @@ def test_a_pipe_is_no_archive() -> None:
 DAMAGE = st.lists(st.tuples(st.floats(0, 0.999), st.integers(0, 255)), min_size=1, max_size=6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind",
     [
@@ -612,7 +613,7 @@ DAMAGE = st.lists(st.tuples(st.floats(0, 0.999), st.integers(0, 255)), min_size=
         "zip",
     ],
 )
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=150, suppress_health_check=list(HealthCheck))
 @given(damage=DAMAGE)
 @example(damage=[(0.0, 0)])
 def test_a_damaged_archive_is_read_or_refused(kind: str, damage: list[tuple[float, int]]) -> None:

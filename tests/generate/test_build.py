@@ -500,7 +500,7 @@ def test_the_depfile_escapes_what_make_would_misread() -> None:
     assert "out put/px4_types/__init__.py" in targets
 
 
-@pytest.mark.skipif(shutil.which("make") is None, reason="needs make on the PATH")
+@pytest.mark.tools("make")
 def test_make_understands_the_depfile() -> None:
     folder = "a b/#1/$x"
     folder_of(folder, "Rpm")
@@ -508,7 +508,7 @@ def test_make_understands_the_depfile() -> None:
     marker = PACKAGE / "__init__.py"
     makefile = "include types.d\n$(firstword $(MAKECMDGOALS)):\n\t@echo again\n"
     Path("Makefile").write_text(makefile)
-    asked = [shutil.which("make") or "make", "--question", str(marker)]
+    asked = ["make", "--question", str(marker)]
     os.utime(Path(folder, "Rpm.msg"), (10**9, 10**9))
     assert subprocess.run(asked, check=False).returncode == 0
     age(PACKAGE)
@@ -816,6 +816,7 @@ def killed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         return Killed(content(Path("before")), content(Path("after")), kills)
 
 
+@pytest.mark.slow
 def test_a_killed_build_leaves_only_whole_files(killed: Killed) -> None:
     for kill in killed.kills:
         for name in killed.before.keys() | killed.after.keys():
@@ -1129,6 +1130,7 @@ def test_a_tree_may_be_named_by_a_link_to_it(tmp_path: Path) -> None:
     assert content(Path("one")) == content(Path("two"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("release", "messages"), [("v1.14", 184), ("v1.16", 226), ("v1.17", 235), ("v1.18", 259), ("main-2026-03", 242)]
 )

@@ -211,7 +211,8 @@ PIECES = st.one_of(PRINTABLE, st.sampled_from(sorted(text for text in NASTY.valu
 COMMENTS = st.lists(PIECES, min_size=1, max_size=6).map("".join)
 
 
-@settings(max_examples=100, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=100)
 @given(COMMENTS)
 def test_any_printable_comment_leaves_the_shape_of_the_code_as_it_is(comment: str) -> None:
     assert shapes(definitions(comment)) == HARMLESS
@@ -225,7 +226,7 @@ def docstrings(source: str) -> Iterator[str]:
             yield str(node.value.value)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(COMMENTS.filter(lambda comment: "[" not in comment))
 def test_every_word_of_a_comment_arrives_in_its_docstring(comment: str) -> None:
     """Words, because lines are wrapped; without brackets, because tags are taken apart."""
@@ -269,7 +270,7 @@ def test_a_string_constant_arrives_as_it_was_written(value: str, tmp_path: Path)
     assert package.Foo.OTHER == 3
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(PRINTABLE.filter(lambda value: not re.search(r"\\([\"'\\]|$)", value)))
 def test_any_printable_string_constant_is_one_literal(value: str) -> None:
     quoted = '"' + value.replace('"', '\\"') + '"'
@@ -573,7 +574,8 @@ COLLIDING = st.sampled_from(["a", "a_0", "a_1", "a_few", "a_0_few", "a_few_0", "
 TYPES = st.sampled_from(["uint8", "float32[2]", "float32[20]", "bool[2]", "char[2]", "Inner", "Inner[2]"])
 
 
-@settings(max_examples=60, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=60)
 @given(st.dictionaries(COLLIDING, TYPES, min_size=2))
 def test_fields_of_any_such_names_and_types_keep_apart(fields: dict[str, str]) -> None:
     text = STAMP + "".join(f"{type_} {name}\n" for name, type_ in fields.items())

@@ -197,6 +197,7 @@ def test_arrays_encode_as_their_messages_do(name: str, vectors: dict[str, Sample
     check_encoding(getattr(px4_types, name), vectors[name][USUAL])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.17", "v1.18"])
 def test_the_samples_of_a_release_are_what_decode_gives(release: str, tmp_path: Path) -> None:
     path = shared(f"oracles/cdr-{release}.json")
@@ -210,7 +211,8 @@ def test_the_samples_of_a_release_are_what_decode_gives(release: str, tmp_path: 
         assert cls.encode_batch(array) == [message.encode() for message in messages], name
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+@pytest.mark.slow
+@settings(max_examples=20, suppress_health_check=list(HealthCheck))
 @given(definitions(), st.data())
 def test_random_messages_are_what_decode_gives(files: dict[str, str], data: st.DataObject) -> None:
     for cls, samples in random_packages(data, files):
@@ -247,6 +249,7 @@ def numbered(text: str, number: int) -> str:
     return text.replace("DecodeError: ", f"DecodeError: sample {number}: ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOME)
 def test_each_byte_counts_where_decode_counts_it(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     check_each_byte(getattr(px4_types, name), vectors[name])
@@ -679,7 +682,7 @@ PIECES = st.one_of(st.binary(max_size=80), st.sampled_from([*HEADERS.values()]),
 GARBAGE = st.lists(PIECES, max_size=6).map(b"".join)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.lists(GARBAGE, min_size=1, max_size=4), st.sampled_from(["Even", "Uneven", "EndsEarly", "Bools"]))
 def test_random_bytes_are_read_as_decode_does_or_refused(made_up: MadeUp, samples: list[bytes], name: str) -> None:
     cls = made_up.cls(name)

@@ -31,7 +31,8 @@ def bits(value: Any) -> Any:
     return struct.pack("<d", value) if isinstance(value, float) else value
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@pytest.mark.slow
+@settings(max_examples=150, suppress_health_check=list(HealthCheck))
 @given(definitions(), st.data())
 def test_random_messages_equal_the_reference_in_every_encoding(files: dict[str, str], data: st.DataObject) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -59,6 +60,7 @@ def test_every_embedded_message_decodes_from_every_encoding(
         assert decoded.encode() == serialize(embedded, message, vector["values"], "little", 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "version"), ENCODINGS)
 @pytest.mark.parametrize("surplus", [0, 1, 2, 3])
 def test_padding_is_ignored_whatever_stands_in_it(

@@ -99,6 +99,7 @@ def test_a_sample_cut_off_anywhere_is_an_error(ours: Generated, encoding: tuple[
             ours.cls(message).decode(sample[:length])
 
 
+@pytest.mark.slow
 def test_hostile_numbers_give_an_error_or_what_the_reference_reads(ours: Generated, encoding: tuple[str, int]) -> None:
     message, sample = sample_of(ours.catalog, encoding)
     outcomes = set()
@@ -109,6 +110,7 @@ def test_hostile_numbers_give_an_error_or_what_the_reference_reads(ours: Generat
     assert outcomes == {True, False}
 
 
+@pytest.mark.slow
 def test_hostile_numbers_take_no_more_memory_than_the_sample_accounts_for(
     ours: Generated, encoding: tuple[str, int]
 ) -> None:
@@ -168,6 +170,7 @@ def test_what_is_beyond_a_bound_is_neither_read_nor_written(type_: str, tmp_path
                 ours.encode(tight, values, *encoding)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_random_messages_changed_by_chance_give_an_error_or_what_the_reference_reads(seed: int, tmp_path: Path) -> None:
     chance = Random(seed)  # noqa: S311 - no secret

@@ -11,6 +11,8 @@ import pytest
 
 from support.repository import ROOT, VECTORS
 
+pytestmark = pytest.mark.tools
+
 VERSIONS = ["3.10", "3.11", "3.12", "3.13"]
 
 OWN = f"{sys.version_info.major}.{sys.version_info.minor}"
@@ -43,9 +45,10 @@ def interpreter(version: str) -> str:
             done = subprocess.run(asked, capture_output=True, text=True, check=False)
             if done.stdout.strip() == version:
                 return str(candidate)
-    pytest.skip(f"this machine has no Python {version}")
+    pytest.skip(f"needs Python {version}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_generated_package_works_on(version: str) -> None:
     command = [
@@ -62,6 +65,7 @@ def test_the_generated_package_works_on(version: str) -> None:
     assert done.stdout == "all vectors\n", done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [version for version in VERSIONS if version != OWN])
 def test_the_tool_works_on(version: str, tmp_path: Path) -> None:
     environment = tmp_path / "environment"

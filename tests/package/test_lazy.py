@@ -78,6 +78,7 @@ def test_views_of_unusual_messages_equal_what_decode_gives(name: str, made_up: M
     check_views(made_up.cls(name), made_up.samples(name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.17", "v1.18"])
 def test_views_of_the_samples_of_a_release_equal_what_decode_gives(release: str, tmp_path: Path) -> None:
     path = shared(f"oracles/cdr-{release}.json")
@@ -89,7 +90,7 @@ def test_views_of_the_samples_of_a_release_equal_what_decode_gives(release: str,
             assert plain(cls.lazy(sample)) == plain(cls.decode(sample)), name
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=15, suppress_health_check=list(HealthCheck))
 @given(definitions(), st.data())
 def test_views_of_random_messages_equal_what_decode_gives(files: dict[str, str], data: st.DataObject) -> None:
     for cls, samples in random_packages(data, files):
@@ -246,6 +247,7 @@ def test_reading_one_field_does_not_make_the_others(tmp_path: Path) -> None:
 # What it refuses
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_views_of_every_length_are_made_or_refused_as_decode_does(
     name: str, vectors: dict[str, Samples], px4_types: Any

@@ -24,6 +24,7 @@ def test_the_embedded_set_reads_and_writes_the_bytes_of_the_firmware(embedded: C
     assert check(embedded, px4_types, VECTORS / "cdr.json") == 5 * 259
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.17", "v1.18"])
 def test_a_release_reads_and_writes_the_bytes_of_its_firmware(release: str, tmp_path: Path) -> None:
     vectors = shared(f"oracles/cdr-{release}.json")

@@ -553,10 +553,10 @@ HOSTILE = {
 
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_no_header_hangs_or_fails(kind: str, tmp_path: Path) -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     files = tree({"Lamp": ("uint8 x\n", "uint8 y\nuint8[20000] z\n")}, HOSTILE[kind])
     render_package(catalog_of(tmp_path, files), "lamps")
-    assert time.perf_counter() - started < 10
+    assert time.process_time() - started < 10
 
 
 WHOLE = class_of("Speed", LONG_UP, "o.index = n.source; if (n.state > 3) { o.mode = 1; } else { o.mode = n.mode; }")
@@ -567,7 +567,7 @@ def speed(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
     return catalog_of(tmp_path_factory.mktemp("speed"), tree(LONG, ""))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(data=st.data())
 def test_a_header_that_is_cut_or_garbled_gives_rules_that_python_reads(data: st.DataObject, speed: Catalog) -> None:
     start = data.draw(st.integers(0, len(WHOLE)))
@@ -806,10 +806,12 @@ def checked(folder: Path, *command: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_mypy_is_content_with_the_rules(typed: Path) -> None:
     checked(typed, "mypy", "--strict", "--python-version=3.10", *MODULES)
 
 
+@pytest.mark.slow
 def test_pyright_is_content_with_the_rules(typed: Path) -> None:
     configuration = {"include": MODULES, "typeCheckingMode": "strict", "pythonVersion": "3.10"}
     (typed / "pyrightconfig.json").write_text(json.dumps(configuration))

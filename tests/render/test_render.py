@@ -617,6 +617,7 @@ def test_every_name_on_the_page_can_be_asked_for_everywhere(name: str, catalog: 
             getattr(thing, known)
 
 
+@pytest.mark.slow
 def test_the_sessions_of_the_page_are_real(tmp_path: Path) -> None:
     """Every command prints what the page shows below it, one after the other; `cat` shows files that are given."""
     blocks = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)

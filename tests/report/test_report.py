@@ -679,6 +679,7 @@ def test_a_clean_report_needs_no_drawing() -> None:
     assert done.stdout.splitlines() == ["in step", "False"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format_", FORMATS)
 def test_every_format_carries_every_finding_between_two_releases(
     format_: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

@@ -43,8 +43,6 @@ ENVIRONMENT = {
     **{f"GIT_{who}_{what}": "tester@localhost" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")},
 }
 
-needs_git = pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
-
 
 def run(folder: Path, *command: str, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
@@ -140,13 +138,14 @@ def run_hooks(workspace: Path, cache: str) -> tuple[int, str]:
     return done.returncode, done.stdout
 
 
-@needs_git
+@pytest.mark.slow
+@pytest.mark.tools("git")
 def test_the_hooks_pass_what_is_in_step(workspace: Path, cache: str) -> None:
     code, output = run_hooks(workspace, cache)
     assert (code, output.count("...Passed")) == (0, 3), output
 
 
-@needs_git
+@pytest.mark.tools("git")
 def test_the_hooks_stop_a_silent_change(workspace: Path, cache: str) -> None:
     definition = workspace / "firmware" / "msg" / "VehicleAttitude.msg"
     definition.write_text(SWAPPED)
@@ -210,6 +209,7 @@ def checkout(tmp_path: Path) -> Path:
     return write_definitions(tmp_path, files)
 
 
+@pytest.mark.slow
 def test_the_action_annotates_what_differs_and_fails(runner: Path, checkout: Path) -> None:
     code, output = run_step(RUN, checkout, runner, {"arguments": "old 'my package'"})
     *annotations, summary = output.splitlines()
@@ -282,7 +282,7 @@ def console(command: str) -> list[str]:
     return lines[: next((index for index, line in enumerate(lines) if line.startswith("$ ")), len(lines))]
 
 
-@needs_git
+@pytest.mark.tools("git")
 @pytest.mark.parametrize("command", [block[0] for block in CONSOLE if block[0].startswith("$ msggen ")])
 @pytest.mark.usefixtures("documented")
 def test_the_page_shows_what_the_commands_print(command: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -290,7 +290,7 @@ def test_the_page_shows_what_the_commands_print(command: str, capsys: pytest.Cap
     assert capsys.readouterr().out.splitlines() == console(command)
 
 
-@needs_git
+@pytest.mark.tools("git")
 @pytest.mark.usefixtures("documented")
 def test_the_page_shows_what_the_hook_prints(capsys: pytest.CaptureFixture[str]) -> None:
     shown = console("$ git commit")

@@ -86,12 +86,11 @@ class Project:
         return {str(path.relative_to(self.package)): (path.stat().st_ino, path.stat().st_mtime_ns) for path in files}
 
 
-@pytest.fixture(params=GENERATORS)
+@pytest.fixture(
+    params=[pytest.param(name, marks=pytest.mark.tools("cmake", program)) for name, program in GENERATORS.items()]
+)
 def project(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
-    """A configured and built project, all of it a day old; skips without CMake and the generator's program."""
-    for program in ("cmake", GENERATORS[request.param]):
-        if shutil.which(program) is None:
-            pytest.skip(f"needs {program} on the PATH")
+    """A configured and built project, all of it a day old."""
     made = Project(tmp_path, request.param)
     made.configure()
     assert made.build() == 1
@@ -99,6 +98,7 @@ def project(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
     return made
 
 
+@pytest.mark.slow
 def test_the_first_build_makes_a_package_that_works(project: Project) -> None:
     program = (
         "from lamp_types import LampReport; assert LampReport.decode(LampReport().encode()).lamps[2].brightness == 0"
@@ -107,12 +107,14 @@ def test_the_first_build_makes_a_package_that_works(project: Project) -> None:
     assert done.returncode == 0
 
 
+@pytest.mark.slow
 def test_a_build_with_nothing_to_do_writes_nothing_and_does_not_start_msggen(project: Project) -> None:
     before = project.times()
     assert project.build() == 0
     assert project.times() == before
 
 
+@pytest.mark.slow
 def test_a_touched_input_runs_msggen_once_and_rewrites_no_file(project: Project) -> None:
     before = project.times()
     (project.source / "msg" / "Lamp.msg").touch()
@@ -123,6 +125,7 @@ def test_a_touched_input_runs_msggen_once_and_rewrites_no_file(project: Project)
     assert project.build() == 0
 
 
+@pytest.mark.slow
 def test_an_edited_input_rewrites_only_what_it_changes(project: Project) -> None:
     before = project.times()
     with (project.source / "msg" / "Lamp.msg").open("a") as stream:
@@ -135,6 +138,7 @@ def test_an_edited_input_rewrites_only_what_it_changes(project: Project) -> None
     assert project.build() == 0
 
 
+@pytest.mark.slow
 def test_an_added_definition_is_generated_however_old_it_is(project: Project) -> None:
     added = project.source / "msg" / "Switch.msg"
     added.write_text("# A switch.\n\nuint64 timestamp\nbool on\n")
@@ -144,6 +148,7 @@ def test_an_added_definition_is_generated_however_old_it_is(project: Project) ->
     assert project.build() == 0
 
 
+@pytest.mark.slow
 def test_a_removed_definition_is_removed_from_the_package(project: Project) -> None:
     (project.source / "msg" / "LampReport.msg").unlink()
     assert project.build() == 1
@@ -155,6 +160,7 @@ def test_a_removed_definition_is_removed_from_the_package(project: Project) -> N
     assert again == 0 or project.generator == "Unix Makefiles"
 
 
+@pytest.mark.slow
 def test_a_faulty_definition_stops_the_build_and_says_where(project: Project) -> None:
     (project.source / "msg" / "Lamp.msg").write_text("uint64 timestamp\nfloat3 brightness\n")
     done = project.attempt("--build", str(project.build_folder))

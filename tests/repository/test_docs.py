@@ -64,7 +64,8 @@ def sessions(page: str) -> list[str]:
     return [block for block in blocks if "\n$ msggen" in f"\n{block}"]
 
 
-@pytest.mark.skipif(not shutil.which("git"), reason="the sessions are in a git repository")
+@pytest.mark.slow
+@pytest.mark.tools("git")
 @pytest.mark.parametrize("page", ["check.md"])
 def test_the_sessions_of_a_page_are_real(page: str, tmp_path: Path) -> None:
     """Every command prints what the page shows below it, one after the other in one shell."""

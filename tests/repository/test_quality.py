@@ -55,10 +55,12 @@ def test_ruff_is_content_with_the_generated_package() -> None:
     )
 
 
+@pytest.mark.slow
 def test_mypy_is_content() -> None:
     run("mypy")
 
 
+@pytest.mark.slow
 def test_mypy_is_content_with_the_generated_package() -> None:
     run("mypy", "--strict", "--python-version=3.10", "generated/px4_types")
 
@@ -110,6 +112,7 @@ def unusual(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_definitions(folder / "unusual", dict(render_package(catalog_of(folder / "in", UNUSUAL), "unusual")))
 
 
+@pytest.mark.slow
 def test_mypy_is_content_with_packages_of_unusual_messages(unusual: Path) -> None:
     (unusual.parent / "nesting.py").write_text(NESTING)
     (unusual.parent / "naming.py").write_text(NAMING)
@@ -123,6 +126,7 @@ def test_the_committed_record_is_current() -> None:
     assert outcome.plan is None, "run `msggen build` and commit what it wrote"
 
 
+@pytest.mark.slow
 def test_pyright_is_content_with_the_generated_packages(tmp_path: Path, unusual: Path) -> None:
     settings = {
         "include": [str(PACKAGE), str(unusual), str(unusual.parent / "nested"), str(unusual.parent / "names")],
@@ -165,29 +169,39 @@ SensorCombined.CLIPPING_X = 2
 """
 
 
-def check_application(source: str, folder: Path) -> list[str]:
-    (folder / "application.py").write_text(source)
-    command = [
-        sys.executable,
-        "-m",
-        "mypy",
-        "--strict",
-        "--no-error-summary",
-        "--python-version=3.10",
-        "application.py",
-    ]
+@pytest.fixture(scope="module")
+def errors(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[int]]:
+    """The lines of APPLICATION and of MISTAKES in which mypy finds errors, from one run."""
+    folder = tmp_path_factory.mktemp("applications")
+    (folder / "application.py").write_text(APPLICATION)
+    (folder / "mistakes.py").write_text(MISTAKES)
+    command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--python-version=3.10"]
     environment = {"MYPYPATH": str(PACKAGE.parent), "PATH": ""}
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment)
-    return [line for line in done.stdout.splitlines() if line.startswith("application.py")]
+    done = subprocess.run(
+        [*command, "application.py", "mistakes.py"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    assert done.stderr == ""
+    found: dict[str, set[int]] = {"application.py": set(), "mistakes.py": set()}
+    for line in done.stdout.splitlines():
+        path, number, *_ = line.split(":")
+        found.setdefault(path, set()).add(int(number))
+    return found
 
 
-def test_an_application_is_typed_throughout(tmp_path: Path) -> None:
-    assert check_application(APPLICATION, tmp_path) == []
+@pytest.mark.slow
+def test_an_application_is_typed_throughout(errors: dict[str, set[int]]) -> None:
+    assert errors.keys() == {"application.py", "mistakes.py"}
+    assert errors["application.py"] == set()
 
 
-def test_the_types_catch_mistakes(tmp_path: Path) -> None:
-    lines = {int(line.split(":")[1]) for line in check_application(MISTAKES, tmp_path)}
-    assert lines == {4, 5, 6, 7}
+@pytest.mark.slow
+def test_the_types_catch_mistakes(errors: dict[str, set[int]]) -> None:
+    assert errors["mistakes.py"] == {4, 5, 6, 7}
 
 
 def test_the_command_line_imports_nothing_heavy() -> None:

@@ -65,15 +65,18 @@ def best_of_attempts(entries: Entries) -> dict[str, float]:
     return best
 
 
+@pytest.mark.slow
 def test_no_ratio_to_the_floor_has_worsened_by_half(entries: Entries) -> None:
     assert {name: ratio for name, ratio in best_of_attempts(entries).items() if ratio > WORSE_BY_HALF} == {}
 
 
+@pytest.mark.slow
 def test_the_guard_fails_when_one_message_takes_twice_as_long(entries: Entries) -> None:
     slower = {**entries, "EscStatus": slowed(entries["EscStatus"])}
     assert best_of_attempts(slower)["EscStatus"] > WORSE_BY_HALF
 
 
+@pytest.mark.slow
 def test_the_guard_fails_when_all_messages_take_twice_as_long(entries: Entries) -> None:
     slower = {message: slowed(by_name) for message, by_name in entries.items()}
     assert best_of_attempts(slower)["all"] > WORSE_BY_HALF

@@ -22,6 +22,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next(folder.glob("msggen-*.whl"))
 
 
+@pytest.mark.slow
 def test_the_wheel_brings_templates_and_the_embedded_set(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     assert {"msggen/templates/python/message.py.j2", "msggen/embedded/dds_topics.yaml"} <= names
@@ -33,6 +34,7 @@ def test_the_wheel_brings_templates_and_the_embedded_set(wheel: Path) -> None:
     assert {name.split("/")[0].split("-")[0] for name in names} == {"msggen"}
 
 
+@pytest.mark.slow
 def test_it_works_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
     environment = tmp_path / "environment"
     venv.create(environment, with_pip=True)

@@ -5,7 +5,6 @@ CMake runs its CMakeLists.txt with stand-ins for ament and rosidl, which write d
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -22,7 +21,6 @@ from support.repository import shared
 parser = pytest.importorskip("rosidl_adapter.parser", reason="rosidl_adapter has wheels for Linux on x86-64 only")
 
 SOURCES = ["embedded", "v1.14", "v1.16", "v1.17", "v1.18", "main-2026-03"]
-CMAKE = shutil.which("cmake") or ""
 STAND_INS = {
     "ament_cmake/ament_cmakeConfig.cmake": """
         macro(ament_export_dependencies)
@@ -48,6 +46,7 @@ def package(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     return tmp_path / "px4_msgs"
 
 
+@pytest.mark.slow
 def test_rosidl_reads_every_message_as_msggen_does(package: Path) -> None:
     messages = read_catalog(find_sources(str(package))).messages
     for path in sorted((package / "msg").iterdir()):
@@ -55,6 +54,7 @@ def test_rosidl_reads_every_message_as_msggen_does(package: Path) -> None:
         assert_same(found, messages[f"px4_msgs/{path.stem}"])
 
 
+@pytest.mark.slow
 def test_rosidl_reads_every_service_as_msggen_does(package: Path) -> None:
     for service in read_catalog(find_sources(str(package))).services:
         found = parser.parse_service_file("px4_msgs", str(package / "srv" / f"{service.name}.srv"))
@@ -94,12 +94,13 @@ def test_the_manifest_is_that_of_a_package_of_interfaces(package: Path) -> None:
     assert {dependency.name for dependency in manifest.exec_depends} == {"rosidl_default_runtime"}
 
 
-@pytest.mark.skipif(not CMAKE, reason="needs cmake on the PATH")
+@pytest.mark.slow
+@pytest.mark.tools("cmake")
 def test_cmake_hands_every_definition_to_rosidl(package: Path, tmp_path: Path) -> None:
     prefix = write_definitions(tmp_path / "stand-ins", STAND_INS)
 
     def configured() -> list[list[str]]:
-        command = [CMAKE, "-S", str(package), "-B", str(tmp_path / "build"), f"-DCMAKE_PREFIX_PATH={prefix}"]
+        command = ["cmake", "-S", str(package), "-B", str(tmp_path / "build"), f"-DCMAKE_PREFIX_PATH={prefix}"]
         (tmp_path / "build" / "calls.txt").unlink(missing_ok=True)
         done = subprocess.run([*command, "--no-warn-unused-cli"], capture_output=True, text=True, check=False)
         assert (done.returncode, done.stderr) == (0, "")

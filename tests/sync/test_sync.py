@@ -102,6 +102,7 @@ def test_the_firmware_may_be_a_revision_or_an_archive(source: str) -> None:
     assert definitions(package(source=source)) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", RELEASES)
 def test_a_created_package_means_what_the_firmware_means(release: str) -> None:
     source = shared(f"firmware/{release}")
@@ -111,6 +112,7 @@ def test_a_created_package_means_what_the_firmware_means(release: str) -> None:
     assert [service.name for service in found.services] == [service.name for service in expected.services]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("new", RELEASES)
 def test_from_any_release_to_any_other_it_becomes_what_a_fresh_one_is(new: str) -> None:
     assert sync("-q", "--px4", shared(f"firmware/{new}"), "--create", PACKAGE) == 0
@@ -121,6 +123,7 @@ def test_from_any_release_to_any_other_it_becomes_what_a_fresh_one_is(new: str) 
     assert main(["check", "--px4", str(shared(f"firmware/{new}")), str(PACKAGE)]) == 0
 
 
+@pytest.mark.slow
 def test_where_folders_cannot_be_swapped_files_are_replaced_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
     sync("-q", "--px4", shared(f"firmware/{RELEASES[0]}"), "--create", PACKAGE)
     monkeypatch.setattr(swap, "_renameat2", lambda: None)
@@ -586,13 +589,11 @@ def test_the_diff_does_not_tell_each_change_again(capsys: pytest.CaptureFixture[
 APPLY = {"patch": ("patch", "-p0"), "git": ("git", "apply", "-p0", "-")}
 
 
-@pytest.mark.parametrize("tool", APPLY)
+@pytest.mark.parametrize("tool", [pytest.param(tool, marks=pytest.mark.tools(tool)) for tool in APPLY])
 @pytest.mark.parametrize("where", [".", "px4_msgs"])
 def test_the_diff_is_a_patch_that_brings_the_package_in_step(
     tool: str, where: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if not shutil.which(tool):
-        pytest.skip(f"needs {tool} on the PATH")
     out_of_step()
     (PACKAGE / "msg" / "EscStatus.msg").write_bytes("uint8 a # a\fb\x85c\u2028d\r\nuint8 b".encode())
     prefix, px4 = ("", "../firmware") if where == "." else ("px4_msgs/", "firmware")

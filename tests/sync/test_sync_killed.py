@@ -142,6 +142,7 @@ def started() -> None:
     hand_made()
 
 
+@pytest.mark.slow
 def test_killed_before_any_call_a_package_is_wholly_old_or_wholly_new() -> None:
     firmware()
     newer_firmware(srv=False)
@@ -151,6 +152,7 @@ def test_killed_before_any_call_a_package_is_wholly_old_or_wholly_new() -> None:
     assert all(len(state) == 1 for state in states)
 
 
+@pytest.mark.slow
 def test_with_services_too_there_is_only_the_moment_between_the_two_swaps() -> None:
     firmware()
     newer_firmware(srv=True)
@@ -158,6 +160,7 @@ def test_with_services_too_there_is_only_the_moment_between_the_two_swaps() -> N
     assert states.count({"old", "new"}) == 1
 
 
+@pytest.mark.slow
 def test_where_a_call_fails_all_definitions_are_old_or_all_new_and_the_next_run_finishes() -> None:
     firmware()
     newer_firmware(srv=True)
@@ -176,6 +179,7 @@ def test_where_a_call_fails_all_definitions_are_old_or_all_new_and_the_next_run_
         assert content(PACKAGE) == final
 
 
+@pytest.mark.slow
 def test_killed_while_it_is_adopted_a_plain_package_is_wholly_old_or_wholly_new() -> None:
     def adoptable() -> None:
         plain_package()
@@ -188,6 +192,7 @@ def test_killed_while_it_is_adopted_a_plain_package_is_wholly_old_or_wholly_new(
     assert all(len(state) == 1 for state in states)
 
 
+@pytest.mark.slow
 def test_killed_before_any_call_a_new_package_is_there_as_a_whole_or_not_at_all() -> None:
     firmware()
     final = content(package("expected"))
@@ -201,6 +206,7 @@ def test_killed_before_any_call_a_new_package_is_there_as_a_whole_or_not_at_all(
     assert calls > len(final)
 
 
+@pytest.mark.slow
 def test_without_a_swap_every_file_is_whole_and_the_next_run_finishes(monkeypatch: pytest.MonkeyPatch) -> None:
     firmware()
     newer_firmware(srv=True)
@@ -229,6 +235,7 @@ def versioned_firmware(name: str) -> Path:
     return Path(name)
 
 
+@pytest.mark.slow
 def test_killed_at_random_moments_a_package_is_wholly_old_or_wholly_new() -> None:
     seed = time.time_ns()
     moments = random.Random(seed)  # noqa: S311
@@ -262,6 +269,7 @@ def test_killed_at_random_moments_a_package_is_wholly_old_or_wholly_new() -> Non
     assert content(PACKAGE) == content(package("fresh", "newer"))
 
 
+@pytest.mark.slow
 def test_two_runs_at_once_wait_for_each_other() -> None:
     firmware()
     newer_firmware(srv=True)

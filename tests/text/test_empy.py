@@ -170,8 +170,9 @@ def test_a_template_comes_out_as_empy_has_it(text: str) -> None:
     assert template.expand(NAMES) == expected
 
 
+@pytest.mark.slow
 @given(templates)
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @example("@[for i in xs]@[try]@i@[finally]@[break]@[end try]@[end for]")
 def test_blocks_in_blocks_come_out_as_empy_has_them(text: str) -> None:
     expected = reference(text)
