@@ -159,7 +159,7 @@ def sorted_out(
     return tuple(sorted(set(kept)))
 
 
-def fault(path: str, code: str, message: str, line: int = 1, column: int = 1) -> InputError:
+def input_error(path: str, code: str, message: str, line: int = 1, column: int = 1) -> InputError:
     """Return an InputError with a single diagnostic."""
     return InputError([Diagnostic(Location(path, line, column), code, message)])
 

@@ -1,4 +1,4 @@
-"""A place in a file: what every node of the model and every fault carries."""
+"""A place in a file: what every node of the model and every error carries."""
 
 from typing import NamedTuple
 

@@ -1,7 +1,7 @@
 """What a message, a field, a constant, a topic, a service and a catalog are.
 
 Plain frozen values: no text is read here and no byte is laid out. Every node carries the place it was
-read from, so that whoever finds fault with it later can say where.
+read from, so that whoever finds error with it later can say where.
 """
 
 import re

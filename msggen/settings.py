@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
 
-from msggen.diagnostics import fault, suggestion
+from msggen.diagnostics import input_error, suggestion
 from msggen.firmware.embedded import names_release
 from msggen.firmware.file import BoardOption
 from msggen.firmware.sources import join_package, split_package
@@ -156,4 +156,4 @@ def _place(text: str, key: str) -> tuple[int, int]:
 
 
 def _fail(path: str, code: str, message: str, line: int = 1, column: int = 1) -> NoReturn:
-    raise fault(path, code, message, line, column)
+    raise input_error(path, code, message, line, column)

@@ -39,12 +39,12 @@ def read_definition(tree: Tree, name: str) -> Definition | None:
 
 
 def parse_definition(data: bytes, place: str, name: str, package: str) -> Definition:
-    """Return the definition that `data` holds. Raises InputError; line ends of another system are no fault."""
+    """Return the definition that `data` holds. Raises InputError; line ends of another system are no error."""
     text, unclean = decode_text(data, place)
     message, wrong = parse_message(text, place, name, package)
-    faults = [*(found for found in unclean if found.code != "M106"), *wrong]
-    if faults:
-        raise InputError(faults)
+    errors = [*(found for found in unclean if found.code != "M106"), *wrong]
+    if errors:
+        raise InputError(errors)
     return Definition(message, data.decode())
 
 

@@ -18,7 +18,7 @@ from msggen.bump.header import (
     with_include,
 )
 from msggen.bump.version_step import AS_IT_STANDS, CONSTANT, Previous, VersionStep, fields_of
-from msggen.diagnostics import fault, suggestion
+from msggen.diagnostics import input_error, suggestion
 from msggen.disk.git import is_in_repository
 from msggen.firmware.catalog import COMPARABLE, read_catalog
 from msggen.firmware.history import ALL_TRANSLATIONS, ARCHIVE, TRANSLATIONS, VERSIONED
@@ -66,7 +66,7 @@ def plan_bump(firmware: str, name: str, against: str | None) -> Edits:
     old = read_definition(previous.tree, new.name)
     if old is None:
         text = f"'{new.name}' is not in {previous.label}: a new message needs no new version before it is released"
-        raise fault(new.location.path, "B103", text, 0)
+        raise input_error(new.location.path, "B103", text, 0)
     _check_versions(old.message, new, previous.label)
     return _plan(VersionStep(tree, catalog, previous=previous, old=old, new=new))
 
@@ -76,10 +76,12 @@ def _open_firmware(path: str) -> Folder:
     if not os.path.isdir(path):
         what = "not a folder" if "@" in path or os.path.exists(path) else "no such folder"
         hint = "" if "@" in path or os.path.exists(path) else path_hint(path)
-        raise fault(path, "B101", f"{what}: expected that of a PX4-Autopilot tree, for bump writes into it{hint}", 0)
+        raise input_error(
+            path, "B101", f"{what}: expected that of a PX4-Autopilot tree, for bump writes into it{hint}", 0
+        )
     if not tree.is_folder(VERSIONED) or (tree.is_file("package.xml") and not tree.is_folder("src/modules")):
         text = f"no {VERSIONED} of a firmware here: expected a PX4-Autopilot tree of v1.16 or later; --px4 names it"
-        raise fault(path, "B101", text, 0)
+        raise input_error(path, "B101", text, 0)
     return tree
 
 
@@ -89,16 +91,18 @@ def _find_message(tree: Folder, catalog: Catalog, text: str) -> Message:
     name = os.path.splitext(os.path.basename(text))[0] if is_path else text
     message = catalog.messages.get(f"{DEFAULT_PACKAGE}/{name}")
     if text.endswith(".srv") or (message is None and name in {service.name for service in catalog.services}):
-        raise fault(text, "B104", f"not yet: the service '{name}' has no versions, nor has any in PX4 so far", 0)
+        raise input_error(text, "B104", f"not yet: the service '{name}' has no versions, nor has any in PX4 so far", 0)
     if message is None:
         versioned = [file.removesuffix(".msg") for file in tree.names(VERSIONED)]
-        raise fault(text, "B102", f"no message '{name}' in {tree.path}{suggestion(name, versioned)}", 0)
+        raise input_error(text, "B102", f"no message '{name}' in {tree.path}{suggestion(name, versioned)}", 0)
     path = message.location.path
     if is_path and os.path.exists(text) and not os.path.samefile(text, path):
-        raise fault(text, "B102", f"lies elsewhere: the firmware's own is {path}; --px4 names another firmware", 0)
+        raise input_error(
+            text, "B102", f"lies elsewhere: the firmware's own is {path}; --px4 names another firmware", 0
+        )
     in_place = tree.is_file(f"{VERSIONED}/{name}.msg")
     if not in_place or not message.is_versioned:
-        raise fault(path, "B102", f"'{name}' has no versions: {_NEEDED}", 0)
+        raise input_error(path, "B102", f"'{name}' has no versions: {_NEEDED}", 0)
     return message
 
 
@@ -115,7 +119,7 @@ def _check_versions(old: Message, new: Message, label: str) -> None:
     if after not in (before, before + 1):
         place = next(constant.location for constant in new.constants if constant.name == VERSION)
         text = f"{VERSION} is {before} in {label}: expected {before} or {before + 1} here, found {after}"
-        raise fault(place.path, "B103", text, place.line, place.column)
+        raise input_error(place.path, "B103", text, place.line, place.column)
 
 
 def _plan(step: VersionStep) -> Edits:
@@ -156,7 +160,7 @@ def _archive(step: VersionStep) -> Iterator[Change]:
         expected = parse_definition(text.encode(), step.tree.place(path), name, found.package).message
         difference = _difference(expected, found)
         if difference:
-            raise fault(step.tree.place(path), "B105", f"another definition has this name: {difference}", 0)
+            raise input_error(step.tree.place(path), "B105", f"another definition has this name: {difference}", 0)
 
 
 def _translate(step: VersionStep, text: str, headers: dict[str, str]) -> Iterator[Change]:

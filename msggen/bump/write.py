@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from contextlib import nullcontext
 
 from msggen.bump.edits import Change, Edits, plan_bump
-from msggen.diagnostics import Diagnostic, InputError, fault
+from msggen.diagnostics import Diagnostic, InputError, input_error
 from msggen.disk.staging import is_writable, locked, written_aside
 from msggen.firmware.tree import Folder
 from msggen.location import Location
@@ -22,9 +22,9 @@ def bump(firmware: str, name: str, against: str | None) -> Edits:
     with locked(firmware) if os.path.isdir(firmware) else nullcontext():
         plan = plan_bump(firmware, name, against)
         files = {_target(plan.firmware, change): change.after for change in plan.changes}
-        faults = [*_read_only(plan.firmware, files)]
-        if faults:
-            raise InputError(faults)
+        errors = [*_read_only(plan.firmware, files)]
+        if errors:
+            raise InputError(errors)
         with written_aside(files, keep_modes=True) as move_into_place:
             move_into_place()
         return plan
@@ -35,7 +35,7 @@ def _target(firmware: str, change: Change) -> str:
     path = Folder(firmware).place(change.name)
     target, root = os.path.realpath(path), os.path.realpath(firmware)
     if os.path.commonpath([target, root]) != root:
-        raise fault(path, "B106", f"leads to {target}, outside of the firmware: nothing is written there", 0)
+        raise input_error(path, "B106", f"leads to {target}, outside of the firmware: nothing is written there", 0)
     return target
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from msggen import __version__
 from msggen.cli.options import DONE, FAILED, FINDINGS, writes
-from msggen.cli.printing import print_annotations, print_faults, print_notices, terminal_width
+from msggen.cli.printing import print_annotations, print_errors, print_notices, terminal_width
 from msggen.diagnostics import InputError, suggestion
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main"]
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as error:
         with suppress(BrokenPipeError):
             print_notices(error.notices)
-            print_faults(error.diagnostics, "nothing written" if options.writes else "cannot tell")
+            print_errors(error.diagnostics, "nothing written" if options.writes else "cannot tell")
             print_annotations(error.diagnostics, options)
             return FAILED
         _say_no_more()

@@ -19,7 +19,7 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_report
 from msggen.cli.sources import board_of, sources_of
-from msggen.diagnostics import Diagnostic, fault, suggestion
+from msggen.diagnostics import Diagnostic, input_error, suggestion
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.file import File
 from msggen.firmware.sources import Sources, find_sources, join_package, open_tree, split_package, with_board
@@ -128,5 +128,5 @@ def _named(name: str, place: Location) -> tuple[Rule, ...]:
     if not found:
         known = [*(category.name for category in Category), *(rule.id for rule in BREAKING)]
         text = f"only check asks '{name}'" if named(name) else f"unknown rule '{name}'{suggestion(name, known)}"
-        raise fault(place.path, "C104", text, *place[1:])
+        raise input_error(place.path, "C104", text, *place[1:])
     return found

@@ -22,7 +22,7 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_change, print_notices
 from msggen.cli.sources import sources_of
-from msggen.diagnostics import counted, fault
+from msggen.diagnostics import counted, input_error
 from msggen.disk.output import OutputPlan
 from msggen.disk.staging import write_if_changed
 from msggen.firmware.sources import Sources, with_archived
@@ -89,7 +89,7 @@ def _prepare(options: argparse.Namespace, settings: Settings) -> tuple[Build, So
     if not (package.isidentifier() and package.isascii()) or keyword.iskeyword(package):
         place = settings.place("package") if options.package is None else Location("--package", 0)
         text = f"'{package}' cannot be imported: expected a name such as 'px4_types'"
-        raise fault(place.path, "S103", text, *place[1:])
+        raise input_error(place.path, "S103", text, *place[1:])
     sources = sources_of(options, settings)
     if options.archived:
         sources = with_archived(sources)

@@ -25,12 +25,12 @@ def print_report(report: Report, options: argparse.Namespace) -> None:
     print(render(report, options.output_format, width=width(), colour=colour()))
 
 
-def print_annotations(faults: Sequence[Diagnostic], options: argparse.Namespace) -> None:
-    """Print `faults` to stdout as annotations if the options ask for the format of GitHub."""
+def print_annotations(errors: Sequence[Diagnostic], options: argparse.Namespace) -> None:
+    """Print `errors` to stdout as annotations if the options ask for the format of GitHub."""
     if getattr(options, "output_format", None) == "github":
-        from msggen.report.github import write_faults
+        from msggen.report.github import write_errors
 
-        print(write_faults(faults), flush=True)
+        print(write_errors(errors), flush=True)
 
 
 def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:
@@ -53,11 +53,11 @@ def print_change(path: str, text: str | None) -> None:
     print_diff(path, before, None if text is None else text.encode())
 
 
-def print_faults(faults: Sequence[Diagnostic], outcome: str) -> None:
-    """Print `faults`, their number and the `outcome` of the run to stderr."""
-    for found in faults:
+def print_errors(errors: Sequence[Diagnostic], outcome: str) -> None:
+    """Print `errors`, their number and the `outcome` of the run to stderr."""
+    for found in errors:
         _print_diagnostic(found, "", 31)
-    print(f"{counted(len(faults), 'error')}, {outcome}", file=sys.stderr)
+    print(f"{counted(len(errors), 'error')}, {outcome}", file=sys.stderr)
 
 
 def print_notices(notices: Iterable[Diagnostic], *, quiet: bool = False) -> None:

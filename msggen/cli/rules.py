@@ -6,7 +6,7 @@ import argparse
 
 from msggen.cli.options import DONE, Commands, add_command, given
 from msggen.cli.printing import colour, width
-from msggen.diagnostics import CODES, fault, suggestion
+from msggen.diagnostics import CODES, input_error, suggestion
 
 
 def add_to(commands: Commands) -> None:
@@ -54,9 +54,9 @@ def _explain(options: argparse.Namespace) -> int:
     elif rules:
         print(explain_rule(rules[0], example_of(rules[0]), width=width(), colour=colour()))
     elif nearest := nearest_code(name):
-        raise fault("explain", "C104", f"unknown code '{options.rule}', did you mean '{nearest}'?", 0)
+        raise input_error("explain", "C104", f"unknown code '{options.rule}', did you mean '{nearest}'?", 0)
     else:
         known = [*(rule.id for rule in RULES), *Category.__members__, *CODES]
         hint = suggestion(options.rule, known) or ": `msggen rules` lists them"
-        raise fault("explain", "C104", f"unknown rule '{options.rule}'{hint}", 0)
+        raise input_error("explain", "C104", f"unknown rule '{options.rule}'{hint}", 0)
     return DONE

@@ -6,7 +6,7 @@ import argparse
 import os
 from collections.abc import Iterator
 
-from msggen.diagnostics import Diagnostic, InputError, fault
+from msggen.diagnostics import Diagnostic, InputError, input_error
 from msggen.firmware.embedded import names_release, near_release, unknown_release
 from msggen.firmware.file import BoardOption
 from msggen.firmware.sources import Sources, find_sources, split_package, with_board
@@ -19,9 +19,9 @@ def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
 
     Raises InputError for paths that do not exist; a path of the settings is reported at its setting.
     """
-    faults = [*_missing(options, settings)]
-    if faults:
-        raise InputError(faults)
+    errors = [*_missing(options, settings)]
+    if errors:
+        raise InputError(errors)
     found = find_sources(
         options.px4 or settings.px4,
         tuple(options.msg_dir or settings.msg_dir),
@@ -39,7 +39,7 @@ def firmware_of(options: argparse.Namespace, settings: Settings) -> Sources:
     if not sources.has_own:
         place = Location("--msg-dir", 0) if options.msg_dir else settings.place("msg-dir")
         text = "only other packages than the firmware's are named: name the firmware with --px4 or the setting px4"
-        raise fault(place.path, "S102", text, *place[1:])
+        raise input_error(place.path, "S102", text, *place[1:])
     return sources
 
 
@@ -60,9 +60,9 @@ def is_strict(options: argparse.Namespace, settings: Settings) -> bool:
 
 def check_setting(options: argparse.Namespace, settings: Settings) -> None:
     """Raise InputError where the setting px4 is used and its path does not exist."""
-    faults = [*_missing_folder(settings.px4, settings, "px4")] if settings.px4 and not options.px4 else ()
-    if faults:
-        raise InputError(faults)
+    errors = [*_missing_folder(settings.px4, settings, "px4")] if settings.px4 and not options.px4 else ()
+    if errors:
+        raise InputError(errors)
 
 
 def _missing(options: argparse.Namespace, settings: Settings) -> Iterator[Diagnostic]:

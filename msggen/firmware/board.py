@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from msggen.diagnostics import InputError, fault, suggestion
+from msggen.diagnostics import InputError, input_error, suggestion
 from msggen.firmware.file import BoardOption, File, read_file
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.parse.cmake import is_met, symbols_in
@@ -72,10 +72,10 @@ def _by_name(tree: Tree, option: BoardOption) -> Board:
     }
     if not known:
         text = f"no boards/ to look for '{option.text}' in: a board needs a PX4-Autopilot tree"
-        raise _fault(option, f"{text}, or is the path of a {_SUFFIX} file")
+        raise _error(option, f"{text}, or is the path of a {_SUFFIX} file")
     name = option.text if option.text in known else f"{option.text}_{_DEFAULT}"
     if name not in known:
-        raise _fault(option, f"unknown board '{option.text}'{_nearest(option.text, known)}")
+        raise _error(option, f"unknown board '{option.text}'{_nearest(option.text, known)}")
     folder, label = known[name]
     _refuse_all_yes(option, label)
     labels = [label] if _is_whole(label) else [_DEFAULT, label]
@@ -90,7 +90,7 @@ def _by_path(option: BoardOption) -> Board:
 
         what = "a folder, expected a file" if os.path.isdir(option.text) else "no such file"
         hint = "" if os.path.isdir(option.text) else path_hint(option.text, is_meant=os.path.exists)
-        raise _fault(option, f"'{option.text}': {what}{hint}")
+        raise _error(option, f"'{option.text}': {what}{hint}")
     folder, name = os.path.split(option.text)
     label, suffix = os.path.splitext(name)
     _refuse_all_yes(option, label)
@@ -106,7 +106,7 @@ def _is_whole(label: str) -> bool:
 def _refuse_all_yes(option: BoardOption, label: str) -> None:
     if _ALL_YES in label:
         text = f"'{option.text}' is configured by a script of the firmware, which turns on all that it can"
-        raise _fault(option, f"{text}: without --board all messages count")
+        raise _error(option, f"{text}: without --board all messages count")
 
 
 def _nearest(text: str, known: Iterable[str]) -> str:
@@ -115,6 +115,6 @@ def _nearest(text: str, known: Iterable[str]) -> str:
     return suggestion(text, names) or f": expected a name such as '{min(known)}'"
 
 
-def _fault(option: BoardOption, text: str) -> InputError:
+def _error(option: BoardOption, text: str) -> InputError:
     path, line, column = option.place
-    return fault(path, "S118", text, line, column)
+    return input_error(path, "S118", text, line, column)

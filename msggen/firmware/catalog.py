@@ -1,4 +1,4 @@
-"""Files to a catalog: reads them all, checks that they fit together, and tells every fault at once."""
+"""Files to a catalog: reads them all, checks that they fit together, and tells every error at once."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from msggen.diagnostics import Diagnostic, Level, fault, sorted_out, suggestion
+from msggen.diagnostics import Diagnostic, Level, input_error, sorted_out, suggestion
 from msggen.firmware.consistency import (
     check_bridge,
     check_fixed_sizes,
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from msggen.translation import Translation
 
 COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"})
-"""Faults that leave no doubt about what a definition or an entry of the bridge means."""
+"""Errors that leave no doubt about what a definition or an entry of the bridge means."""
 
 
 def is_comparable(found: Diagnostic) -> bool:
@@ -77,14 +77,14 @@ def read_catalog(
         messages = _needed(everything, chosen + halves)
         kept = [message.location.path for message in messages] + [service.location.path for service in services]
         dropped = files.difference(kept)
-        reader.faults = [found for found in reader.faults if found.location.path not in dropped]
+        reader.errors = [found for found in reader.errors if found.location.path not in dropped]
     unread = reader.paths_with("M101", "M103", "M301", "M303", "M305")
     misread_topics = reader.paths_with("M402")
     of_uorb = [message for message in messages if message.package == package]
     reasons = sources.reasons()
     nesting = [*check_nesting([*messages, *archived], services, package, reasons)]
-    faults = [
-        *reader.faults,
+    errors = [
+        *reader.errors,
         *check_names([*messages, *(message._replace(package=package) for message in archived)], package),
         *check_names(services, package),
         *nesting,
@@ -96,7 +96,7 @@ def read_catalog(
     ]
     conventions = _conventions(sources, reader, everything, parsed)
     newer = _newer_than_known(sources, everything, parsed, conventions)
-    notices = sorted_out([*sources.notices, *faults, *newer], tolerated, strict=sources.strict)
+    notices = sorted_out([*sources.notices, *errors, *newer], tolerated, strict=sources.strict)
     names = {message.name for message in of_uorb}
     topics = {topic for message in of_uorb for topic in message.topic_names}
     bridge = tuple(entry for entry in parsed.entries if entry.message_name in names and entry.uorb_topic in topics)
@@ -125,7 +125,7 @@ def bridged_names(*sides: Sources) -> set[str]:
     bridge = next((sources.bridge for sources in sides if sources.bridge), None)
     if bridge is None:
         text = "no dds_topics.yaml here to say what crosses the bridge: name one with --topics"
-        raise fault(sides[0].label, "S110", text, 0)
+        raise input_error(sides[0].label, "S110", text, 0)
     entries, _, found = parse_bridge(read_file(bridge), bridge.path)
     known = {file.stem for side in sides for file in side.messages if not file.package}
     reasons = sides[0].reasons()
@@ -203,7 +203,7 @@ class _Reader:
     def __init__(self, sources: Sources, contents: Mapping[str, bytes]) -> None:
         self.sources = sources
         self.contents = contents
-        self.faults: list[Diagnostic] = []
+        self.errors: list[Diagnostic] = []
         self.package = sources.package or DEFAULT_PACKAGE
         """That of uORB's messages."""
         self.lists = _lists(sources.lists, contents)
@@ -212,9 +212,9 @@ class _Reader:
         messages = []
         for file in self.sources.messages:
             package = file.package or self.package
-            message, faults = parse_message(self.text(file), file.path, file.stem, package, of_uorb=not file.package)
+            message, errors = parse_message(self.text(file), file.path, file.stem, package, of_uorb=not file.package)
             messages.append(self._with_condition(message, file))
-            self.faults += faults
+            self.errors += errors
         return messages
 
     def _with_condition(self, message: Message, file: File) -> Message:
@@ -227,29 +227,29 @@ class _Reader:
         services = []
         for file in self.sources.services:
             package = file.package or self.package
-            service, faults = parse_service(self.text(file), file.path, file.stem, package, of_uorb=not file.package)
+            service, errors = parse_service(self.text(file), file.path, file.stem, package, of_uorb=not file.package)
             services.append(service)
-            self.faults += faults
+            self.errors += errors
         return services
 
     def archived(self) -> list[Message]:
         """Return the archived versions. What only uORB asks of a message is not asked of them."""
         messages = []
         for file in self.sources.archived:
-            message, faults = parse_message(self.text(file), file.path, file.stem, ARCHIVE_PACKAGE)
-            faults = [found for found in faults if found.code not in ("M402", "M406")]
+            message, errors = parse_message(self.text(file), file.path, file.stem, ARCHIVE_PACKAGE)
+            errors = [found for found in errors if found.code not in ("M402", "M406")]
             name = ARCHIVED_NAME.fullmatch(file.stem)
             if name is None:
                 text = f"file name '{file.stem}': archived versions are called as 'VehicleStatusV1'"
-                faults.append(Diagnostic(message.location, "M201", text))
+                errors.append(Diagnostic(message.location, "M201", text))
             else:
                 message = message._replace(version_of=f"{self.package}/{name['message']}")
-                is_clear = not any(found.level is Level.ERROR for found in faults)
+                is_clear = not any(found.level is Level.ERROR for found in errors)
                 if is_clear and message.message_version != int(name["version"]):
                     text = f"{VERSION} must be {name['version']}, as in the name, found {message.message_version}"
-                    faults.append(Diagnostic(_place_of_version(message), "M404", text))
+                    errors.append(Diagnostic(_place_of_version(message), "M404", text))
             messages.append(message)
-            self.faults += faults
+            self.errors += errors
         return messages
 
     def translations(self) -> tuple[Translation, ...]:
@@ -266,15 +266,15 @@ class _Reader:
             return Bridge()
         path = self.sources.bridge.path
         bridge = parse_bridge(self.contents[path], path)
-        self.faults += bridge.found
+        self.errors += bridge.found
         return bridge
 
     def paths_with(self, *codes: str) -> set[str]:
-        """Return the files in which one of the faults was found: not all that they say could be read."""
-        return {found.location.path for found in self.faults if found.code in codes}
+        """Return the files in which one of the errors was found: not all that they say could be read."""
+        return {found.location.path for found in self.errors if found.code in codes}
 
     def text(self, file: File) -> str:
-        text, faults = decode_text(self.contents[file.path], file.path)
+        text, errors = decode_text(self.contents[file.path], file.path)
         allowed = {"M106"} if file.package else ()  # ROS 2 takes either line end
-        self.faults += [found for found in faults if found.code not in allowed]
+        self.errors += [found for found in errors if found.code not in allowed]
         return text

@@ -74,7 +74,7 @@ def check_nesting(
     """
     known = {message.key: message for message in messages}
     halves = [half for service in services for half in (service.request, service.response)]
-    unknown = [fault for outer in [*known.values(), *halves] for fault in _unknown_types(outer, known, unbuilt)]
+    unknown = [error for outer in [*known.values(), *halves] for error in _unknown_types(outer, known, unbuilt)]
     yield from unknown
     cycles = list(_cycles(known))
     yield from cycles

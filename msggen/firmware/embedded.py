@@ -8,7 +8,7 @@ newer release that knows it, so each comment is written once. `tests/support/emb
 import os
 import re
 
-from msggen.diagnostics import fault, suggestion
+from msggen.diagnostics import input_error, suggestion
 from msggen.disk.resources import embedded_root
 from msggen.firmware.tree import Folder, Snapshot, Tree
 
@@ -51,7 +51,7 @@ def open_release(text: str) -> tuple[str, Tree]:
     """Return name and files of the embedded release that `text` names. Raises InputError."""
     wrong = unknown_release(text)
     if wrong:
-        raise fault(text, "S105", wrong, 0)
+        raise input_error(text, "S105", wrong, 0)
     release = text.removeprefix(PREFIX)
     return release, embedded_tree(release)
 

@@ -73,7 +73,7 @@ def without_comments(text: str) -> str:
 def read_history(tree: Tree) -> History:
     """Return what `tree` keeps of earlier versions. Raises InputError for archived definitions that cannot be read."""
     archived: dict[str, Message] = {}
-    faults: list[Diagnostic] = []
+    errors: list[Diagnostic] = []
     for file in tree.names(ARCHIVE):
         name, dot, suffix = file.partition(".")
         if suffix != "msg" or not dot or not ARCHIVED_NAME.fullmatch(name):
@@ -81,10 +81,10 @@ def read_history(tree: Tree) -> History:
         path = f"{ARCHIVE}/{file}"
         text, unclean = decode_text(tree.read(path), tree.place(path))
         archived[name], wrong = parse_message(text, tree.place(path), name, ARCHIVE_PACKAGE)
-        faults += [found for found in (*unclean, *wrong) if not is_comparable(found)]
-    faults += _unknown_types(archived)
-    if faults:
-        raise InputError(faults)
+        errors += [found for found in (*unclean, *wrong) if not is_comparable(found)]
+    errors += _unknown_types(archived)
+    if errors:
+        raise InputError(errors)
     return History(tree.is_folder(VERSIONED), archived, _translations(tree))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import NoReturn
 
-from msggen.diagnostics import fault, suggestion
+from msggen.diagnostics import input_error, suggestion
 from msggen.disk.git import GitError, commit_of, git, is_revision, revisions
 from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release
 from msggen.firmware.tree import Snapshot, Wanted, is_wanted
@@ -129,4 +129,4 @@ def _split_batch(answer: bytes) -> list[bytes]:
 
 
 def _fail(path: str, code: str, message: str) -> NoReturn:
-    raise fault(path, code, message, 0)
+    raise input_error(path, code, message, 0)

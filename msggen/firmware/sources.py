@@ -7,7 +7,7 @@ from itertools import chain
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from msggen.diagnostics import Diagnostic, counted, fault, suggestion
+from msggen.diagnostics import Diagnostic, counted, input_error, suggestion
 from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release, near_release, open_release
 from msggen.firmware.file import BoardOption, File, read_file
 from msggen.firmware.tree import Folder, Snapshot, Tree
@@ -114,7 +114,7 @@ class Sources(NamedTuple):
 def open_tree(text: str) -> Tree:
     """Return what `text` names: a folder, `folder@revision`, an archive, or an embedded release. Raises InputError."""
     if "\0" in text:
-        raise fault(text, "S101", "no such folder", 0)
+        raise input_error(text, "S101", "no such folder", 0)
     if names_release(text):
         return open_release(text)[1]
     if os.path.isdir(text):
@@ -123,13 +123,13 @@ def open_tree(text: str) -> Tree:
         from msggen.firmware.tarball import SUFFIXES, read_archive
 
         if not text.lower().endswith(SUFFIXES):
-            raise fault(text, "S101", f"not a folder, nor an archive ({', '.join(SUFFIXES)})", 0)
+            raise input_error(text, "S101", f"not a folder, nor an archive ({', '.join(SUFFIXES)})", 0)
         return read_archive(text)
     from msggen.firmware.revision import read_revision, split_revision
 
     folder, revision = split_revision(text)
     if folder == text:
-        raise fault(text.partition("@")[0] or text, "S101", f"no such folder{near_release(text)}", 0)
+        raise input_error(text.partition("@")[0] or text, "S101", f"no such folder{near_release(text)}", 0)
     return read_revision(folder, revision)
 
 
@@ -149,7 +149,7 @@ def find_sources(
     """
     if release is not None and release not in RELEASES:
         hint = suggestion(release, RELEASES) or f": expected {', '.join(RELEASES)}"
-        raise fault(release_place.path, "S105", f"unknown release '{release}'{hint}", *release_place[1:])
+        raise input_error(release_place.path, "S105", f"unknown release '{release}'{hint}", *release_place[1:])
     roots = []
     package = ""
     if px4 is not None:
@@ -208,7 +208,7 @@ def with_board(sources: Sources, option: BoardOption | None) -> Sources:
         if option.optional:
             return sources
         text = f"{sources.label} has no {LISTS} to say what a board builds: a board needs a PX4-Autopilot tree"
-        raise fault(option.place.path, "S118", text, *option.place[1:])
+        raise input_error(option.place.path, "S118", text, *option.place[1:])
     lists = parse_lists(read_file(sources.lists).decode(errors="replace"), sources.lists.path)
     conditions = {f"msg/{name}": entry.condition for name, entry in lists.listed.items()}
     if option.optional and not any(conditions.values()):
@@ -238,7 +238,7 @@ def with_archived(sources: Sources, place: Location = _ARCHIVED_OPTION) -> Sourc
     found = _files(root, f"{folder}{ARCHIVE}/", ".msg") if root else []
     if not root or not found:
         text = f"{sources.label} has no earlier versions of messages: PX4 v1.16 and later has them in msg/{ARCHIVE}"
-        raise fault(place.path, "S117", text, *place[1:])
+        raise input_error(place.path, "S117", text, *place[1:])
     headers = _files(root, f"{folder}{TRANSLATIONS}/", ".h")
     return sources._replace(archived=tuple(found), translations=tuple(headers))
 
@@ -258,9 +258,9 @@ def split_package(text: str, place: Location = _FOLDER_OPTION) -> tuple[str, str
         return "", text
     if not _PACKAGE_NAME.fullmatch(package):
         hint = f"a folder with '=' in its name is written '{os.path.join(os.curdir, text)}'"
-        raise fault(place.path, "S103", f"{package!r} is no name of a ROS package; {hint}", *place[1:])
+        raise input_error(place.path, "S103", f"{package!r} is no name of a ROS package; {hint}", *place[1:])
     if not folder:
-        raise fault(place.path, "S101", f"'{text}' names no folder: expected {package}=DIR", *place[1:])
+        raise input_error(place.path, "S101", f"'{text}' names no folder: expected {package}=DIR", *place[1:])
     return package, os.path.expanduser(folder)
 
 
@@ -306,7 +306,7 @@ def _further_root(text: str, own: str) -> _Root:
     found = _name_in(root.manifest)
     if root.manifest and given not in ("", found):
         text = f"this is the package '{found}', called '{given}' in '{text}'"
-        raise fault(root.manifest.path, "S106", text, 0)
+        raise input_error(root.manifest.path, "S106", text, 0)
     package = given or found
     return root if _is_own(package, own) else root._replace(package=package)
 
@@ -389,7 +389,7 @@ def _refuse_part_of_tree(root: Tree) -> None:
     parent = os.path.normpath(os.path.join(folder, os.pardir))
     if os.path.basename(os.path.abspath(folder)) in ("msg", "srv") and _is_tree(Folder(parent)):
         whole = f"{parent}@{revision}" if revision else parent
-        raise fault(root.path, "S102", f"only a part of a firmware tree, did you mean '{whole}'?", 0)
+        raise input_error(root.path, "S102", f"only a part of a firmware tree, did you mean '{whole}'?", 0)
 
 
 def _fail_without_definitions(root: Tree) -> NoReturn:
@@ -398,4 +398,4 @@ def _fail_without_definitions(root: Tree) -> NoReturn:
     hint = f", did you mean '{parent}'?" if near else ""
     hint = f"; the embedded release is '{PREFIX}{root.path}'" if root.path in EMBEDDED else hint
     text = f"no .msg file here or in msg/: expected a PX4-Autopilot tree, px4_msgs or a folder{hint}"
-    raise fault(root.path, "S102", text, 0)
+    raise input_error(root.path, "S102", text, 0)

@@ -11,7 +11,7 @@ import tarfile
 import zipfile
 import zlib
 
-from msggen.diagnostics import fault
+from msggen.diagnostics import input_error
 from msggen.firmware.tree import Snapshot, Wanted, is_wanted
 
 SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz", ".zip")
@@ -31,7 +31,7 @@ def read_archive(path: str) -> Snapshot:
         files, links = read(path, is_wanted)
     except (*_DAMAGED, EOFError, LookupError, OSError, RuntimeError, ValueError) as error:
         reason = str(error).partition("\n")[0].rstrip(":") or type(error).__name__
-        raise fault(path, "S109", f"cannot be read as an archive: {reason}", 0) from None
+        raise input_error(path, "S109", f"cannot be read as an archive: {reason}", 0) from None
     tops = {name.split("/")[0] for name in (*files, *links)}
     top = tops.pop() if len(tops) == 1 else ""
     is_wrapped = top and top not in ("msg", "srv", "src") and not any("/" not in name for name in (*files, *links))

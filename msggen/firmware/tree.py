@@ -11,7 +11,7 @@ import posixpath
 from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
-from msggen.diagnostics import fault
+from msggen.diagnostics import input_error
 
 _MAX_LINKS = 40
 
@@ -35,7 +35,7 @@ class Folder:
         except (FileNotFoundError, NotADirectoryError):
             return []
         except OSError as error:
-            raise fault(self.path, "S101", error.strerror or str(error), 0) from None
+            raise input_error(self.path, "S101", error.strerror or str(error), 0) from None
 
     def is_folder(self, name: str) -> bool:
         """Whether a folder of that name is there."""
@@ -56,7 +56,7 @@ class Folder:
             with open(path, "rb", buffering=0) as stream:
                 return stream.read()
         except OSError as error:
-            raise fault(path, "S101", error.strerror or str(error), 0) from None
+            raise input_error(path, "S101", error.strerror or str(error), 0) from None
 
 
 class Snapshot:
@@ -101,7 +101,7 @@ class Snapshot:
         """Return the bytes of `name`. Raises InputError."""
         found = self._resolve(name)
         if found not in self._files:
-            raise fault(self.place(name), "S101", "no such file", 0)
+            raise input_error(self.place(name), "S101", "no such file", 0)
         return self._files[found]
 
     def include(self, is_wanted: Wanted) -> None:

@@ -10,7 +10,7 @@ from hashlib import sha256
 from typing import NamedTuple
 
 from msggen import __version__
-from msggen.diagnostics import Diagnostic, Level, counted, fault
+from msggen.diagnostics import Diagnostic, Level, counted, input_error
 from msggen.disk.fingerprint import Fingerprint, digest_record, read_fingerprint, write_fingerprint
 from msggen.disk.output import ForeignFileError, OutputPlan, plan_output, write_output
 from msggen.disk.record import read_record
@@ -72,7 +72,7 @@ class Build:
                 plan = plan_output(self.folder, files, self.record)
         except ForeignFileError as error:
             text = "msggen did not write this file and leaves it alone: move it, or choose another folder or package"
-            raise fault(error.path, "S104", text) from None
+            raise input_error(error.path, "S104", text) from None
         return Outcome(self.folder, summary, tuple(sorted(files)), plan, catalog.notices)
 
     def outputs(self) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """`.msg` and `.srv` files: the whole ROS 2 grammar, and PX4's additions (docs/wire.md, 1; docs/build.md).
 
 https://docs.ros.org/en/kilted/Concepts/Basic/About-Interfaces.html has the grammar. One pass, line by line;
-a fault is noted and the next line read, so that all faults of a file are told at once.
+an error is noted and the next line read, so that all errors of a file are told at once.
 """
 
 from __future__ import annotations
@@ -94,18 +94,18 @@ def parse_message(
 ) -> tuple[Message, list[Diagnostic]]:
     """Read the `text` of `path` as the message `name` of `package`; return it with all that is wrong with it.
 
-    A message with faults has only what could be read of it. What is not `of_uorb` follows the rules of ROS 2 alone.
+    A message with errors has only what could be read of it. What is not `of_uorb` follows the rules of ROS 2 alone.
     """
     body = _Body(path, name, of_uorb=of_uorb)
     _check_name(body, name, is_of_px4=of_uorb)
     body.read(text.split("\n"), 1)
     if not of_uorb:
-        return body.message(package, "msg"), body.faults
+        return body.message(package, "msg"), body.errors
     if not body.topics and snake_case(name) in _CPP_KEYWORDS:
-        body.fault("M205", 1, 1, f"the topic '{snake_case(name)}' {_IS_KEYWORD}: see # TOPICS")
-    if not (body.fields or body.constants or any(found.level is Level.ERROR for found in body.faults)):
-        body.fault("M103", 1, 1, f"message '{name}' is empty: expected at least one field")
-    return body.message(package, "msg"), body.faults
+        body.error("M205", 1, 1, f"the topic '{snake_case(name)}' {_IS_KEYWORD}: see # TOPICS")
+    if not (body.fields or body.constants or any(found.level is Level.ERROR for found in body.errors)):
+        body.error("M103", 1, 1, f"message '{name}' is empty: expected at least one field")
+    return body.message(package, "msg"), body.errors
 
 
 def parse_service(
@@ -118,13 +118,13 @@ def parse_service(
     _check_name(request, name, is_of_px4=False)
     if len(marks) != 1:
         line = marks[1] if marks else len(lines)
-        request.fault("M105", line, 1, f"expected one line '---' between request and response, found {len(marks)}")
+        request.error("M105", line, 1, f"expected one line '---' between request and response, found {len(marks)}")
     mark = marks[0] if marks else len(lines) + 1
     request.read(lines[: mark - 1], 1)
     response.read(["" if mark + index in marks else line for index, line in enumerate(lines[mark:], 1)], mark + 1)
     halves = request.message(package, "srv"), response.message(package, "srv")
     service = Service(name, package, Location(path), *halves, comment=halves[0].comment)
-    return service, request.faults + response.faults
+    return service, request.errors + response.errors
 
 
 def _check_name(body: _Body, name: str, *, is_of_px4: bool) -> None:
@@ -134,9 +134,9 @@ def _check_name(body: _Body, name: str, *, is_of_px4: bool) -> None:
     near = "".join(part[:1].upper() + part[1:] for part in re.split(r"[^A-Za-z0-9]+", name))
     hint = f", for example '{near}'" if _MESSAGE_NAME.fullmatch(near) else ""
     if is_of_px4 and _NAME_IN_PX4.fullmatch(name):
-        body.fault("M205", 1, 1, f"file name '{name}': ROS 2 expects a capital, then letters and digits{hint}")
+        body.error("M205", 1, 1, f"file name '{name}': ROS 2 expects a capital, then letters and digits{hint}")
     else:
-        body.fault("M201", 1, 1, f"file name {name!r}: expected a capital, then letters and digits (CamelCase){hint}")
+        body.error("M201", 1, 1, f"file name {name!r}: expected a capital, then letters and digits (CamelCase){hint}")
 
 
 class _Element(NamedTuple):
@@ -157,7 +157,7 @@ class _Body:
         self.fields: list[Field] = []
         self.constants: list[Constant] = []
         self.topics: list[Topic] = []
-        self.faults: list[Diagnostic] = []
+        self.errors: list[Diagnostic] = []
         self.comment = ""
         self._seen: dict[str, int] = {}
         self._lines: list[str] = []
@@ -175,8 +175,8 @@ class _Body:
             comment=self.comment,
         )
 
-    def fault(self, code: str, line: int, column: int, message: str) -> None:
-        self.faults.append(Diagnostic(Location(self.path, line, column), code, message))
+    def error(self, code: str, line: int, column: int, message: str) -> None:
+        self.errors.append(Diagnostic(Location(self.path, line, column), code, message))
 
     def read(self, lines: list[str], first_line: int) -> None:
         self._lines = lines
@@ -216,7 +216,7 @@ class _Body:
     def _read_topics(self, line: str, number: int) -> None:
         if not line.startswith("# TOPICS "):
             text = "the firmware ignores this line: expected '# TOPICS ' and names, from column 1"
-            self.fault("M406", number, 1, text)
+            self.error("M406", number, 1, text)
             return
         column = len("# TOPICS ") + 1
         names = line.rstrip()[column - 1 :].split(" ")
@@ -224,17 +224,17 @@ class _Body:
         for name in names:
             topic = snake_case(name)
             if not name:
-                self.fault("M402", number, column, f"{what}: the firmware would read a topic without a name here")
+                self.error("M402", number, column, f"{what}: the firmware would read a topic without a name here")
             elif not _TOPIC_NAME_IN_PX4.fullmatch(topic):
                 text = f"{name!r} is no topic name: expected letters, digits and underscores"
-                self.fault("M402", number, column, text)
+                self.error("M402", number, column, text)
             else:
                 self.topics.append(Topic(topic, Location(self.path, number, column)))
                 if topic in _CPP_KEYWORDS:
-                    self.fault("M205", number, column, f"topic name '{topic}' {_IS_KEYWORD}")
+                    self.error("M205", number, column, f"topic name '{topic}' {_IS_KEYWORD}")
                 elif not _TOPIC_NAME.fullmatch(topic):
                     text = f"topic name '{topic}': ROS 2 expects a letter first, and single underscores"
-                    self.fault("M205", number, column, text)
+                    self.error("M205", number, column, text)
             column += len(name) + 1
 
     def _read_element(self, element: _Element) -> None:
@@ -253,14 +253,14 @@ class _Body:
         try:
             type_ = parse_type(spelling, of_uorb=self.of_uorb)
         except TypeSpellingError as wrong:
-            self.fault(wrong.code, element.line, type_column, wrong.message)
+            self.error(wrong.code, element.line, type_column, wrong.message)
             return
         value = None
         if is_constant or text:
             try:
                 value = parse_value(type_, text, is_constant=is_constant)
             except ValueError as wrong:
-                self.fault("M305", element.line, match.start("value") + 1, f"'{name}': {wrong}")
+                self.error("M305", element.line, match.start("value") + 1, f"'{name}': {wrong}")
                 return
         comment = parse_comment(element.comment)
         if comment.tags and self.of_uorb:
@@ -281,9 +281,9 @@ class _Body:
         column = len(element.code) - len(element.code.lstrip()) + 1
         text = element.code.strip()
         if "//" in text:
-            self.fault("M101", element.line, element.code.index("//") + 1, "comments start with '#', found '//'")
+            self.error("M101", element.line, element.code.index("//") + 1, "comments start with '#', found '//'")
             return
-        self.fault("M101", element.line, column, f"expected 'TYPE NAME' or 'TYPE NAME = VALUE', found {text!r}")
+        self.error("M101", element.line, column, f"expected 'TYPE NAME' or 'TYPE NAME = VALUE', found {text!r}")
 
     def _check_field_name(self, name: str, line: int, column: int, *, is_constant: bool) -> None:
         kind = "constant" if is_constant else "field"
@@ -296,19 +296,19 @@ class _Body:
             hint = f": the length of an array stands behind its type, 'TYPE{array[2]} {array[1]}'" if array else hint
             is_built = self.of_uorb and (_NAME_IN_PX4 if is_constant else _FIELD_NAME_IN_PX4).fullmatch(name)
             code, who = ("M205", "ROS 2 expects") if is_built else ("M201", "expected")
-            self.fault(code, line, column, f"{kind} name {name!r}: {who} {wanted} with single underscores{hint}")
+            self.error(code, line, column, f"{kind} name {name!r}: {who} {wanted} with single underscores{hint}")
         elif self.of_uorb and name in _CPP_KEYWORDS:
-            self.fault("M205", line, column, f"{kind} name '{name}' {_IS_KEYWORD}")
+            self.error("M205", line, column, f"{kind} name '{name}' {_IS_KEYWORD}")
         first = self._seen.setdefault(name, line)
         if first != line:
-            self.fault("M203", line, column, f"'{name}' is already defined on line {first}")
+            self.error("M203", line, column, f"'{name}' is already defined on line {first}")
 
     def _check_tags(self, element: _Element, tags: tuple[tuple[str, str], ...]) -> None:
         """Warn of tags that are not known, each where it stands: above the element, on its line or below."""
         for name, _ in tags:
             if name not in NAMES:
                 hint = suggestion(f"@{name}", [f"@{known}" for known in NAMES]) or _TAGS_OF_PX4
-                self.fault("M107", *self._place_of(f"[@{name}", element), f"unknown tag '@{name}'{hint}")
+                self.error("M107", *self._place_of(f"[@{name}", element), f"unknown tag '@{name}'{hint}")
 
     def _place_of(self, tag: str, element: _Element) -> tuple[int, int]:
         """Return line and column of a tag in the comment of an element."""
@@ -329,10 +329,10 @@ class _Body:
             hint = f"did you mean '{near[0]}'?" if near else f"it knows {' and '.join(_SPECIAL)}"
             if near or name.startswith("ORB_"):
                 text = f"the firmware gives '{name}' no meaning, {hint}"
-                self.faults.append(Diagnostic(location, "M405", text))
+                self.errors.append(Diagnostic(location, "M405", text))
         elif type_.name not in INTEGERS or not isinstance(value, int) or value < low:
             text = f"{name} should be an integer of at least {low}, found '{type_} {name} = {value}'"
-            self.faults.append(Diagnostic(location, "M405", text))
+            self.errors.append(Diagnostic(location, "M405", text))
 
 
 def _split_comment(line: str) -> tuple[str, str | None]:

@@ -2,7 +2,7 @@
 
 import re
 
-from msggen.diagnostics import fault
+from msggen.diagnostics import input_error
 
 
 def package_name(data: bytes, path: str) -> str:
@@ -32,10 +32,10 @@ def package_name(data: bytes, path: str) -> str:
     try:
         parser.Parse(data, True)  # noqa: FBT003 - it takes no keywords
     except expat.ExpatError as error:
-        raise fault(path, "S107", f"not XML: {error}", error.lineno, error.offset + 1) from None
+        raise input_error(path, "S107", f"not XML: {error}", error.lineno, error.offset + 1) from None
     except (LookupError, ValueError) as error:  # an encoding that Python does not have
-        raise fault(path, "S107", f"not XML: {error}", 0) from None
+        raise input_error(path, "S107", f"not XML: {error}", 0) from None
     name = names[0].strip() if names else ""
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        raise fault(path, "S107", f"'{name}' is no name of a ROS package", 0)
+        raise input_error(path, "S107", f"'{name}' is no name of a ROS package", 0)
     return name

@@ -14,24 +14,24 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u2
 def decode_text(data: bytes, path: str) -> tuple[str, list[Diagnostic]]:
     """Return the text of `data`, and what is wrong with it: not UTF-8, a byte order mark, CRLF, control characters.
 
-    Faulty text comes back mended as far as it goes, so that the rest of it can be checked in the same run.
+    Invalid text is repaired as far as possible, so that the rest of the file can be checked in the same run.
     """
-    faults: list[Diagnostic] = []
+    errors: list[Diagnostic] = []
 
-    def fault(code: str, position: int, message: str) -> None:
+    def add(code: str, position: int, message: str) -> None:
         line_start = data.rfind(b"\n", 0, position) + 1
         column = len(data[line_start:position].decode("utf-8", "replace")) + 1
         location = Location(path, data.count(b"\n", 0, position) + 1, column)
-        faults.append(Diagnostic(location, code, message))
+        errors.append(Diagnostic(location, code, message))
 
     if data.startswith(codecs.BOM_UTF8):
-        fault("M102", 0, "byte order mark: expected UTF-8 without one")
+        add("M102", 0, "byte order mark: expected UTF-8 without one")
     if b"\r\n" in data:
-        fault("M106", data.index(b"\r\n"), "the line ends in CR LF: expected LF alone, as in the firmware's tree")
+        add("M106", data.index(b"\r\n"), "the line ends in CR LF: expected LF alone, as in the firmware's tree")
     try:
         text = data.decode("utf-8")
-    except UnicodeDecodeError as error:
-        fault("M102", error.start, f"byte 0x{data[error.start]:02x} is not UTF-8")
+    except UnicodeDecodeError as invalid:
+        add("M102", invalid.start, f"byte 0x{data[invalid.start]:02x} is not UTF-8")
         text = data.decode("utf-8", "replace")
     text = text.removeprefix("\ufeff").replace("\r\n", "\n")
     if _CONTROL.search(text):
@@ -39,6 +39,6 @@ def decode_text(data: bytes, path: str) -> tuple[str, list[Diagnostic]]:
             bad = _CONTROL.search(line)
             if bad:
                 location = Location(path, number, bad.start() + 1)
-                faults.append(Diagnostic(location, "M104", f"control character {bad[0]!r}: expected plain text"))
+                errors.append(Diagnostic(location, "M104", f"control character {bad[0]!r}: expected plain text"))
         text = _CONTROL.sub(" ", text)
-    return text, faults
+    return text, errors

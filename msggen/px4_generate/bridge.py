@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from msggen.diagnostics import Diagnostic, InputError, Level, fault
+from msggen.diagnostics import Diagnostic, InputError, Level, input_error
 from msggen.identity import nearest_interval
 from msggen.model import options_text, snake_case
 from msggen.parse.bridge import KEYS, parse_bridge, read_rate
@@ -71,7 +71,7 @@ class _Entry(dict[str, Any]):
 
 
 def generate_bridge(request: BridgeRequest) -> dict[str, str]:
-    """Return the text of the one file, by its name. Raises InputError for a faulty YAML file or template."""
+    """Return the text of the one file, by its name. Raises InputError for an invalid YAML file or template."""
     template = EmpyTemplate(request.template)
     lists = _read(request.topics)
     every = [entry for name in _LISTS for entry in lists[name]]
@@ -101,7 +101,7 @@ def _read(path: str) -> dict[str, list[_Entry]]:
         with open(path, "rb") as stream:
             data = stream.read()
     except OSError as error:
-        raise fault(path, "S101", f"cannot read the topics: {error.strerror or error}", 0) from error
+        raise input_error(path, "S101", f"cannot read the topics: {error.strerror or error}", 0) from error
     errors = [found for found in parse_bridge(data, path).found if found.level is Level.ERROR or found.code == "Y105"]
     if errors:
         raise InputError(errors)
@@ -109,7 +109,7 @@ def _read(path: str) -> dict[str, list[_Entry]]:
         root = yaml.load(data, Loader=_LOADER) or {}  # noqa: S506 - it is a safe one
     except yaml.YAMLError as error:
         text = " ".join(str(error).split("\n", 1)[0].split())
-        raise fault(path, "Y101", f"not YAML that PX4 reads: {text}", 0) from None
+        raise input_error(path, "Y101", f"not YAML that PX4 reads: {text}", 0) from None
     return {name: [_Entry(entry) for entry in root.get(name) or []] for name in _LISTS}
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import NamedTuple
 
-from msggen.diagnostics import Diagnostic, InputError, Level, fault, suggestion
+from msggen.diagnostics import Diagnostic, InputError, Level, input_error, suggestion
 from msggen.firmware.path_hint import path_hint
 from msggen.location import Location
 from msggen.model import ArrayKind, Field, Message, snake_case
@@ -35,14 +35,14 @@ class Definitions:
         self._found: dict[str, bool] = {}
 
     def read(self, path: str, full_name: str) -> Definition:
-        """Return the definition in `path` of the message `full_name`. Raises InputError with all faults of the file."""
-        definition, faults = self._read_once(path, full_name)
-        if faults:
-            raise InputError(faults)
+        """Return the definition in `path` of the message `full_name`. Raises InputError with all errors of the file."""
+        definition, errors = self._read_once(path, full_name)
+        if errors:
+            raise InputError(errors)
         return definition
 
     def _read_once(self, path: str, full_name: str) -> tuple[Definition, list[Diagnostic]]:
-        """Return what could be read of a definition, and its faults. Raises InputError if the file cannot be read."""
+        """Return what could be read of a definition, and its errors. Raises InputError if the file cannot be read."""
         known = self._read.get((path, full_name))
         if known is None:
             known = self._read[path, full_name] = _read(path, *full_name.split("/"))
@@ -63,31 +63,31 @@ class Definitions:
     ) -> list[Definition]:
         """Read `paths` and what they nest; return the definitions of `paths`, checked.
 
-        Raises InputError with all faults of all files.
+        Raises InputError with all errors of all files.
         """
         names = [f"{package}/{os.path.basename(path).removesuffix('.msg')}" for path in paths]
-        faults = [*_misgiven(paths), *_missing(search_path.get(package, ()))]
+        errors = [*_misgiven(paths), *_missing(search_path.get(package, ()))]
         given = {name: path for name, path in zip(names, paths, strict=True) if path.endswith(".msg")}
-        messages = self._read_nested(given, search_path, faults)
-        if not faults:
-            faults += _inconsistencies([messages[name] for name in names], messages.values(), package)
-        if faults:
-            raise InputError(faults)
+        messages = self._read_nested(given, search_path, errors)
+        if not errors:
+            errors += _inconsistencies([messages[name] for name in names], messages.values(), package)
+        if errors:
+            raise InputError(errors)
         return [self.read(path, name) for name, path in zip(names, paths, strict=True)]
 
     def _read_nested(
-        self, paths: dict[str, str], search_path: Mapping[str, Sequence[str]], faults: list[Diagnostic]
+        self, paths: dict[str, str], search_path: Mapping[str, Sequence[str]], errors: list[Diagnostic]
     ) -> dict[str, Message]:
-        """Read `paths`, and add to them what they nest; return all by name, and add what is wrong to `faults`."""
+        """Read `paths`, and add to them what they nest; return all by name, and add what is wrong to `errors`."""
         messages = {}
         waiting = list(paths)
         for name in waiting:  # which grows as it is gone through
             try:
                 definition, found = self._read_once(paths[name], name)
             except InputError as error:
-                faults += error.diagnostics
+                errors += error.diagnostics
                 continue
-            faults += found
+            errors += found
             message = messages[name] = definition.message
             for field in (field for field in message.fields if not field.type.is_primitive):
                 nested = message.key_of(field.type)
@@ -95,7 +95,7 @@ class Definitions:
                 folders = search_path.get(package, ())
                 path = self.find(folders, field.type.name)
                 if path is None:
-                    faults.append(_unknown_type(field, folders, is_own=package == message.package))
+                    errors.append(_unknown_type(field, folders, is_own=package == message.package))
                 elif nested not in paths:
                     paths[nested] = path
                     waiting.append(nested)
@@ -125,15 +125,15 @@ def _read(path: str, package: str, name: str) -> tuple[Definition, list[Diagnost
         with open(path, "rb") as stream:
             data = stream.read()
     except OSError as error:
-        raise fault(path, "S101", f"cannot read the definition: {error.strerror or error}", 0) from error
-    text, faults = decode_text(data, path)
+        raise input_error(path, "S101", f"cannot read the definition: {error.strerror or error}", 0) from error
+    text, errors = decode_text(data, path)
     message, more = parse_message(text, path, name, package)
-    faults = [found for found in (*faults, *more) if found.level is Level.ERROR]
-    faults += _unknown_to_the_firmware(message)
+    errors = [found for found in (*errors, *more) if found.level is Level.ERROR]
+    errors += _unknown_to_the_firmware(message)
     constants = tuple((str(constant.type), constant.name, constant.value) for constant in message.constants)
     fields = tuple((field.name, _spelled(field, message)) for field in message.fields)
     definition = Definition(message=message, text=text, topics=message.topic_names, fields=fields, constants=constants)
-    return definition, faults
+    return definition, errors
 
 
 def _misgiven(paths: Iterable[str]) -> Iterator[Diagnostic]:

@@ -10,7 +10,7 @@ from glob import escape, glob
 from types import ModuleType
 from typing import NamedTuple
 
-from msggen.diagnostics import InputError, fault
+from msggen.diagnostics import InputError, input_error
 from msggen.firmware.path_hint import path_hint
 from msggen.model import snake_case
 from msggen.px4_generate import genmsg
@@ -41,7 +41,7 @@ class Request(NamedTuple):
 
 
 def generate_messages(request: Request) -> dict[str, str]:
-    """Return the texts of all files, by name. Raises InputError for faulty definitions and templates."""
+    """Return the texts of all files, by name. Raises InputError for invalid definitions and templates."""
     template = EmpyTemplate(_find(request.templates, request.kind.value[0]))
     definitions = Definitions()
     read = definitions.read_all(request.files, request.package, _search_path(request))
@@ -72,10 +72,10 @@ def _find(folder: str, name: str) -> str:
     if os.path.isfile(path):
         return path
     if not os.path.isdir(folder):
-        raise fault(folder, "T102", f"no such folder{path_hint(folder)}", 0)
+        raise input_error(folder, "T102", f"no such folder{path_hint(folder)}", 0)
     others = _folders_with(name, folder) or _folders_with(name, os.path.normpath(os.path.join(folder, os.pardir)))
     hint = f", did you mean {' or '.join(map(repr, others))}?" if others else ""
-    raise fault(folder, "T102", f"has no template '{name}'{hint}", 0)
+    raise input_error(folder, "T102", f"has no template '{name}'{hint}", 0)
 
 
 def _folders_with(name: str, parent: str) -> list[str]:

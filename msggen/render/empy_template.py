@@ -24,7 +24,7 @@ class Empy:
         return self._template.inputs
 
     def expand(self, names: Mapping[str, object]) -> str:
-        """Return the text that the template makes of `names`. Raises InputError, with the line at fault."""
+        """Return the text that the template makes of `names`. Raises InputError, with the line at error."""
         try:
             return self._template.expand({**FILTERS, **names}, [os.path.dirname(self.path) or os.curdir])
         except InputError as error:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import jinja2
 
-from msggen.diagnostics import InputError, fault, suggestion
+from msggen.diagnostics import InputError, input_error, suggestion
 from msggen.render import THINGS
 from msggen.text.words import FILTERS, unknown_name
 
@@ -32,7 +32,7 @@ class JinjaTemplate:
         return tuple(self._loader.files)
 
     def expand(self, names: Mapping[str, object]) -> str:
-        """Return the text that the template makes of `names`. Raises InputError, with the line at fault."""
+        """Return the text that the template makes of `names`. Raises InputError, with the line at error."""
         with _told(self.path, self._loader.files):
             return self._template.render(names)
 
@@ -94,9 +94,9 @@ class _Loader(jinja2.FileSystemLoader):
             with open(path, encoding="utf-8") as stream:
                 return stream.read()
         except UnicodeDecodeError as error:
-            raise fault(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from None
+            raise input_error(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from None
         except OSError as error:
-            raise fault(path, "T102", f"cannot read the template: {error.strerror or error}", 0) from None
+            raise input_error(path, "T102", f"cannot read the template: {error.strerror or error}", 0) from None
 
 
 class _Undefined(jinja2.StrictUndefined):
@@ -127,10 +127,10 @@ def _told(path: str, files: Mapping[str, None]) -> Iterator[None]:
     except jinja2.TemplateSyntaxError as error:
         known = error.filename in files
         place = (error.filename or path, error.lineno) if known else _place(error, path, files)
-        raise fault(place[0], "T201", _with_hint(error.message or "not Jinja2"), place[1]) from None
+        raise input_error(place[0], "T201", _with_hint(error.message or "not Jinja2"), place[1]) from None
     except Exception as error:  # noqa: BLE001 - a template is code: it may raise anything
         place = _place(error, path, files)
-        raise fault(place[0], *_said(error), place[1]) from None
+        raise input_error(place[0], *_said(error), place[1]) from None
 
 
 def _said(error: Exception) -> tuple[str, str]:

@@ -7,7 +7,7 @@ import posixpath
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-from msggen.diagnostics import Diagnostic, InputError, fault
+from msggen.diagnostics import Diagnostic, InputError, input_error
 from msggen.location import Location
 from msggen.model import Catalog
 from msggen.render.jinja_template import JinjaTemplate, Pattern
@@ -53,7 +53,7 @@ def open_template(path: str) -> Template:
         from msggen.render.empy_template import Empy
 
         return Empy(path)
-    raise fault(path, "T205", "expected a template of Jinja2, named *.j2, or of EmPy, named *.em", 0)
+    raise input_error(path, "T205", "expected a template of Jinja2, named *.j2, or of EmPy, named *.em", 0)
 
 
 def items_of(catalog: Catalog, thing: str) -> tuple[Item, ...]:
@@ -63,7 +63,7 @@ def items_of(catalog: Catalog, thing: str) -> tuple[Item, ...]:
     if items:
         return items
     hint = ": name the dds_topics.yaml that has them with --topics" if thing == "endpoint" else ""
-    raise fault("--each", "T208", f"the sources have no {thing}s{hint}", 0)
+    raise input_error("--each", "T208", f"the sources have no {thing}s{hint}", 0)
 
 
 def _found(view: CatalogView, thing: str) -> Iterator[tuple[str, object]]:
@@ -88,12 +88,14 @@ def output_names(items: Sequence[Item], thing: str, path: str, pattern: str | No
     for item, name in zip(items, names, strict=True):
         other = owners.setdefault(name.casefold(), item)
         if other is not item:
-            raise fault(OPTION, "T207", f"'{name}' would be the output for both {other.label} and {item.label}", 0)
+            raise input_error(
+                OPTION, "T207", f"'{name}' would be the output for both {other.label} and {item.label}", 0
+            )
     for name in names:
         parents = (name[:end] for end, character in enumerate(name) if character == "/")
         folder = next((parent for parent in parents if parent.casefold() in owners), None)
         if folder:
-            raise fault(OPTION, "T207", f"'{folder}' would be an output, and the folder of '{name}'", 0)
+            raise input_error(OPTION, "T207", f"'{folder}' would be an output, and the folder of '{name}'", 0)
     return names
 
 
@@ -101,13 +103,13 @@ def _checked(name: str) -> str:
     """Return `name` in its shortest form. Raises InputError unless it is one of a file in the output folder."""
     shortest = posixpath.normpath(name)
     if not name.strip():
-        raise fault(OPTION, "T206", "the name of the output is empty", 0)
+        raise input_error(OPTION, "T206", "the name of the output is empty", 0)
     if not name.isprintable():
-        raise fault(OPTION, "T206", f"{name!r} has a control character in it", 0)
+        raise input_error(OPTION, "T206", f"{name!r} has a control character in it", 0)
     if posixpath.isabs(name) or shortest.split("/")[0] == "..":
-        raise fault(OPTION, "T206", f"'{name}' leads out of the output folder", 0)
+        raise input_error(OPTION, "T206", f"'{name}' leads out of the output folder", 0)
     if shortest == "." or name.endswith("/"):
-        raise fault(OPTION, "T206", f"'{name}' is a folder, not a file", 0)
+        raise input_error(OPTION, "T206", f"'{name}' is a folder, not a file", 0)
     return shortest
 
 
@@ -117,9 +119,9 @@ def check_places(folder: str, names: Sequence[str], inputs: Collection[str]) -> 
     for name in names:
         path = os.path.join(folder, name)
         if os.path.isdir(path):
-            raise fault(path, "T206", "a folder is in the way of the output of this name", 0)
+            raise input_error(path, "T206", "a folder is in the way of the output of this name", 0)
         if os.path.realpath(path) in kept:
-            raise fault(path, "T206", "this output would replace a file that it is made from", 0)
+            raise input_error(path, "T206", "this output would replace a file that it is made from", 0)
 
 
 def texts_of(template: Template, items: Sequence[Item]) -> tuple[str, ...]:
@@ -131,23 +133,23 @@ def _encodable(text: str, path: str) -> str:
     try:
         text.encode()
     except UnicodeEncodeError as error:
-        raise fault(path, "T204", f"{text[error.start]!r} in the output cannot be written as UTF-8", 0) from None
+        raise input_error(path, "T204", f"{text[error.start]!r} in the output cannot be written as UTF-8", 0) from None
     return text
 
 
 def _each(items: Sequence[Item], function: Callable[[Item], str]) -> tuple[str, ...]:
-    """Return the text that `function` makes of each item. Faults of one place are told once, with all who have them."""
+    """Return the text that `function` makes of each item. Errors of one place are told once, with all who have them."""
     texts: list[str] = []
-    faults: dict[tuple[Location, str], tuple[str, list[str]]] = {}
+    errors: dict[tuple[Location, str], tuple[str, list[str]]] = {}
     for item in items:
         try:
             texts.append(function(item))
         except InputError as error:
             for place, code, message in error.diagnostics:
-                faults.setdefault((place, code), (message, []))[1].append(item.label)
-    if faults:
+                errors.setdefault((place, code), (message, []))[1].append(item.label)
+    if errors:
         raise InputError(
-            Diagnostic(*which, f"{_listed(labels)}{message}") for which, (message, labels) in faults.items()
+            Diagnostic(*which, f"{_listed(labels)}{message}") for which, (message, labels) in errors.items()
         )
     return tuple(texts)
 

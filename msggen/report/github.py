@@ -23,9 +23,9 @@ def write_github(report: Report) -> str:
     return "\n".join([*map(_of_finding, findings), *notices, printable(report.summary)])
 
 
-def write_faults(faults: Sequence[Diagnostic]) -> str:
-    """Return a command for each of `faults`, for which nothing could be compared."""
-    return "\n".join(_of_diagnostic(found, "error") for found in faults)
+def write_errors(errors: Sequence[Diagnostic]) -> str:
+    """Return a command for each of `errors`, for which nothing could be compared."""
+    return "\n".join(_of_diagnostic(found, "error") for found in errors)
 
 
 def _of_diagnostic(found: Diagnostic, command: str) -> str:

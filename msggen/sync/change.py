@@ -51,9 +51,9 @@ def read_halves(path: str, data: bytes, package: str) -> list[Message]:
     text, unclean = decode_text(data, path)
     stem, suffix = os.path.splitext(os.path.basename(path))
     if suffix == ".msg":
-        message, faults = parse_message(text, path, stem, package)
+        message, errors = parse_message(text, path, stem, package)
         halves = [message]
     else:
-        service, faults = parse_service(text, path, stem, package)
+        service, errors = parse_service(text, path, stem, package)
         halves = [service.request, service.response]
-    return halves if all(map(is_comparable, (*unclean, *faults))) else []
+    return halves if all(map(is_comparable, (*unclean, *errors))) else []

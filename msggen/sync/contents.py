@@ -44,9 +44,9 @@ def read_contents(sources: Sources, package: str, *, topics_only: bool) -> Packa
     catalog = read_catalog(sources, contents, bridged_names(sources) if topics_only else None)
     halves = [half for service in catalog.own_services for half in (service.request, service.response)]
     spelled = [*_spelled_types([*catalog.uorb_messages, *halves])]
-    faults = [*_misnamed(spelled, catalog, package)]
-    if faults:
-        raise InputError(faults)
+    errors = [*_misnamed(spelled, catalog, package)]
+    if errors:
+        raise InputError(errors)
     known = {message.name for message in catalog.uorb_messages}
     own = [file for file in sources.messages if not file.package and file.stem in known]
     files = {_flat("msg", file): contents[file.path] for file in own}

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from shlex import quote
 
-from msggen.diagnostics import Diagnostic, fault
+from msggen.diagnostics import Diagnostic, input_error
 from msggen.disk.record import RECORD_NAME, digest
 from msggen.disk.staging import is_writable
 from msggen.location import Location
@@ -19,17 +19,17 @@ _FEW = 3
 _IGNORED = "!!"
 
 
-def find_faults(plan: SyncPlan, dependencies: Mapping[str, Location]) -> list[Diagnostic]:
+def find_errors(plan: SyncPlan, dependencies: Mapping[str, Location]) -> list[Diagnostic]:
     """Return the errors of `plan`, whose definitions nest messages of the packages `dependencies`.
 
     Raises InputError if git cannot say what is committed.
     """
     if plan.target.is_new:
         return [*_no_place(plan)]
-    faults = [*_bad_links(plan), *_no_folders(plan), *_no_files(plan), *_other_cases(plan)]
+    errors = [*_bad_links(plan), *_no_folders(plan), *_no_files(plan), *_other_cases(plan)]
     if not plan.is_stale:
-        return faults
-    return [*faults, *_read_only(plan), *_losses(plan), *_orphans(plan), *_missing_dependencies(plan, dependencies)]
+        return errors
+    return [*errors, *_read_only(plan), *_losses(plan), *_orphans(plan), *_missing_dependencies(plan, dependencies)]
 
 
 def _no_place(plan: SyncPlan) -> Iterator[Diagnostic]:
@@ -40,7 +40,7 @@ def _no_place(plan: SyncPlan) -> Iterator[Diagnostic]:
         parent = os.path.dirname(parent)
     for name, path in ((".", target.folder), ("..", parent)):
         if os.path.exists(path) and not is_writable(path):
-            yield _fault(plan, name, "S114", "the folder is read-only, and is to have a new package: make it writable")
+            yield _error(plan, name, "S114", "the folder is read-only, and is to have a new package: make it writable")
 
 
 def _bad_links(plan: SyncPlan) -> Iterator[Diagnostic]:
@@ -56,20 +56,20 @@ def _bad_links(plan: SyncPlan) -> Iterator[Diagnostic]:
             outside.append(name)
     for name in outside:
         leads = os.readlink(os.path.join(target.folder, name))
-        yield _fault(plan, name, "S115", f"a symbolic link out of the package, to {leads}: put a real one in its place")
+        yield _error(plan, name, "S115", f"a symbolic link out of the package, to {leads}: put a real one in its place")
 
 
 def _no_folders(plan: SyncPlan) -> Iterator[Diagnostic]:
     for kind in KINDS:
         path = os.path.join(plan.target.folder, kind)
         if os.path.lexists(path) and not os.path.isdir(path):
-            yield _fault(plan, kind, "S104", "not a folder: move it, definitions are to be put there")
+            yield _error(plan, kind, "S104", "not a folder: move it, definitions are to be put there")
 
 
 def _no_files(plan: SyncPlan) -> Iterator[Diagnostic]:
     for name in (*plan.changed, *plan.removed):
         if os.path.isdir(os.path.join(plan.target.folder, name)):
-            yield _fault(plan, name, "S104", "a folder, where a definition is to be: move it")
+            yield _error(plan, name, "S104", "a folder, where a definition is to be: move it")
 
 
 def _other_cases(plan: SyncPlan) -> Iterator[Diagnostic]:
@@ -80,7 +80,7 @@ def _other_cases(plan: SyncPlan) -> Iterator[Diagnostic]:
             name = f"{kind}/{base}"
             other = wanted.get(name.lower(), name)
             if other != name:
-                yield _fault(
+                yield _error(
                     plan, name, "S116", f"differs only in case from '{other}' of the firmware: rename or remove it"
                 )
 
@@ -93,7 +93,7 @@ def _read_only(plan: SyncPlan) -> list[Diagnostic]:
     text = (
         f"{len(found)} files and folders are read-only, and are to be changed: chmod -R u+w {quote(plan.target.path)}"
     )
-    return [_fault(plan, ".", "S114", text)]
+    return [_error(plan, ".", "S114", text)]
 
 
 def _each_read_only(plan: SyncPlan) -> Iterator[Diagnostic]:
@@ -104,7 +104,7 @@ def _each_read_only(plan: SyncPlan) -> Iterator[Diagnostic]:
             continue
         if not is_writable(path):
             what = "the folder" if os.path.isdir(path) else "the file"
-            yield _fault(plan, name, "S114", f"{what} is read-only, and is to be changed: make it writable")
+            yield _error(plan, name, "S114", f"{what} is read-only, and is to be changed: make it writable")
 
 
 def _losses(plan: SyncPlan) -> Iterator[Diagnostic]:
@@ -118,11 +118,11 @@ def _losses(plan: SyncPlan) -> Iterator[Diagnostic]:
         state = states.get(real) if states is not None else None
         if state == _IGNORED and plan.known.files:
             text = "is not as msggen wrote it, and git ignores it, so nothing has it: move it, or delete it"
-            yield _fault(plan, name, "S113", text)
+            yield _error(plan, name, "S113", text)
         elif state not in (None, _IGNORED):
-            yield _fault(plan, name, "S113", "has changes that are not committed: commit or stash them")
+            yield _error(plan, name, "S113", "has changes that are not committed: commit or stash them")
         elif states is None and plan.known.files and name not in plan.known.files:
-            yield _fault(
+            yield _error(
                 plan, name, "S104", "msggen did not write this file, and the firmware has one of this name: move it"
             )
 
@@ -169,9 +169,9 @@ def _uncommitted(target: Target) -> dict[str, str] | None:
     except GitError as error:
         if not is_in_repository(target.folder):
             return None
-        raise fault(target.path, "S113", f"git cannot say what is committed here: {error}", 0) from None
+        raise input_error(target.path, "S113", f"git cannot say what is committed here: {error}", 0) from None
     return {os.fsdecode(row[3:].removeprefix(prefix)): row[:2].decode() for row in rows.split(b"\0") if row}
 
 
-def _fault(plan: SyncPlan, name: str, code: str, message: str) -> Diagnostic:
+def _error(plan: SyncPlan, name: str, code: str, message: str) -> Diagnostic:
     return Diagnostic(Location(os.path.normpath(plan.target.place(name)), 0), code, message)

@@ -9,7 +9,7 @@ from msggen.disk.record import read_record
 from msggen.disk.staging import locked
 from msggen.firmware.sources import Sources
 from msggen.sync.contents import PackageContents
-from msggen.sync.guard import find_faults
+from msggen.sync.guard import find_errors
 from msggen.sync.plan import SyncPlan, make_plan
 from msggen.sync.scaffold import plan_scaffold
 from msggen.sync.target import Request, Target, open_target
@@ -45,7 +45,7 @@ def _plan(target: Target, sources: Sources, definitions: PackageContents) -> Syn
     known = read_record(target.folder)
     scaffold = plan_scaffold(target, sources, known, definitions)
     plan = make_plan(target, definitions.files, known, scaffold)
-    faults = find_faults(plan, definitions.dependencies)
-    if faults:
-        raise InputError(faults)
+    errors = find_errors(plan, definitions.dependencies)
+    if errors:
+        raise InputError(errors)
     return plan

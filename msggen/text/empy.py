@@ -13,7 +13,7 @@ from traceback import walk_tb
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from msggen.diagnostics import InputError, fault, suggestion
+from msggen.diagnostics import InputError, input_error, suggestion
 
 if TYPE_CHECKING:
     from msggen.text.empy_program import Program
@@ -52,7 +52,7 @@ class EmpyTemplate:
                 if isinstance(error, InputError):
                     raise
                 code, said = _said(error, self.path)
-                raise fault(self.path, code, said, self._program.line_of(error)) from error
+                raise input_error(self.path, code, said, self._program.line_of(error)) from error
         return text
 
 
@@ -61,9 +61,9 @@ def _read(path: str) -> str:
         with open(path, encoding="utf-8") as stream:
             return stream.read()
     except UnicodeDecodeError as error:
-        raise fault(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from error
+        raise input_error(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from error
     except OSError as error:
-        raise fault(path, "T102", f"cannot read the template: {error.strerror or error}", 0) from error
+        raise input_error(path, "T102", f"cannot read the template: {error.strerror or error}", 0) from error
 
 
 def _program(path: str, text: str) -> Program:
@@ -74,7 +74,7 @@ def _program(path: str, text: str) -> Program:
     try:
         return Program(path, text)
     except MarkupError as error:
-        raise fault(path, "T103", str(error), error.line) from error
+        raise input_error(path, "T103", str(error), error.line) from error
 
 
 def _check_empy(path: str) -> None:
@@ -83,10 +83,10 @@ def _check_empy(path: str) -> None:
     try:
         import em
     except ImportError as error:
-        raise fault(path, "T101", f"{wanted}: {error}", 0) from error
+        raise input_error(path, "T101", f"{wanted}: {error}", 0) from error
     version = str(getattr(em, "__version__", "without a version"))
     if not version.startswith("3.3"):
-        raise fault(path, "T101", f"{wanted}: the module 'em' found is {version}, from {em.__file__}", 0)
+        raise input_error(path, "T101", f"{wanted}: the module 'em' found is {version}, from {em.__file__}", 0)
 
 
 def _said(error: BaseException, path: str) -> tuple[str, str]:

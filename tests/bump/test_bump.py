@@ -925,7 +925,7 @@ def test_a_folder_without_a_write_bit_gets_no_files(firmware: Path, capsys: pyte
     assert capsys.readouterr().err.startswith(f"{firmware / ARCHIVE.parent}: S114 the folder is read-only")
 
 
-def test_faults_of_definitions_are_told_as_ever(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_errors_of_definitions_are_told_as_ever(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
     append(STATUS, "uint_8 battery_count")
     before = files_of(firmware)
     assert bump("VehicleStatus") == FAILED

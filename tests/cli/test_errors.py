@@ -1,8 +1,8 @@
-"""Faulty input: each fault has its place, its code and a message that helps; all of them come in one run, with exit
+"""Faulty input: each error has its place, its code and a message that helps; all of them come in one run, with exit
 code 2 and nothing written. Whatever a file holds, msggen says what is wrong with it and never falls over.
 
 The first way to get each code is its example in msggen/report/errors.yaml, which tests/test_error_texts.py runs. The
-rows of FAULTS and DOUBTS are further ways.
+rows of ERRORS and DOUBTS are further ways.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ TREE = ("--px4", "in")
 STRICT = (*TREE, "--strict")
 
 
-class Fault(NamedTuple):
-    """`files` with one fault in them, and what a build from `source` says to it."""
+class Case(NamedTuple):
+    """`files` with one error in them, and what a build from `source` says to it."""
 
     code: str
     place: str
@@ -49,52 +49,52 @@ class Fault(NamedTuple):
     source: tuple[str, ...] = TREE
 
 
-def line(code: str, column: int, fragment: str, text: str) -> Fault:
-    """Return a fault on the second line of a message, below its timestamp."""
-    return Fault(code, f"{FOO}:2:{column}", fragment, {FOO: f"{STAMP}{text}\n"})
+def line(code: str, column: int, fragment: str, text: str) -> Case:
+    """Return an error on the second line of a message, below its timestamp."""
+    return Case(code, f"{FOO}:2:{column}", fragment, {FOO: f"{STAMP}{text}\n"})
 
 
-def in_a_tree(code: str, fragment: str, text: str) -> Fault:
-    """Return a fault on the second line of a message of the firmware's own tree."""
+def in_a_tree(code: str, fragment: str, text: str) -> Case:
+    """Return an error on the second line of a message of the firmware's own tree."""
     files: dict[str, str | bytes] = {FOO: f"{STAMP}{text}\n", "in/src/modules/README": ""}
-    return Fault(code, f"{FOO}:2:1", fragment, files)
+    return Case(code, f"{FOO}:2:1", fragment, files)
 
 
-def bridge(code: str, place: str, fragment: str, text: str) -> Fault:
+def bridge(code: str, place: str, fragment: str, text: str) -> Case:
     """Return an error in the YAML, beside two sound messages."""
-    return Fault(code, f"{YAML}:{place}", fragment, {FOO: f"{STAMP}uint8 id\nfloat32 x\n", BAR: STAMP, YAML: text})
+    return Case(code, f"{YAML}:{place}", fragment, {FOO: f"{STAMP}uint8 id\nfloat32 x\n", BAR: STAMP, YAML: text})
 
 
-def doubt(code: str, place: str, fragment: str, text: str) -> Fault:
+def doubt(code: str, place: str, fragment: str, text: str) -> Case:
     """Return a warning about the YAML, which `--strict` makes an error."""
     return bridge(code, place, fragment, text)._replace(source=STRICT)
 
 
-def odd(code: str, place: str, fragment: str, text: str) -> Fault:
+def odd(code: str, place: str, fragment: str, text: str) -> Case:
     """Return a warning about a message, which `--strict` makes an error."""
-    return Fault(code, f"{FOO}:{place}", fragment, {FOO: f"{STAMP}{text}\n"}, STRICT)
+    return Case(code, f"{FOO}:{place}", fragment, {FOO: f"{STAMP}{text}\n"}, STRICT)
 
 
-def in_lists(code: str, place: str, fragment: str, lists: str) -> Fault:
+def in_lists(code: str, place: str, fragment: str, lists: str) -> Case:
     """Return a warning about what a tree lists, beside two messages and a board that turns on nothing."""
     files = {FOO: STAMP, BAR: STAMP, "in/msg/CMakeLists.txt": lists, "in/src/modules/README": "", "sitl.px4board": ""}
-    return Fault(code, place, fragment, dict(files), (*TREE, "--strict"))
+    return Case(code, place, fragment, dict(files), (*TREE, "--strict"))
 
 
-FAULTS = [
+ERRORS = [
     # the text of a definition
     line("M101", 3, "found 'uint8 = 5'", "  uint8 = 5"),
-    Fault("M102", f"{FOO}:1:1", "byte order mark", {FOO: b"\xef\xbb\xbf" + STAMP.encode()}),
-    Fault("Y101", f"{YAML}:1:3", "byte 0xe4 is not UTF-8", {FOO: STAMP, YAML: b"# \xe4\n"}),
-    Fault("M103", f"{FOO}:1:1", "'Foo' is empty", {FOO: ""}),
-    Fault("M105", f"{SERVICE}:4:1", "found 2", {FOO: STAMP, SERVICE: "uint8 a\n---\nuint8 b\n---\nuint8 c\n"}),
+    Case("M102", f"{FOO}:1:1", "byte order mark", {FOO: b"\xef\xbb\xbf" + STAMP.encode()}),
+    Case("Y101", f"{YAML}:1:3", "byte 0xe4 is not UTF-8", {FOO: STAMP, YAML: b"# \xe4\n"}),
+    Case("M103", f"{FOO}:1:1", "'Foo' is empty", {FOO: ""}),
+    Case("M105", f"{SERVICE}:4:1", "found 2", {FOO: STAMP, SERVICE: "uint8 a\n---\nuint8 b\n---\nuint8 c\n"}),
     # names
     line("M201", 7, "for example 'speed'", "uint8 Speed"),
     line("M201", 7, "expected UPPER_CASE", "uint8 1A = 1"),
-    Fault("M201", "in/msg/esc-report.msg:1:1", "for example 'EscReport'", {"in/msg/esc-report.msg": STAMP}),
+    Case("M201", "in/msg/esc-report.msg:1:1", "for example 'EscReport'", {"in/msg/esc-report.msg": STAMP}),
     line("M203", 7, "already defined on line 1", "uint8 timestamp"),
-    Fault("M203", f"{FOO}:3:8", "already defined on line 2", {FOO: f"{STAMP}uint8 A = 1\nuint16 A = 1\n"}),
-    Fault(
+    Case("M203", f"{FOO}:3:8", "already defined on line 2", {FOO: f"{STAMP}uint8 A = 1\nuint16 A = 1\n"}),
+    Case(
         "M204",
         "other/Foo.msg:1:1",
         "differs only in case from 'FOO'",
@@ -107,15 +107,15 @@ FAULTS = [
     line("M301", 1, "did you mean 'builtin_interfaces/Time'?", "time x"),
     line("M301", 1, "package 'std_msgs' is not among the sources", "std_msgs/Header x"),
     line("M301", 1, "cannot read type 'uint8[3][3]'", "uint8[3][3] x"),
-    Fault("M301", f"{BAR}:2:3", "did you mean 'Foo'?", {FOO: STAMP, BAR: f"{STAMP}  Fooo x\n"}),
-    Fault("M301", f"{SERVICE}:2:1", "unknown type 'Missing'", {FOO: STAMP, SERVICE: "---\nMissing x\n"}),
-    Fault("M302", f"{FOO}:2:1", "Bar > Foo > Bar", {FOO: f"{STAMP}Bar x\n", BAR: f"{STAMP}Foo[2] x\n"}),
+    Case("M301", f"{BAR}:2:3", "did you mean 'Foo'?", {FOO: STAMP, BAR: f"{STAMP}  Fooo x\n"}),
+    Case("M301", f"{SERVICE}:2:1", "unknown type 'Missing'", {FOO: STAMP, SERVICE: "---\nMissing x\n"}),
+    Case("M302", f"{FOO}:2:1", "Bar > Foo > Bar", {FOO: f"{STAMP}Bar x\n", BAR: f"{STAMP}Foo[2] x\n"}),
     line("M303", 1, "from 1 to 65535", f"uint8[{10**40}] x"),
     line("M303", 1, "found '-1'", "uint8[-1] x"),
     line("M303", 1, "found 'SIZE'", "uint8[SIZE] x"),
     line("M303", 1, "from 1 to 2147483647", "string<=0 x"),
     line("M303", 1, "only strings take a bound", "uint8<=3 x"),
-    Fault("M304", f"{FOO}:2:1", "'Bar[60000]' is too large", {FOO: f"{STAMP}Bar[60000] x\n", BAR: STAMP}),
+    Case("M304", f"{FOO}:2:1", "'Bar[60000]' is too large", {FOO: f"{STAMP}Bar[60000] x\n", BAR: STAMP}),
     line("M305", 8, "int8 holds -128 to 127, found -129", "int8 A=-129"),
     line("M305", 13, "float32 holds up to 3.4", "float32 A = 1e39"),
     line("M305", 9, "expected an integer, found '1.5'", "uint8 x 1.5"),
@@ -125,7 +125,7 @@ FAULTS = [
     line("M305", 15, "expected values with commas between them", 'string[<=2] x ["a" "b"]'),
     in_a_tree("M306", "as 'uint8[32]', found 'uint8[] x'", "uint8[] x"),
     in_a_tree("M306", "as 'float32[32]', found 'float32[<=3] x'", "float32[<=3] x"),
-    Fault(
+    Case(
         "M306",
         f"{FOO}:2:1",
         "'std_msgs/Header' has strings or sequences",
@@ -133,7 +133,7 @@ FAULTS = [
         (*TREE, "--msg-dir", "std_msgs=std"),
     ),
     # uORB
-    Fault("M401", f"{FOO}:2:1", "found 'uint32 timestamp'", {FOO: "uint8 x\nuint32 timestamp\n"}),
+    Case("M401", f"{FOO}:2:1", "found 'uint32 timestamp'", {FOO: "uint8 x\nuint32 timestamp\n"}),
     line("M402", 10, "no name", "# TOPICS "),
     line("M402", 14, "'two-three' is no topic name", "# TOPICS one two-three"),
     line("M403", 14, "already declared in this file", "# TOPICS one one"),
@@ -150,17 +150,17 @@ FAULTS = [
     bridge("Y205", "2:10", "expected an integer, found float32", f"{ROUTED}  route_field: x\n"),
     bridge("Y201", "3:9", "no message defines the type 'my_msgs::msg::Foo'", ENTRY.replace("px4_msgs", "my_msgs")),
     # what is read and written
-    Fault("S101", "nothing.yaml", "No such file", {FOO: STAMP}, (*TREE, "--topics", "nothing.yaml")),
-    Fault("S101", FOO, "Is a directory", {f"{FOO}/note.txt": ""}),
-    Fault("S102", "in", "no .msg file here", {"in/note.txt": ""}),
-    Fault("S102", "in/src", "did you mean '", {FOO: STAMP, "in/src/note.txt": ""}, ("--px4", "in/src")),
-    Fault("S103", "--package", "'class' cannot be imported", {FOO: STAMP}, (*TREE, "--package", "class")),
-    Fault("S103", "--package", "'../up' cannot be imported", {FOO: STAMP}, (*TREE, "--package", "../up")),
-    Fault("S107", "in/package.xml:1:10", "not XML", {FOO: STAMP, "in/package.xml": "<package>"}),
-    Fault("S107", "in/package.xml", "'a b' is no name", {FOO: STAMP, "in/package.xml": "<p><name>a b</name></p>"}),
-    Fault("S108", "in@v1.16", "not a git repository", {FOO: STAMP}, ("--px4", "in@v1.16")),
-    Fault("S118", "--board", "in has no msg/CMakeLists.txt", {FOO: STAMP}, (*TREE, "--board", "px4_sitl")),
-    Fault("S105", "--release", "did you mean 'v1.18'?", {FOO: STAMP}, (*TREE, "--release", "v1.71")),
+    Case("S101", "nothing.yaml", "No such file", {FOO: STAMP}, (*TREE, "--topics", "nothing.yaml")),
+    Case("S101", FOO, "Is a directory", {f"{FOO}/note.txt": ""}),
+    Case("S102", "in", "no .msg file here", {"in/note.txt": ""}),
+    Case("S102", "in/src", "did you mean '", {FOO: STAMP, "in/src/note.txt": ""}, ("--px4", "in/src")),
+    Case("S103", "--package", "'class' cannot be imported", {FOO: STAMP}, (*TREE, "--package", "class")),
+    Case("S103", "--package", "'../up' cannot be imported", {FOO: STAMP}, (*TREE, "--package", "../up")),
+    Case("S107", "in/package.xml:1:10", "not XML", {FOO: STAMP, "in/package.xml": "<package>"}),
+    Case("S107", "in/package.xml", "'a b' is no name", {FOO: STAMP, "in/package.xml": "<p><name>a b</name></p>"}),
+    Case("S108", "in@v1.16", "not a git repository", {FOO: STAMP}, ("--px4", "in@v1.16")),
+    Case("S118", "--board", "in has no msg/CMakeLists.txt", {FOO: STAMP}, (*TREE, "--board", "px4_sitl")),
+    Case("S105", "--release", "did you mean 'v1.18'?", {FOO: STAMP}, (*TREE, "--release", "v1.71")),
 ]
 
 DOUBTS = [
@@ -177,9 +177,9 @@ DOUBTS = [
     odd("M205", "2:7", "'class' is a keyword of C++", "uint8 class"),
     odd("M205", "2:10", "expects a letter first, and single underscores", "# TOPICS one__two"),
     odd("M205", "2:10", "topic name 'new' is a keyword of C++", "# TOPICS new"),
-    Fault("M205", "in/msg/Class.msg:1:1", "the topic 'class'", {"in/msg/Class.msg": STAMP}, STRICT),
-    Fault("M205", "in/msg/esc_report.msg:1:1", "for example 'EscReport'", {"in/msg/esc_report.msg": STAMP}, STRICT),
-    Fault(
+    Case("M205", "in/msg/Class.msg:1:1", "the topic 'class'", {"in/msg/Class.msg": STAMP}, STRICT),
+    Case("M205", "in/msg/esc_report.msg:1:1", "for example 'EscReport'", {"in/msg/esc_report.msg": STAMP}, STRICT),
+    Case(
         "M205",
         "in/msg/versioned/FOO.msg:1:1",
         "differs only in case from 'Foo'",
@@ -205,13 +205,13 @@ DOUBTS = [
 ]
 
 
-def build(folder: Path, fault: Fault) -> int:
-    """Write the files of `fault` into `folder`, the current one, and build from them; return the exit code."""
-    for path, text in fault.files.items():
+def build(folder: Path, error: Case) -> int:
+    """Write the files of `error` into `folder`, the current one, and build from them; return the exit code."""
+    for path, text in error.files.items():
         target = folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return main(["build", *fault.source, "-o", "out"])
+    return main(["build", *error.source, "-o", "out"])
 
 
 def files_below(folder: Path) -> dict[str, bytes]:
@@ -219,7 +219,7 @@ def files_below(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def faults_in(message: bytes, yaml: bytes = b"", service: bytes = b"---") -> tuple[Diagnostic, ...]:
+def errors_in(message: bytes, yaml: bytes = b"", service: bytes = b"---") -> tuple[Diagnostic, ...]:
     """Return what is wrong with three files; any exception but InputError goes through."""
     sources = Sources((File(FOO, FOO),), (File(SERVICE, SERVICE),), File(YAML, YAML), own=1)
     try:
@@ -229,34 +229,34 @@ def faults_in(message: bytes, yaml: bytes = b"", service: bytes = b"---") -> tup
     return ()
 
 
-# One fault at a time
+# One error at a time
 
 
-@pytest.mark.parametrize("fault", [*FAULTS, *DOUBTS], ids=lambda fault: f"{fault.code} {fault.fragment}")
-def test_each_fault_is_told_with_its_place_code_and_help(
-    fault: Fault, working_folder: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("error", [*ERRORS, *DOUBTS], ids=lambda error: f"{error.code} {error.fragment}")
+def test_each_error_is_told_with_its_place_code_and_help(
+    error: Case, working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert build(working_folder, fault) == FAILED
+    assert build(working_folder, error) == FAILED
     output = capsys.readouterr()
     first, last = output.err.splitlines()
-    assert first.startswith(f"{fault.place}: {fault.code} ")
-    assert fault.fragment in first
+    assert first.startswith(f"{error.place}: {error.code} ")
+    assert error.fragment in first
     assert last == "1 error, nothing written"
     assert output.out == ""
-    assert files_below(working_folder).keys() == fault.files.keys()
+    assert files_below(working_folder).keys() == error.files.keys()
 
 
-@pytest.mark.parametrize("fault", DOUBTS, ids=lambda fault: f"{fault.code} {fault.fragment}")
+@pytest.mark.parametrize("error", DOUBTS, ids=lambda error: f"{error.code} {error.fragment}")
 def test_what_px4_may_have_added_is_a_warning(
-    fault: Fault, working_folder: Path, capsys: pytest.CaptureFixture[str]
+    error: Case, working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for _ in range(2):  # it is said again where there is nothing to do
-        assert build(working_folder, fault._replace(source=fault.source[:-1])) == DONE
+        assert build(working_folder, error._replace(source=error.source[:-1])) == DONE
         told = capsys.readouterr().err
-        assert told.startswith(f"{fault.place}: {fault.code} warning: ")
-        assert fault.fragment in told
+        assert told.startswith(f"{error.place}: {error.code} warning: ")
+        assert error.fragment in told
         assert told.count("\n") == 1
-    assert build(working_folder, fault) == FAILED
+    assert build(working_folder, error) == FAILED
 
 
 def test_warnings_are_told_beside_errors(working_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -270,7 +270,7 @@ def test_warnings_are_told_beside_errors(working_folder: Path, capsys: pytest.Ca
 # All of them at once
 
 
-def test_all_faults_of_all_files_come_in_one_run_in_order(
+def test_all_errors_of_all_files_come_in_one_run_in_order(
     working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files: dict[str, str | bytes] = {
@@ -280,7 +280,7 @@ def test_all_faults_of_all_files_come_in_one_run_in_order(
         SERVICE: "unit8 a\n---\nuint8 1a\n",
         YAML: f"{ENTRY}  rate: 5\n- topic: /fmu/out/foo\n  type: px4_msgs::msg::Fooo\n",
     }
-    assert build(working_folder, Fault("", "", "", files)) == FAILED
+    assert build(working_folder, Case("", "", "", files)) == FAILED
     *told, last = capsys.readouterr().err.splitlines()
     assert [" ".join(text.split()[:2]) for text in told] == [
         f"{YAML}:4:3: Y103",  # a warning, told before the errors
@@ -299,7 +299,7 @@ def test_all_faults_of_all_files_come_in_one_run_in_order(
 
 
 def test_both_missing_keys_of_an_entry_are_told() -> None:
-    told = "\n".join(fault.message for fault in faults_in(STAMP.encode(), b"publications:\n- rate_limit: 5\n"))
+    told = "\n".join(error.message for error in errors_in(STAMP.encode(), b"publications:\n- rate_limit: 5\n"))
     assert "'topic'" in told
     assert "'type'" in told
 
@@ -310,16 +310,16 @@ def test_two_cycles_are_both_found() -> None:
     sources = Sources(tuple(File(name, name) for name in files), ())
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in files.items()})
-    assert [fault.message.split(": ")[1] for fault in caught.value.diagnostics] == ["A > B > A", "C > D > E > C"]
+    assert [error.message.split(": ")[1] for error in caught.value.diagnostics] == ["A > B > A", "C > D > E > C"]
 
 
 # Nothing written
 
 
-def test_a_faulty_input_leaves_an_earlier_package_as_it_was(
+def test_an_invalid_input_leaves_an_earlier_package_as_it_was(
     working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert build(working_folder, Fault("", "", "", {FOO: STAMP})) == DONE
+    assert build(working_folder, Case("", "", "", {FOO: STAMP})) == DONE
     before = files_below(working_folder / "out")
     assert build(working_folder, line("M301", 1, "", "float3 x")) == FAILED
     assert files_below(working_folder / "out") == before
@@ -327,9 +327,9 @@ def test_a_faulty_input_leaves_an_earlier_package_as_it_was(
 
 
 @pytest.mark.parametrize("option", ["--check", "--diff", "--list-outputs"])
-def test_faults_are_no_findings(option: str, working_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    fault = Fault("", "", "", {FOO: "uint8 x\n"}, (*TREE, option))
-    assert build(working_folder, fault) == FAILED
+def test_errors_are_no_findings(option: str, working_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    error = Case("", "", "", {FOO: "uint8 x\n"}, (*TREE, option))
+    assert build(working_folder, error) == FAILED
     assert "M401" in capsys.readouterr().err
 
 
@@ -427,9 +427,9 @@ def made_of(words: list[str]) -> st.SearchStrategy[bytes]:
 
 @given(st.one_of(ANY_TEXT, made_of(WORDS)))
 def test_any_message_is_read_or_refused(data: bytes) -> None:
-    for fault in faults_in(data):
-        assert fault.code in CODES
-        assert is_one_plain_line(str(fault))
+    for error in errors_in(data):
+        assert error.code in CODES
+        assert is_one_plain_line(str(error))
 
 
 @given(st.one_of(ANY_TEXT, made_of(KEYS)))
@@ -438,16 +438,16 @@ def test_any_message_is_read_or_refused(data: bytes) -> None:
 @example(b"publications: &a [*a]")
 @example(b"? &a {*a: *a}\n: 1")
 def test_any_yaml_is_read_or_refused(data: bytes) -> None:
-    for fault in faults_in(STAMP.encode(), data):
-        assert fault.code in CODES
-        assert is_one_plain_line(str(fault))
+    for error in errors_in(STAMP.encode(), data):
+        assert error.code in CODES
+        assert is_one_plain_line(str(error))
 
 
 @given(st.one_of(ANY_TEXT, made_of(WORDS)))
 def test_any_service_is_read_or_refused(data: bytes) -> None:
-    for fault in faults_in(STAMP.encode(), service=data):
-        assert fault.location.path == SERVICE
-        assert is_one_plain_line(str(fault))
+    for error in errors_in(STAMP.encode(), service=data):
+        assert error.location.path == SERVICE
+        assert is_one_plain_line(str(error))
 
 
 def test_a_yaml_that_nests_without_end_is_refused() -> None:
@@ -464,7 +464,7 @@ def test_a_long_chain_of_nested_messages_is_an_error_not_a_crash() -> None:
     sources = Sources(tuple(File(name, name) for name in texts), ())
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in texts.items()})
-    assert {fault.code for fault in caught.value.diagnostics} == {"M302"}
+    assert {error.code for error in caught.value.diagnostics} == {"M302"}
 
 
 # How it is said
@@ -479,7 +479,7 @@ def test_a_diagnostic_reads_as_place_code_and_message() -> None:
 def test_diagnostics_come_sorted_and_once() -> None:
     places = [Location("b", 1), Location("a", 10), Location("a", 9), Location("a", 9)]
     error = InputError(Diagnostic(place, "M101", "text") for place in places)
-    assert [str(fault.location) for fault in error.diagnostics] == ["a:9:1", "a:10:1", "b:1:1"]
+    assert [str(error.location) for error in error.diagnostics] == ["a:9:1", "a:10:1", "b:1:1"]
 
 
 @pytest.mark.parametrize(

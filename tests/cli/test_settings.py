@@ -274,7 +274,7 @@ def test_the_command_line_reports_bad_settings_and_exits_with_2(capsys: pytest.C
     assert os.listdir() == ["pyproject.toml"]
 
 
-def test_a_fault_in_a_file_further_up_names_that_file(
+def test_an_error_in_a_file_further_up_names_that_file(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings_file("[tool.msggen]\nzzz = 1\n")

@@ -92,9 +92,9 @@ def told(capsys: Capture, *arguments: str) -> str:
     assert breaking(*arguments) == FAILED
     shown = capsys.readouterr()
     assert shown.out == ""
-    *faults, last = shown.err.splitlines()
-    assert last == f"{len(faults)} error{'s' * (len(faults) > 1)}, cannot tell"
-    return "\n".join(faults)
+    *errors, last = shown.err.splitlines()
+    assert last == f"{len(errors)} error{'s' * (len(errors) > 1)}, cannot tell"
+    return "\n".join(errors)
 
 
 def edit(file: str, old: str, new: str) -> None:
@@ -733,7 +733,7 @@ def test_an_archived_version_that_cannot_be_read_is_told(text: str, capsys: Capt
 
 
 @pytest.mark.parametrize("text", [f"\ufeff{STAMP}", f"{STAMP}uint8 class\n", f"# TOPICS  a\n{STAMP}"])
-def test_faults_that_do_not_matter_elsewhere_do_not_matter_in_the_archive(text: str, capsys: Capture) -> None:
+def test_errors_that_do_not_matter_elsewhere_do_not_matter_in_the_archive(text: str, capsys: Capture) -> None:
     write_definitions(FIRMWARE, {"msg/Lamp.msg": text})
     assert broken(capsys) == NONE
     write_definitions(FIRMWARE, {f"{ARCHIVE}/LampV0.msg": text})

@@ -61,9 +61,9 @@ def told(capsys: Capture, *arguments: str) -> str:
     assert check(*arguments) == FAILED
     shown = capsys.readouterr()
     assert shown.out == ""
-    *faults, last = shown.err.splitlines()
+    *errors, last = shown.err.splitlines()
     assert re.fullmatch(r"\d+ errors?, cannot tell", last)
-    return "\n".join(faults)
+    return "\n".join(errors)
 
 
 def edit(path: str | Path, old: str, new: str) -> None:
@@ -362,19 +362,19 @@ def test_types_of_other_packages_do_not_stop_the_comparison_of_the_rest(
         (f"{STAMP}Mine mine\n", "px4_msgs/msg/Rpm.msg:2:1: M301 "),
     ],
 )
-def test_a_fault_in_a_message_of_both_sides_is_told_at_its_place(text: str, said: str, capsys: Capture) -> None:
+def test_an_error_in_a_message_of_both_sides_is_told_at_its_place(text: str, said: str, capsys: Capture) -> None:
     (MSG / "Rpm.msg").write_text(text)
     assert told(capsys, *SIDES).startswith(said)
 
 
-def test_a_fault_in_what_a_shared_message_nests_is_told_too(capsys: Capture) -> None:
+def test_an_error_in_what_a_shared_message_nests_is_told_too(capsys: Capture) -> None:
     """Were `Mine` not nested, it would be nobody's business."""
     edit(MSG / "Rpm.msg", "float32 rpm_raw", "Mine mine")
     write_definitions(MSG, {"Mine.msg": "float3 x\n"})
     assert told(capsys, *SIDES).startswith("px4_msgs/msg/Mine.msg:1:1: M301 ")
 
 
-def test_faults_of_the_firmware_are_told(capsys: Capture) -> None:
+def test_errors_of_the_firmware_are_told(capsys: Capture) -> None:
     write_definitions(Path("firmware"), {"msg/Rpm.msg": "float3 x\n"})
     assert told(capsys, *SIDES).startswith("firmware/msg/Rpm.msg:1:1: M301 ")
 
@@ -507,7 +507,7 @@ def test_services_count_and_what_they_nest(capsys: Capture) -> None:
     assert ("SERVICE_REMOVED", "VehicleCommand") in drift(capsys, *TOPICS_ONLY)
 
 
-def test_faults_of_what_does_not_cross_do_not_matter(capsys: Capture) -> None:
+def test_errors_of_what_does_not_cross_do_not_matter(capsys: Capture) -> None:
     for folder in ("firmware/msg", "px4_msgs/msg"):
         write_definitions(Path(folder), {"Rpm.msg": "float3 x\n"})
     assert drift(capsys, *TOPICS_ONLY) == IN_STEP
@@ -545,7 +545,7 @@ def test_without_a_bridge_nobody_can_tell_what_crosses_it(capsys: Capture) -> No
         ("publications:\n- topic: /fmu/out/lamp\n  type: px4_msgs::msg::Lamp\n", ":3:9: Y201 "),
     ],
 )
-def test_a_faulty_bridge_is_told_at_its_place(text: str, said: str, capsys: Capture) -> None:
+def test_an_invalid_bridge_is_told_at_its_place(text: str, said: str, capsys: Capture) -> None:
     write_definitions(Path("firmware"), {BRIDGE_PLACE: text})
     assert told(capsys, *TOPICS_ONLY).startswith(f"firmware/{BRIDGE_PLACE}{said}")
 

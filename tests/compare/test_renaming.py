@@ -12,8 +12,8 @@ from msggen.parse.definition import parse_message
 
 
 def fields(text: str) -> list[Field]:
-    message, faults = parse_message(text, "msg/A.msg", "A", "px4_msgs")
-    assert not [fault for fault in faults if fault.code != "M401"]
+    message, errors = parse_message(text, "msg/A.msg", "A", "px4_msgs")
+    assert not [error for error in errors if error.code != "M401"]
     return list(message.fields)
 
 

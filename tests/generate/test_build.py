@@ -619,7 +619,7 @@ def test_a_folder_inside_a_tree_is_answered_with_the_tree(capsys: pytest.Capture
     assert re.search(r"S102 .*did you mean '\S*firmware'\?", capsys.readouterr().err)
 
 
-def test_a_faulty_definition_leaves_the_package_of_before() -> None:
+def test_an_invalid_definition_leaves_the_package_of_before() -> None:
     firmware()
     build("-q", "--px4", "firmware")
     before = identity(PACKAGE)

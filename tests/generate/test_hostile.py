@@ -288,7 +288,7 @@ def test_any_printable_string_constant_is_one_literal(value: str) -> None:
 
 @pytest.mark.parametrize("text", ["nan", "-nan", "inf", "-inf", "1e-400"])
 @pytest.mark.parametrize("type_", FLOATS)
-def test_odd_floats_are_constants_and_defaults(type_: str, text: str, tmp_path: Path) -> None:
+def test_odd_floats_are_constants_and_deerrors(type_: str, text: str, tmp_path: Path) -> None:
     value = float(text)
     lines = [
         f"{type_} SOME = {text}",
@@ -302,7 +302,7 @@ def test_odd_floats_are_constants_and_defaults(type_: str, text: str, tmp_path: 
         assert found == value or (math.isnan(found) and math.isnan(value))
 
 
-def test_defaults_of_every_kind_arrive(tmp_path: Path) -> None:
+def test_deerrors_of_every_kind_arrive(tmp_path: Path) -> None:
     lines = ["uint8 a 7", "int16 b -7", "bool c true", "uint8[3] d [1, 2, 3]", "int8[2] e [-1, 2]", "bool[2] f [1, 0]"]
     lines += [f"int32[16] g [{', '.join(['-5'] * 16)}]", "float32 h 1", "char i 255"]
     message = works(tmp_path, {"msg/Foo.msg": STAMP + "\n".join(lines)}).Foo()
@@ -314,10 +314,10 @@ def test_defaults_of_every_kind_arrive(tmp_path: Path) -> None:
 
 
 def codes(folder: Path, files: dict[str, str]) -> set[str]:
-    """Return the codes of the faults in `files`."""
+    """Return the codes of the errors in `files`."""
     with pytest.raises(InputError) as caught:
         catalog_of(folder, files)
-    return {fault.code for fault in caught.value.diagnostics}
+    return {error.code for error in caught.value.diagnostics}
 
 
 @pytest.mark.parametrize(
@@ -641,7 +641,7 @@ def test_nesting_a_thousand_deep_is_read_or_refused(tmp_path: Path) -> None:
     try:
         catalog = catalog_of(tmp_path, {"msg/M0.msg": STAMP, **files})
     except InputError as refused:
-        assert {fault.code for fault in refused.diagnostics} == {"M302"}  # noqa: PT017 - either is right
+        assert {error.code for error in refused.diagnostics} == {"M302"}  # noqa: PT017 - either is right
     else:
         assert len(catalog.messages) == 1200
 

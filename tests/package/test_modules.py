@@ -98,7 +98,7 @@ def test_the_table_of_primitives_is_that_of_msggen(px4_types: Any) -> None:
     for name, row in copied.PRIMITIVES.items():
         if name in FLOATS:
             assert row.highest is None or float(row.highest) == pytest.approx(sized[name].largest, rel=1e-15)
-        elif not sized[name].is_bool:
+        elif name != "bool":
             assert (row.lowest, row.highest) == sized[name].integer_range
     assert tuple(name for name, row in PRIMITIVES.items() if row.is_string) == copied.STRINGS
     assert tuple(name for name, row in PRIMITIVES.items() if row.is_octet) == copied.OCTETS

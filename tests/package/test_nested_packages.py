@@ -156,7 +156,7 @@ def test_what_only_uorb_knows_is_left_empty(package: Any) -> None:
     assert package.Rig.__msg__.topics == ("rig",)
 
 
-def test_defaults_of_definitions_hold_in_every_package(package: Any) -> None:
+def test_deerrors_of_definitions_hold_in_every_package(package: Any) -> None:
     assert package.geometry_msgs.msg.Quaternion().w == 1.0
     assert package.Rig().poses[2].orientation.w == 1.0
 
@@ -259,10 +259,10 @@ def test_a_message_of_the_same_name_is_no_value_for_a_field(package: Any) -> Non
 
 def test_errors_name_the_value_at_any_depth(package: Any) -> None:
     geometry, mine = package.geometry_msgs.msg, package.my_msgs.msg
-    faulty = geometry.Pose(position=geometry.Point(y="1"))
+    invalid = geometry.Pose(position=geometry.Point(y="1"))
     late = mine.Time(two=(package.builtin_interfaces.msg.Time(), package.builtin_interfaces.msg.Time(sec=2**31)))
     for wrong, text in (
-        (package.Rig(poses=(geometry.Pose(), faulty, geometry.Pose())), "Rig.poses[1].position.y: expected float64"),
+        (package.Rig(poses=(geometry.Pose(), invalid, geometry.Pose())), "Rig.poses[1].position.y: expected float64"),
         (package.Rig(others=(mine.Time(),) * 4 + (late,)), "Rig.others[4].two[1].sec: expected int32"),
         (package.Rig(poses=(1, 2, 3)), "Rig.poses[0]: expected geometry_msgs/Pose, got 1"),
         (mine.Log(mine=[mine.Header()] * 4), "Log.mine: expected up to 3 values, got 4"),

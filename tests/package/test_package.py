@@ -113,7 +113,7 @@ def test_the_committed_package_has_all_messages() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_field_has_a_zero_default(name: str, px4_types: Any) -> None:
+def test_every_field_has_a_zero_deerror(name: str, px4_types: Any) -> None:
     def zero(base: str) -> Any:
         plain = {"bool": False, **dict.fromkeys(FLOATS, 0.0), **dict.fromkeys(INTEGERS, 0)}
         return plain[base] if base in plain else getattr(px4_types, base)()
@@ -315,7 +315,7 @@ def test_no_message_has_a_dictionary(name: str, px4_types: Any) -> None:
     ("name", "field"),
     [("EscStatus", "esc"), ("PositionSetpointTriplet", "current"), ("DebugArray", "data")],
 )
-def test_defaults_that_can_change_are_not_shared(name: str, field: str, px4_types: Any) -> None:
+def test_deerrors_that_can_change_are_not_shared(name: str, field: str, px4_types: Any) -> None:
     one, other = (getattr(getattr(px4_types, name)(), field) for _ in range(2))
     assert one is not other
     assert name != "EscStatus" or len({id(report) for report in (*one, *other)}) == 24
@@ -346,7 +346,7 @@ def test_asdict_and_astuple_unfold_nested_messages(px4_types: Any) -> None:
     assert dataclasses.astuple(status)[6][1][2] == 9000
 
 
-def test_fields_have_the_defaults_of_the_class(px4_types: Any) -> None:
+def test_fields_have_the_deerrors_of_the_class(px4_types: Any) -> None:
     for name in SOME:
         fields: tuple[Any, ...] = dataclasses.fields(getattr(px4_types, name))
         for field in fields:

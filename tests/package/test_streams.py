@@ -108,7 +108,7 @@ def test_values_come_as_the_documentation_says(scan: Any, msg: Any) -> None:
     assert decoded.header.frame_id == "laser"
 
 
-def test_defaults_are_those_of_the_definition(msg: Any) -> None:
+def test_deerrors_are_those_of_the_definition(msg: Any) -> None:
     status = msg.Status()
     assert (status.level, status.name, status.title, status.raw) == (0, "none", "", b"\1\2")
     assert (status.flags, status.counts, status.pair) == ((True, False), array("h", [-1, 7]), ("a", "b"))
@@ -234,7 +234,7 @@ def test_bytes_may_be_anything_that_has_them_in_memory(msg: Any) -> None:
         assert msg.Status.decode(msg.Status(flags=flags).encode()).flags == (True, False)
 
 
-def test_a_fault_is_named_from_the_outermost_message(msg: Any, cdr: Any, scan: Any) -> None:
+def test_an_error_is_named_from_the_outermost_message(msg: Any, cdr: Any, scan: Any) -> None:
     sample = scan.encode()
     with pytest.raises(cdr.DecodeError) as raised:
         msg.Scan.decode(sample[: 4 + 50])

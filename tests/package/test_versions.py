@@ -450,7 +450,7 @@ def test_sequences_of_nested_messages_are_as_long_as_they_were(tmp_path: Path) -
     assert package.ListV0().upgrade().message.many == ()
 
 
-def test_a_default_of_the_definition_is_what_a_field_is_left_at(tmp_path: Path) -> None:
+def test_a_deerror_of_the_definition_is_what_a_field_is_left_at(tmp_path: Path) -> None:
     package = package_of(
         {
             f"{ARCHIVE}/LampV0.msg": f"{version(0)}{STAMP}",
@@ -1051,13 +1051,13 @@ def test_other_commands_leave_archived_versions_out_whatever_the_setting() -> No
         ("Lump_V1", version(1), ":1:1: M201 file name 'Lump_V1': archived versions are called as 'VehicleStatusV1'"),
     ],
 )
-def test_a_fault_in_an_archived_definition_has_its_place(name: str, text: str, said: str, capsys: Capture) -> None:
+def test_an_error_in_an_archived_definition_has_its_place(name: str, text: str, said: str, capsys: Capture) -> None:
     others = {"msg/Fan.msg": STAMP, f"{ARCHIVE}/LumPV1.msg": version(1) + STAMP}
     write_definitions(Path("in"), {**others, f"{ARCHIVE}/{name}.msg": text})
     assert build("--archived") == FAILED
-    faults = capsys.readouterr().err.splitlines()
-    assert any(fault.startswith(f"in/{ARCHIVE}/{name}.msg{said}") for fault in faults), faults
-    assert faults[-1] == "1 error, nothing written"
+    errors = capsys.readouterr().err.splitlines()
+    assert any(error.startswith(f"in/{ARCHIVE}/{name}.msg{said}") for error in errors), errors
+    assert errors[-1] == "1 error, nothing written"
     assert build("-q") == DONE, "who does not ask for archived versions does not read them"
 
 

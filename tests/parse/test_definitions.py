@@ -29,22 +29,22 @@ from support.repository import DEFINITIONS
 
 
 def read(text: str) -> Message:
-    """Return the message that `text` defines; it must be without fault."""
-    message, faults = parse_message(text, "Foo.msg", "Foo", "px4_msgs")
-    assert faults == []
+    """Return the message that `text` defines; it must be without error."""
+    message, errors = parse_message(text, "Foo.msg", "Foo", "px4_msgs")
+    assert errors == []
     return message
 
 
 def read_service(text: str) -> Service:
-    """Return the service that `text` defines; it must be without fault."""
-    service, faults = parse_service(text, "Foo.srv", "Foo", "px4_msgs")
-    assert faults == []
+    """Return the service that `text` defines; it must be without error."""
+    service, errors = parse_service(text, "Foo.srv", "Foo", "px4_msgs")
+    assert errors == []
     return service
 
 
-def faults_of(text: str) -> list[str]:
+def errors_of(text: str) -> list[str]:
     """Return the codes of all that is wrong with `text`."""
-    return [fault.code for fault in parse_message(text, "Foo.msg", "Foo", "px4_msgs")[1]]
+    return [error.code for error in parse_message(text, "Foo.msg", "Foo", "px4_msgs")[1]]
 
 
 def only_field(text: str) -> Field:
@@ -154,7 +154,7 @@ def test_a_constant_may_be_not_a_number() -> None:
 def test_an_integer_takes_its_whole_range_and_no_more(name: str) -> None:
     low, high = PRIMITIVES[name].integer_range
     assert [constant.value for constant in read(f"{name} A = {low}\n{name} B = {high}").constants] == [low, high]
-    assert faults_of(f"{name} A = {low - 1}\n{name} B = {high + 1}") == ["M305", "M305"]
+    assert errors_of(f"{name} A = {low - 1}\n{name} B = {high + 1}") == ["M305", "M305"]
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_an_integer_takes_its_whole_range_and_no_more(name: str) -> None:
     ],
 )
 def test_a_value_that_its_type_cannot_hold_is_an_error(line: str) -> None:
-    assert faults_of(line) == ["M305"]
+    assert errors_of(line) == ["M305"]
 
 
 def test_an_apostrophe_in_the_comment_of_a_plain_string_stays_in_the_comment() -> None:
@@ -205,7 +205,7 @@ def test_an_apostrophe_in_the_comment_of_a_plain_string_stays_in_the_comment() -
         ("string[2] a [x, y]", ("x", "y")),
     ],
 )
-def test_a_field_has_the_default_it_is_given(line: str, value: Value | None) -> None:
+def test_a_field_has_the_deerror_it_is_given(line: str, value: Value | None) -> None:
     assert only_field(line).default == value
 
 
@@ -213,8 +213,8 @@ def test_a_field_has_the_default_it_is_given(line: str, value: Value | None) -> 
     "line",
     ["uint8 a 256", "uint8[3] a [1, 2]", "uint8[<=1] a [1, 2]", "uint8[2] a 1", "uint8[2] a [1, x]", "EscReport a 1"],
 )
-def test_a_default_that_its_field_cannot_hold_is_an_error(line: str) -> None:
-    assert faults_of(line) == ["M305"]
+def test_a_deerror_that_its_field_cannot_hold_is_an_error(line: str) -> None:
+    assert errors_of(line) == ["M305"]
 
 
 # Names
@@ -227,38 +227,38 @@ def test_a_field_may_have_any_name_of_the_grammar(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["A", "aB", "1a", "_a", "a-b", "ä", "a;"])
 def test_a_field_may_have_no_other_name(name: str) -> None:
-    assert faults_of(f"uint8 {name}") == ["M201"]
+    assert errors_of(f"uint8 {name}") == ["M201"]
 
 
 @pytest.mark.parametrize("name", ["1A", "_A", "A-B", "Ä"])
 def test_a_constant_may_have_no_name_against_the_grammar(name: str) -> None:
-    assert faults_of(f"uint8 {name} = 1") == ["M201"]
+    assert errors_of(f"uint8 {name} = 1") == ["M201"]
 
 
 @pytest.mark.parametrize(
     "line", ["uint8 a_", "uint8 a__b", "uint8 a = 1", "uint8 aB = 1", "uint8 A_ = 1", "uint8 A__B = 1"]
 )
 def test_a_name_that_only_px4_takes_is_a_warning(line: str) -> None:
-    assert faults_of(line) == ["M205"]
+    assert errors_of(line) == ["M205"]
     assert parse_message(line, "Foo.msg", "Foo", "my_msgs", of_uorb=False)[1][0].code == "M201"
 
 
 @pytest.mark.parametrize("line", ["uint8 class", "int16 new", "bool not"])
 def test_a_name_that_cpp_needs_is_a_warning(line: str) -> None:
-    assert faults_of(line) == ["M205"]
+    assert errors_of(line) == ["M205"]
     assert parse_message(line, "Foo.msg", "Foo", "my_msgs", of_uorb=False)[1] == []
 
 
 @pytest.mark.parametrize("name", ["lambda", "from", "async", "encode", "decode", "self"])
 def test_names_that_python_or_the_class_needs_are_as_good_as_others(name: str) -> None:
-    assert faults_of(f"uint8 {name}") == []
+    assert errors_of(f"uint8 {name}") == []
     assert only_field(f"uint8 {name}").name == name
 
 
 def test_a_field_and_a_constant_may_differ_in_case_alone() -> None:
     message = read("uint8 BANDS = 1\nuint8 bands")
     assert (message.constants[0].name, message.fields[0].name) == ("BANDS", "bands")
-    assert faults_of("uint8 BANDS = 1\nuint8 BANDS = 1") == ["M203"]
+    assert errors_of("uint8 BANDS = 1\nuint8 BANDS = 1") == ["M203"]
 
 
 @pytest.mark.parametrize("name", ["foo", "esc_report", "Esc_Report"])
@@ -299,8 +299,8 @@ def test_every_node_of_the_embedded_set_stands_where_it_says(embedded: Catalog) 
 
 
 def test_columns_count_characters_not_bytes() -> None:
-    text, faults = decode_text('string a "äöü"; '.encode() + b"\xff", "Foo.msg")
-    assert [(fault.location.column, fault.code) for fault in faults] == [(17, "M102")]
+    text, errors = decode_text('string a "äöü"; '.encode() + b"\xff", "Foo.msg")
+    assert [(error.location.column, error.code) for error in errors] == [(17, "M102")]
     assert text.startswith('string a "äöü"; ')
 
 
@@ -454,18 +454,18 @@ def test_a_topics_line_is_no_comment() -> None:
     ],
 )
 def test_a_topics_line_that_the_firmware_would_misread_is_an_error(line: str) -> None:
-    assert faults_of(f"uint64 timestamp\n{line}") == ["M402"]
+    assert errors_of(f"uint64 timestamp\n{line}") == ["M402"]
 
 
 @pytest.mark.parametrize("line", ["# TOPICS", "#TOPICS one", " # TOPICS one", "# TOPIC one"])
 def test_a_topics_line_that_the_firmware_ignores_is_a_warning(line: str) -> None:
-    assert faults_of(f"uint64 timestamp\n{line}") == ["M406"]
+    assert errors_of(f"uint64 timestamp\n{line}") == ["M406"]
     assert parse_message(f"uint64 timestamp\n{line}", "Foo.msg", "Foo", "px4_msgs")[0].topic_names == ("foo",)
 
 
 @pytest.mark.parametrize("topic", ["class", "a__b", "_a"])
 def test_a_topic_that_only_one_of_px4_and_ros_takes_is_a_warning(topic: str) -> None:
-    assert faults_of(f"uint64 timestamp\n# TOPICS {topic}") == ["M205"]
+    assert errors_of(f"uint64 timestamp\n# TOPICS {topic}") == ["M205"]
 
 
 # Constants with a meaning of their own
@@ -512,7 +512,7 @@ def test_a_constant_like_one_with_a_meaning_is_a_warning(name: str, hint: str) -
 
 @pytest.mark.parametrize("name", ["LATEST_PROTOCOL_VERSION", "MESSAGE_TYPE_PARAM_SET", "ORBIT_YAW", "VERSION", "QUEUE"])
 def test_other_constants_are_nothing_special(name: str) -> None:
-    assert faults_of(f"uint64 timestamp\nuint8 {name} = 4") == []
+    assert errors_of(f"uint64 timestamp\nuint8 {name} = 4") == []
 
 
 # Tags
@@ -587,13 +587,13 @@ def test_both_halves_may_use_the_same_name() -> None:
     [("uint8 a", 1), ("uint8 a\nuint8 b", 2), ("", 1), ("a\n---\n---", 3), ("---\n---\n---", 2)],
 )
 def test_a_service_has_exactly_one_separator(text: str, place: int) -> None:
-    faults = [fault for fault in parse_service(text, "Foo.srv", "Foo", "px4_msgs")[1] if fault.code == "M105"]
-    assert [fault.location.line for fault in faults] == [place]
+    errors = [error for error in parse_service(text, "Foo.srv", "Foo", "px4_msgs")[1] if error.code == "M105"]
+    assert [error.location.line for error in errors] == [place]
 
 
 def test_a_second_separator_does_not_shift_the_places_below_it() -> None:
-    _, faults = parse_service("uint8 a\n---\nuint8 b\n---\nuint8[0] c", "Foo.srv", "Foo", "px4_msgs")
-    assert sorted((fault.location.line, fault.code) for fault in faults) == [(4, "M105"), (5, "M303")]
+    _, errors = parse_service("uint8 a\n---\nuint8 b\n---\nuint8[0] c", "Foo.srv", "Foo", "px4_msgs")
+    assert sorted((error.location.line, error.code) for error in errors) == [(4, "M105"), (5, "M303")]
 
 
 def test_the_embedded_service_is_read(embedded: Catalog) -> None:
@@ -606,13 +606,13 @@ def test_the_embedded_service_is_read(embedded: Catalog) -> None:
 # Whole files
 
 
-def test_the_embedded_set_has_no_fault() -> None:
-    faults: list[Diagnostic] = []
+def test_the_embedded_set_has_no_error() -> None:
+    errors: list[Diagnostic] = []
     for path in DEFINITIONS:
         text, wrong = decode_text(path.read_bytes(), str(path))
-        faults += wrong + parse_message(text, str(path), path.stem, "px4_msgs")[1]
+        errors += wrong + parse_message(text, str(path), path.stem, "px4_msgs")[1]
     assert DEFINITIONS
-    assert faults == []
+    assert errors == []
 
 
 def test_a_message_cannot_be_changed() -> None:

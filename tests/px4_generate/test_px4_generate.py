@@ -64,7 +64,7 @@ def contents(folder: Path | str) -> dict[str, str]:
     return {path.name: path.read_bytes().decode() for path in Path(folder).iterdir()}
 
 
-def faults(capsys: pytest.CaptureFixture[str]) -> list[str]:
+def errors(capsys: pytest.CaptureFixture[str]) -> list[str]:
     """Return what was said to be wrong; nothing may have been written."""
     assert not Path("out").exists()
     *lines, summary = capsys.readouterr().err.splitlines()
@@ -181,7 +181,7 @@ def test_what_the_script_computes_and_msggen_does_not_is_an_error(
     write_definitions(Path(), {SCRIPT: f"{assignment}\n"})
     assert generate_bridge() == FAILED
     text = "'deadline_ms' is computed by the firmware's generate_dds_topics.py, and msggen does not know how"
-    assert faults(capsys) == [f"{CLIENT}/dds_topics.h.em:3:1: T107 {text}"]
+    assert errors(capsys) == [f"{CLIENT}/dds_topics.h.em:3:1: T107 {text}"]
 
 
 def test_what_the_script_does_not_compute_may_be_absent() -> None:
@@ -195,7 +195,7 @@ def test_what_the_script_does_not_compute_may_be_absent() -> None:
 def test_without_the_script_nobody_knows(capsys: pytest.CaptureFixture[str]) -> None:
     asks("pub.get('route_field'), pub.get('a_key_of_tomorrow'), pub.get('deadline_ms')")
     assert generate_bridge() == FAILED
-    assert "no entry has 'deadline_ms', and there is no generate_dds_topics.py" in faults(capsys)[0]
+    assert "no entry has 'deadline_ms', and there is no generate_dds_topics.py" in errors(capsys)[0]
 
 
 def compare(script: Path, arguments: list[str]) -> None:
@@ -266,13 +266,13 @@ def test_what_no_firmware_is_built_with_is_told_in_its_place(
 ) -> None:
     write_definitions(Path(), {"msg/Own.msg": text})
     assert generate("--headers", "msg/CellReport.msg", "msg/Own.msg") == FAILED
-    assert faults(capsys) == [said]
+    assert errors(capsys) == [said]
 
 
-def test_all_faults_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_errors_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
     write_definitions(Path(), {"msg/One.msg": f"{STAMP}Gone x\n", "msg/Two.msg": f"{STAMP}uint8 x = 5 5\n"})
     assert generate("--headers", "msg/One.msg", "msg/Two.msg", "msg/Three.msg", "msg/four.txt") == FAILED
-    assert [line.split(" ")[0:2] for line in faults(capsys)] == [
+    assert [line.split(" ")[0:2] for line in errors(capsys)] == [
         ["msg/One.msg:2:1:", "M301"],
         ["msg/Three.msg:", "S101"],
         ["msg/Two.msg:2:11:", "M305"],
@@ -280,10 +280,10 @@ def test_all_faults_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None
     ]
 
 
-def test_unknown_nested_types_are_told_with_other_faults_of_the_definition(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_nested_types_are_told_with_other_errors_of_the_definition(capsys: pytest.CaptureFixture[str]) -> None:
     write_definitions(Path(), {"msg/Own.msg": f"{STAMP}Nope[2] x\nfloat3 y\nCellRepport z\n"})
     assert generate("--headers", "msg/Own.msg") == FAILED
-    assert faults(capsys) == [
+    assert errors(capsys) == [
         "msg/Own.msg:2:1: M301 unknown type 'Nope'",
         "msg/Own.msg:3:1: M301 unknown type 'float3', did you mean 'float32'?",
         "msg/Own.msg:4:1: M301 unknown type 'CellRepport', did you mean 'CellReport'?",
@@ -292,19 +292,19 @@ def test_unknown_nested_types_are_told_with_other_faults_of_the_definition(capsy
 
 def test_a_folder_to_look_in_that_is_not_there_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert generate("--headers", includes=["msg", "msg/version"]) == FAILED
-    assert faults(capsys) == ["msg/version: S101 no such folder, did you mean 'msg/versioned'?"]
+    assert errors(capsys) == ["msg/version: S101 no such folder, did you mean 'msg/versioned'?"]
 
 
 def test_a_message_given_twice_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     write_definitions(Path(), {"msg/versioned/CellReport.msg": STAMP})
     assert generate("--headers", "msg/CellReport.msg", "msg/versioned/CellReport.msg") == FAILED
     place = "msg/versioned/CellReport.msg"
-    assert faults(capsys) == [f"{place}: M204 this message is given twice, also by msg/CellReport.msg"]
+    assert errors(capsys) == [f"{place}: M204 this message is given twice, also by msg/CellReport.msg"]
 
 
 def test_a_nested_message_needs_its_folder(capsys: pytest.CaptureFixture[str]) -> None:
     assert generate("--headers", includes=[]) == FAILED
-    assert "msg/PackStatus.msg:5:1: M301 unknown type 'CellReport': no folder to look for it, see -i" in faults(capsys)
+    assert "msg/PackStatus.msg:5:1: M301 unknown type 'CellReport': no folder to look for it, see -i" in errors(capsys)
 
 
 def test_the_first_folder_that_has_a_message_counts() -> None:
@@ -334,20 +334,20 @@ def test_an_error_of_a_template_has_its_line_and_names_the_message(capsys: pytes
     )
     assert generate("--headers") == FAILED
     said = "AttributeError: 'Field' object has no attribute 'typ', did you mean 'type'? (for msg/CellReport.msg)"
-    assert faults(capsys) == [f"{TEMPLATES}/uorb/msg.h.em:4:1: T105 {said}"]
+    assert errors(capsys) == [f"{TEMPLATES}/uorb/msg.h.em:4:1: T105 {said}"]
 
 
 def test_an_error_of_the_list_of_topics_has_its_line_too(capsys: pytest.CaptureFixture[str]) -> None:
     Path(TEMPLATES, "uorb/uORBTopics.hpp.em").write_text("\n@[for topic in all_topics]@topic@[end if]")
     assert generate("--headers") == FAILED
-    assert faults(capsys) == [f"{TEMPLATES}/uorb/uORBTopics.hpp.em:2:1: T103 control must end with 'end for'"]
+    assert errors(capsys) == [f"{TEMPLATES}/uorb/uORBTopics.hpp.em:2:1: T103 control must end with 'end for'"]
 
 
 def test_an_error_within_the_helper_says_where_it_was_raised(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
     helper = tree / "Tools/msg/px_generate_uorb_topic_helper.py"
     helper.write_text(helper.read_text().replace("return total + rest", "return total + None"))
     assert generate("--headers", "msg/CellReport.msg") == FAILED
-    (said,) = faults(capsys)
+    (said,) = errors(capsys)
     assert said.startswith(f"{TEMPLATES}/uorb/msg.h.em:9:1: T105 TypeError: ")
     assert re.search(rf", raised at {helper}:\d+ \(for msg/CellReport\.msg\)$", said)
 
@@ -358,13 +358,13 @@ def test_a_helper_that_is_not_python_is_told_at_its_own_line(tree: Path, capsys:
     helper.write_text(f"{helper.read_text()}def broken(: pass\n")
     assert generate("--headers", "msg/CellReport.msg") == FAILED
     said = f"SyntaxError: invalid syntax, raised at {helper}:{line} (for msg/CellReport.msg)"
-    assert faults(capsys) == [f"{TEMPLATES}/uorb/msg.h.em:6:1: T105 {said}"]
+    assert errors(capsys) == [f"{TEMPLATES}/uorb/msg.h.em:6:1: T105 {said}"]
 
 
 def test_a_missing_helper_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     Path("Tools/msg/px_generate_uorb_topic_helper.py").unlink()
     assert generate("--headers") == FAILED
-    (said,) = faults(capsys)
+    (said,) = errors(capsys)
     assert said.startswith(f"{TEMPLATES}/uorb/msg.h.em:6:1: T105 ModuleNotFoundError: ")
     assert ": no folder from that of the template upwards has px_generate_uorb_topic_helper.py" in said
 
@@ -372,7 +372,7 @@ def test_a_missing_helper_is_named(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_name_that_genmsg_has_and_msggen_has_not_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     Path(TEMPLATES, "uorb/msg.h.em").write_text("@{\nimport genmsg.gentools\ngenmsg.gentools.compute_md5()\n}")
     assert generate("--headers", "msg/CellReport.msg") == FAILED
-    (said,) = faults(capsys)
+    (said,) = errors(capsys)
     assert said.startswith(f"{TEMPLATES}/uorb/msg.h.em:3:1: T105 AttributeError: ")
     assert "compute_md5" in said
 
@@ -384,7 +384,7 @@ def test_a_message_that_a_template_asks_for_in_vain_is_told(capsys: pytest.Captu
     Path(TEMPLATES, "uorb/msg.h.em").write_text(template)
     assert generate("--headers", "msg/CellReport.msg") == FAILED
     said = "MsgNotFound: no 'Gone.msg' in the folders of 'px4': msg, msg/versioned"
-    assert faults(capsys)[0].startswith(f"{TEMPLATES}/uorb/msg.h.em:3:1: T105 {said}")
+    assert errors(capsys)[0].startswith(f"{TEMPLATES}/uorb/msg.h.em:3:1: T105 {said}")
 
 
 @pytest.mark.parametrize(
@@ -401,14 +401,14 @@ def test_a_message_that_a_template_asks_for_in_vain_is_told(capsys: pytest.Captu
 )
 def test_templates_that_are_not_there_are_told(folder: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert generate("--json", templates=folder) == FAILED
-    assert faults(capsys) == [said]
+    assert errors(capsys) == [said]
 
 
 def test_all_folders_that_have_the_template_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copytree(f"{TEMPLATES}/uorb", f"{TEMPLATES}/ucdr")
     assert generate("--headers", templates=TEMPLATES) == FAILED
     said = f"has no template 'msg.h.em', did you mean '{TEMPLATES}/ucdr' or '{TEMPLATES}/uorb'?"
-    assert faults(capsys) == [f"{TEMPLATES}: T102 {said}"]
+    assert errors(capsys) == [f"{TEMPLATES}: T102 {said}"]
 
 
 @pytest.mark.parametrize(
@@ -444,14 +444,14 @@ def test_what_is_missing_from_a_call_is_told(
     ],
     ids=["missing", "not YAML", "no type", "instance"],
 )
-def test_a_faulty_yaml_is_told(text: str | None, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_invalid_yaml_is_told(text: str | None, said: str, capsys: pytest.CaptureFixture[str]) -> None:
     path = Path(CLIENT, "dds_topics.yaml")
     if text is None:
         path.unlink()
     else:
         path.write_text(text)
     assert generate_bridge() == FAILED
-    assert faults(capsys)[0].startswith(f"{path}{said}")
+    assert errors(capsys)[0].startswith(f"{path}{said}")
 
 
 # In a build

@@ -124,7 +124,7 @@ def samples(embedded: Catalog) -> list[Sample]:
 
 
 @pytest.fixture(scope="module")
-def faulty(samples: list[Sample]) -> list[Sample]:
+def invalid(samples: list[Sample]) -> list[Sample]:
     """One sample of every message and encoding, cut short, too long, and with headers that no message has."""
     found = {(sample.message, sample.encoding): sample for sample in samples}
     return [
@@ -171,14 +171,14 @@ def are_same(found: list[Any], expected: list[Any]) -> bool:
 
 
 @pytest.fixture(scope="module")
-def cpp(tmp_path_factory: pytest.TempPathFactory, samples: list[Sample], faulty: list[Sample]) -> list[list[Any]]:
-    """What the C++ decoders make of the samples, then of the faulty ones."""
+def cpp(tmp_path_factory: pytest.TempPathFactory, samples: list[Sample], invalid: list[Sample]) -> list[list[Any]]:
+    """What the C++ decoders make of the samples, then of the invalid ones."""
     required("g++", is_there=bool(shutil.which("g++")))
     folder = tmp_path_factory.mktemp("cpp")
     render(GALLERY / "message.hpp.j2", folder)
     render(HELPERS / "decode.cpp.j2", folder, "--each", "catalog")
     run("g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "decode.cpp", "-o", "decode", cwd=folder)
-    lines = run(folder / "decode", given="\n".join(sample.line for sample in samples + faulty)).splitlines()
+    lines = run(folder / "decode", given="\n".join(sample.line for sample in samples + invalid)).splitlines()
     return list(map(numbers, lines))
 
 
@@ -193,9 +193,9 @@ def typescript_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def typescript(typescript_folder: Path, samples: list[Sample], faulty: list[Sample]) -> list[list[Any]]:
-    """What the TypeScript decoders make of the samples, then of the faulty ones."""
-    given = "".join(f"{sample.line}\n" for sample in samples + faulty)
+def typescript(typescript_folder: Path, samples: list[Sample], invalid: list[Sample]) -> list[list[Any]]:
+    """What the TypeScript decoders make of the samples, then of the invalid ones."""
+    given = "".join(f"{sample.line}\n" for sample in samples + invalid)
     return list(map(numbers, node(typescript_folder / "decode.ts", given)))
 
 
@@ -221,11 +221,11 @@ def test_every_message_decodes_to_what_the_reference_reads(
 @pytest.mark.tools
 @pytest.mark.parametrize("language", ["cpp", "typescript"])
 def test_what_is_no_sample_of_the_message_is_refused(
-    language: str, samples: list[Sample], faulty: list[Sample], request: pytest.FixtureRequest
+    language: str, samples: list[Sample], invalid: list[Sample], request: pytest.FixtureRequest
 ) -> None:
     found: list[list[Any]] = request.getfixturevalue(language)[len(samples) :]
-    assert len(found) == len(faulty)
-    assert [sample.line for sample, values in zip(faulty, found, strict=True) if values != [REFUSED]] == []
+    assert len(found) == len(invalid)
+    assert [sample.line for sample, values in zip(invalid, found, strict=True) if values != [REFUSED]] == []
 
 
 @pytest.mark.slow

@@ -244,8 +244,8 @@ def test_the_depfile_is_written_only_if_it_changes() -> None:
 # --- What is wrong
 
 
-class Fault(NamedTuple):
-    """A template with one fault, and what is said to it."""
+class Case(NamedTuple):
+    """A template with one error, and what is said to it."""
 
     place: str
     code: str
@@ -255,57 +255,57 @@ class Fault(NamedTuple):
     template: str = "any.h.j2"
 
 
-def named(pattern: str, code: str, fragment: str, *options: str) -> Fault:
-    """Return a fault in a pattern of names."""
-    return Fault("--name", code, fragment, options=("--name", pattern, *options))
+def named(pattern: str, code: str, fragment: str, *options: str) -> Case:
+    """Return an error in a pattern of names."""
+    return Case("--name", code, fragment, options=("--name", pattern, *options))
 
 
 BOTH = "Bar and 1 other: "
 
-FAULTS = [
+ERRORS = [
     # Jinja2: what is no template
-    Fault("any.h.j2:2:1", "T201", "tag 'fro'", "\n{% fro x in y %}"),
-    Fault("any.h.j2:2:1", "T201", "unexpected '}'", "\n{{ message.name }"),
-    Fault("any.h.j2:1:1", "T201", "did you mean 'snake_case'?", "{{ message.name | snakecase }}\n\n"),
-    Fault("part.j2:3:1", "T201", f"{BOTH}Encountered unknown tag 'x'", "{% include 'part.j2' %}"),
+    Case("any.h.j2:2:1", "T201", "tag 'fro'", "\n{% fro x in y %}"),
+    Case("any.h.j2:2:1", "T201", "unexpected '}'", "\n{{ message.name }"),
+    Case("any.h.j2:1:1", "T201", "did you mean 'snake_case'?", "{{ message.name | snakecase }}\n\n"),
+    Case("part.j2:3:1", "T201", f"{BOTH}Encountered unknown tag 'x'", "{% include 'part.j2' %}"),
     # names that are not there
-    Fault("any.h.j2:3:1", "T202", f"{BOTH}a message has no 'nam', did you mean 'name'?", "\n\n{{ message.nam }}"),
-    Fault("any.h.j2:2:1", "T202", f"{BOTH}'mesage' is not defined, did you mean 'message'?", "\n{{ mesage.name }}"),
-    Fault("any.h.j2:1:1", "T202", "'service' is not defined: it needs --each service", "{{ service.name }}"),
-    Fault("any.h.j2:1:1", "T202", "'message' is not defined: it needs", "{{ message.name }}", ("--each", "catalog")),
-    Fault("any.h.j2:1:1", "T202", "Foo: 'None' has no attribute", "{{ message.fields[1].message.name }}"),
-    Fault("any.h.j2:1:1", "T202", f"{BOTH}'dict object' has no attribute 'a'", "{{ {}['a'] }}"),
-    Fault(
+    Case("any.h.j2:3:1", "T202", f"{BOTH}a message has no 'nam', did you mean 'name'?", "\n\n{{ message.nam }}"),
+    Case("any.h.j2:2:1", "T202", f"{BOTH}'mesage' is not defined, did you mean 'message'?", "\n{{ mesage.name }}"),
+    Case("any.h.j2:1:1", "T202", "'service' is not defined: it needs --each service", "{{ service.name }}"),
+    Case("any.h.j2:1:1", "T202", "'message' is not defined: it needs", "{{ message.name }}", ("--each", "catalog")),
+    Case("any.h.j2:1:1", "T202", "Foo: 'None' has no attribute", "{{ message.fields[1].message.name }}"),
+    Case("any.h.j2:1:1", "T202", f"{BOTH}'dict object' has no attribute 'a'", "{{ {}['a'] }}"),
+    Case(
         "macros.j2:2:1", "T202", "a field has no 'x'", "{% import 'macros.j2' as m %}\n\n{{ m.f(message.fields[0]) }}"
     ),
     # files that are not there, or cannot be read
-    Fault("any.h.j2:2:1", "T203", f"{BOTH}no template 'nowhere.j2'", "\n{% include 'nowhere.j2' %}"),
-    Fault("any.h.j2:1:1", "T203", "no template 'a', 'b'", "{% include ['a', 'b'] %}"),
-    Fault("any.h.j2:1:1", "T203", "no template '../any.h.j2'", "{% extends '../any.h.j2' %}"),
-    Fault("latin.j2", "T102", f"{BOTH}byte 0xe4 is not UTF-8", "{% include 'latin.j2' %}"),
-    Fault("latin.j2", "T102", "byte 0xe4 is not UTF-8", template="latin.j2"),
-    Fault("nowhere.j2", "T102", "No such file", template="nowhere.j2"),
-    Fault("nowhere.em", "T102", "No such file", template="nowhere.em"),
-    Fault("folder.j2", "T102", "Is a directory", template="folder.j2"),
+    Case("any.h.j2:2:1", "T203", f"{BOTH}no template 'nowhere.j2'", "\n{% include 'nowhere.j2' %}"),
+    Case("any.h.j2:1:1", "T203", "no template 'a', 'b'", "{% include ['a', 'b'] %}"),
+    Case("any.h.j2:1:1", "T203", "no template '../any.h.j2'", "{% extends '../any.h.j2' %}"),
+    Case("latin.j2", "T102", f"{BOTH}byte 0xe4 is not UTF-8", "{% include 'latin.j2' %}"),
+    Case("latin.j2", "T102", "byte 0xe4 is not UTF-8", template="latin.j2"),
+    Case("nowhere.j2", "T102", "No such file", template="nowhere.j2"),
+    Case("nowhere.em", "T102", "No such file", template="nowhere.em"),
+    Case("folder.j2", "T102", "Is a directory", template="folder.j2"),
     # exceptions
-    Fault("any.h.j2:2:1", "T204", f"{BOTH}ZeroDivisionError: division by zero", "\n{{ 1 / 0 }}"),
-    Fault("any.h.j2:1:1", "T204", "TypeError: ", "{{ message.name + 1 }}"),
-    Fault("any.h.j2:1:1", "T204", "JSON", "{{ message | tojson }}"),
-    Fault("any.h.j2:1:1", "T204", "RecursionError", "{% include 'any.h.j2' %}"),
-    Fault("any.h.j2", "T204", "cannot be written as UTF-8", "{{ '\\udc80' }}"),
+    Case("any.h.j2:2:1", "T204", f"{BOTH}ZeroDivisionError: division by zero", "\n{{ 1 / 0 }}"),
+    Case("any.h.j2:1:1", "T204", "TypeError: ", "{{ message.name + 1 }}"),
+    Case("any.h.j2:1:1", "T204", "JSON", "{{ message | tojson }}"),
+    Case("any.h.j2:1:1", "T204", "RecursionError", "{% include 'any.h.j2' %}"),
+    Case("any.h.j2", "T204", "cannot be written as UTF-8", "{{ '\\udc80' }}"),
     # EmPy
-    Fault(
+    Case(
         "any.em:3:1",
         "T105",
         f"{BOTH}a message has no 'nam', did you mean 'name'?",
         "\n\n@message.nam",
         template="any.em",
     ),
-    Fault("any.em:1:1", "T105", "did you mean 'message'?", "@mesage.name", template="any.em"),
-    Fault("any.em:2:1", "T104", f"{BOTH}not Python", "\n@(message..name)", template="any.em"),
-    Fault("any.em:2:1", "T103", "", "\n@[for x in y]@", template="any.em"),
+    Case("any.em:1:1", "T105", "did you mean 'message'?", "@mesage.name", template="any.em"),
+    Case("any.em:2:1", "T104", f"{BOTH}not Python", "\n@(message..name)", template="any.em"),
+    Case("any.em:2:1", "T103", "", "\n@[for x in y]@", template="any.em"),
     # neither
-    Fault("any.h", "T205", "named *.j2, or of EmPy, named *.em", template="any.h"),
+    Case("any.h", "T205", "named *.j2, or of EmPy, named *.em", template="any.h"),
     # names of outputs
     named("{{ message.name", "T201", "unexpected end of template"),
     named("{{ message.nam }}", "T202", f"{BOTH}a message has no 'nam', did you mean 'name'?"),
@@ -322,17 +322,17 @@ FAULTS = [
     named("{{ {'Bar': 'x.h', 'Foo': 'a/../X.h'}[message.name] }}", "T207", "'X.h' would be the output for both"),
     named("{{ {'Bar': 'x/y', 'Foo': 'x'}[message.name] }}", "T207", "'x' would be an output, and the folder of 'x/y'"),
     # nothing to do
-    Fault("--each", "T208", "the sources have no services", options=("--each", "service", "--px4", "bare")),
-    Fault("--each", "T208", "name the dds_topics.yaml", options=("--each", "endpoint", "--px4", "bare")),
+    Case("--each", "T208", "the sources have no services", options=("--each", "service", "--px4", "bare")),
+    Case("--each", "T208", "name the dds_topics.yaml", options=("--each", "endpoint", "--px4", "bare")),
     # definitions
-    Fault("in/dds_topics.yaml", "S101", "", options=("--px4", "in/dds_topics.yaml")),
-    Fault("bad/Foo.msg:2:1", "M301", "did you mean 'float32'?", options=("--px4", "bad")),
+    Case("in/dds_topics.yaml", "S101", "", options=("--px4", "in/dds_topics.yaml")),
+    Case("bad/Foo.msg:2:1", "M301", "did you mean 'float32'?", options=("--px4", "bad")),
 ]
 
 
 @pytest.fixture
 def surroundings() -> None:
-    """What the faulty templates include, and other sources."""
+    """What the invalid templates include, and other sources."""
     write(part__j2="\n\n{% x %}", macros__j2="{% macro f(field) %}\n{{ field.x }}\n{% endmacro %}")
     Path("latin.j2").write_bytes("ä".encode("latin-1"))
     Path("folder.j2").mkdir()
@@ -340,18 +340,18 @@ def surroundings() -> None:
 
 
 @pytest.mark.usefixtures("surroundings")
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.code} {fault.fragment} {fault.text}"[:70])
-def test_each_fault_is_told_with_its_place_and_nothing_is_written(
-    fault: Fault, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: f"{error.code} {error.fragment} {error.text}"[:70])
+def test_each_error_is_told_with_its_place_and_nothing_is_written(
+    error: Case, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if fault.template.startswith("any"):
-        Path(fault.template).write_text(fault.text)
+    if error.template.startswith("any"):
+        Path(error.template).write_text(error.text)
     write_definitions(Path("out"), {"foo.h": "old"})
-    assert render(fault.template, "--depfile", "x.d", *fault.options) == FAILED
+    assert render(error.template, "--depfile", "x.d", *error.options) == FAILED
     output = capsys.readouterr()
     first, *_, last = output.err.splitlines()
-    assert first.startswith(f"{fault.place}: {fault.code} ")
-    assert fault.fragment in first
+    assert first.startswith(f"{error.place}: {error.code} ")
+    assert error.fragment in first
     assert last == "1 error, nothing written"
     assert output.out == ""
     assert made() == {"foo.h": "old"}
@@ -359,10 +359,10 @@ def test_each_fault_is_told_with_its_place_and_nothing_is_written(
 
 
 def test_the_table_has_every_code_of_this_command() -> None:
-    assert {fault.code for fault in FAULTS} >= {code for code in CODES if code.startswith("T2")}
+    assert {error.code for error in ERRORS} >= {code for code in CODES if code.startswith("T2")}
 
 
-def test_faults_of_different_definitions_are_told_apart(capsys: pytest.CaptureFixture[str]) -> None:
+def test_errors_of_different_definitions_are_told_apart(capsys: pytest.CaptureFixture[str]) -> None:
     write(any__j2="{% if message.name == 'Foo' %}\n{{ message.a }}\n{% endif %}\n{{ message.b }}")
     assert render("any.j2") == FAILED
     assert capsys.readouterr().err.splitlines() == [
@@ -375,7 +375,7 @@ def test_faults_of_different_definitions_are_told_apart(capsys: pytest.CaptureFi
 @pytest.mark.parametrize(
     ("thing", "label"), [("service", "Ask: "), ("endpoint", "/fmu/out/foo: "), ("catalog", "'nothing'")]
 )
-def test_a_fault_names_what_was_rendered(thing: str, label: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_error_names_what_was_rendered(thing: str, label: str, capsys: pytest.CaptureFixture[str]) -> None:
     write(any__j2="{{ nothing }}")
     assert render("any.j2", "--each", thing) == FAILED
     assert capsys.readouterr().err.startswith(f"any.j2:1:1: T202 {label}")

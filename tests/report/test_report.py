@@ -329,7 +329,7 @@ def test_github_names_a_file_as_a_whole_and_puts_a_folder_into_the_message(worki
     ]
 
 
-FAULTS_AS_ANNOTATIONS = [
+ERRORS_AS_ANNOTATIONS = [
     (
         ["check", "--px4", "a", "b"],
         [
@@ -347,7 +347,7 @@ FAULTS_AS_ANNOTATIONS = [
 ]
 
 
-@pytest.mark.parametrize(("arguments", "expected"), FAULTS_AS_ANNOTATIONS)
+@pytest.mark.parametrize(("arguments", "expected"), ERRORS_AS_ANNOTATIONS)
 def test_github_shows_why_a_run_cannot_tell(
     arguments: list[str],
     expected: list[str],

@@ -161,7 +161,7 @@ def test_a_removed_definition_is_removed_from_the_package(project: Project) -> N
 
 
 @pytest.mark.slow
-def test_a_faulty_definition_stops_the_build_and_says_where(project: Project) -> None:
+def test_an_invalid_definition_stops_the_build_and_says_where(project: Project) -> None:
     (project.source / "msg" / "Lamp.msg").write_text("uint64 timestamp\nfloat3 brightness\n")
     done = project.attempt("--build", str(project.build_folder))
     assert done.returncode != 0

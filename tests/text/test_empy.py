@@ -78,7 +78,7 @@ PLAIN = [
     "@x@(x)@",
 ]
 
-FAULTY = [
+INVALID = [
     ("@(x", 1, "T103", "what begins here has no end"),
     ("fine\n@[for i in xs]\n@(i\n@[end for]", 3, "T103", "what begins here has no end"),
     ("fine\n\n@[if x]\nnever ended\n", 3, "T103", "control 'if' needs more tokens"),
@@ -154,8 +154,8 @@ def reference(text: str, names: Mapping[str, Any] = NAMES) -> str | BaseExceptio
         return error
 
 
-def fault(text: str, names: Mapping[str, Any] = NAMES) -> Diagnostic:
-    """Return what is said about a faulty template."""
+def error(text: str, names: Mapping[str, Any] = NAMES) -> Diagnostic:
+    """Return what is said about an invalid template."""
     with pytest.raises(InputError) as caught:
         EmpyTemplate("some.em", text).expand(names)
     (found,) = caught.value.diagnostics
@@ -179,17 +179,17 @@ def test_blocks_in_blocks_come_out_as_empy_has_them(text: str) -> None:
     if isinstance(expected, str):
         assert EmpyTemplate("some.em", text).expand(NAMES) == expected
     else:
-        assert fault(text).code in ("T103", "T105")
+        assert error(text).code in ("T103", "T105")
 
 
-@pytest.mark.parametrize(("text", "line", "code", "fragment"), FAULTY)
+@pytest.mark.parametrize(("text", "line", "code", "fragment"), INVALID)
 def test_an_error_has_its_line_and_says_what_was_raised(text: str, line: int, code: str, fragment: str) -> None:
-    found = fault(text)
+    found = error(text)
     assert (found.location, found.code) == (("some.em", line, 1), code)
     assert fragment in found.message
 
 
-@pytest.mark.parametrize("text", [text for text, *_ in FAULTY if "ud800" not in text])
+@pytest.mark.parametrize("text", [text for text, *_ in INVALID if "ud800" not in text])
 def test_empy_takes_offence_at_the_same(text: str) -> None:
     assert isinstance(reference(text), BaseException)
 
@@ -259,17 +259,17 @@ def test_a_module_lent_for_a_run_is_given_back() -> None:
 
 
 def test_an_input_error_from_within_is_let_through() -> None:
-    from msggen.diagnostics import fault as fault_in
+    from msggen.diagnostics import input_error
 
     def load() -> None:
-        raise fault_in("Foo.msg", "M301", "unknown type", 3, 4)
+        raise input_error("Foo.msg", "M301", "unknown type", 3, 4)
 
     with pytest.raises(InputError, match=r"^Foo.msg:3:4: M301 unknown type$"):
         EmpyTemplate("some.em", "@load()").expand({"load": load})
 
 
 def test_names_that_empy_needs_are_refused() -> None:
-    assert fault("@x", {"empy": 1}) == (("some.em", 1, 1), "T103", "interpreter globals collision")
+    assert error("@x", {"empy": 1}) == (("some.em", 1, 1), "T103", "interpreter globals collision")
 
 
 def test_a_file_is_read(tmp_path: Path) -> None:
@@ -305,4 +305,4 @@ def test_no_empy_at_all_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_every_code_of_empy_is_provoked_here() -> None:
     elsewhere = {"T101", "T102", "T106", "T107"}
-    assert {code for _, _, code, _ in FAULTY} | elsewhere == {code for code in CODES if code < "T2" and code[0] == "T"}
+    assert {code for _, _, code, _ in INVALID} | elsewhere == {code for code in CODES if code < "T2" and code[0] == "T"}

@@ -67,11 +67,11 @@ _FIELDS: dict[struct.Struct, str] = {}
 """The fields that a format has values of, for errors."""
 
 
-class Fault(Exception):  # noqa: N818
+class SampleError(Exception):
     """What is wrong with a sample, its field first; raised and caught while a message is read."""
 
 
-FAILURES = (Fault, struct.error)
+FAILURES = (SampleError, struct.error)
 """What reading raises when the sample is none."""
 
 
@@ -116,8 +116,8 @@ class Stream:
         message = new(cls)
         try:
             end = self.read(message, sample, len(HEADER), wire)
-        except Fault as fault:
-            raise DecodeError(_inside(cls.__msg__.name, fault)) from None
+        except SampleError as error:
+            raise DecodeError(_inside(cls.__msg__.name, error)) from None
         surplus = len(sample) - end
         if surplus > SURPLUS and not allow_surplus and surplus > SURPLUS + 8 * _overestimated(message):
             name, size, given = cls.__msg__.name, end - len(HEADER), len(sample) - len(HEADER)
@@ -153,16 +153,16 @@ def _overestimated(message: Message) -> int:
     return count
 
 
-def fault_of(run: Format, at: int, data: bytes, error: Exception) -> Fault:
+def error_of(run: Format, at: int, data: bytes, error: Exception) -> SampleError:
     """Return what is wrong with a message that `run` was read of last, at an offset."""
-    if isinstance(error, Fault):
+    if isinstance(error, SampleError):
         return error
-    return Fault(f"{_FIELDS[run]}: expected {run.size} bytes at byte {at - len(HEADER)}, got {max(len(data) - at, 0)}")
+    return SampleError(f"{_FIELDS[run]}: expected {run.size} bytes at byte {at - len(HEADER)}, got {max(len(data) - at, 0)}")
 
 
-def _inside(path: str, fault: Fault) -> str:
-    """Return the text of a fault that was found inside of what `path` names."""
-    text = str(fault)
+def _inside(path: str, error: SampleError) -> str:
+    """Return the text of an error inside the value at `path`."""
+    text = str(error)
     return path + text if text.startswith((":", "[")) else f"{path}.{text}"
 
 
@@ -173,15 +173,15 @@ def _inside(path: str, fault: Fault) -> str:
 def _taken(data: bytes, at: int, size: int, path: str) -> bytes:
     raw = data[at : at + size]
     if len(raw) != size:
-        raise Fault(f"{path}: expected {size} bytes at byte {at - len(HEADER)}, got {max(len(data) - at, 0)}")
+        raise SampleError(f"{path}: expected {size} bytes at byte {at - len(HEADER)}, got {max(len(data) - at, 0)}")
     return raw
 
 
 def _check_count(count: int, most: int, left: int, path: str) -> None:
     if most and count > most:
-        raise Fault(f"{path}: expected up to {most} values, got {count}")
+        raise SampleError(f"{path}: expected up to {most} values, got {count}")
     if count > left:
-        raise Fault(f"{path}: expected {count} values, got {max(left, 0)}")
+        raise SampleError(f"{path}: expected {count} values, got {max(left, 0)}")
 
 
 def octets(data: bytes, at: int, count: int, wire: int, path: str, most: int = 0) -> tuple[bytes, int]:
@@ -229,7 +229,7 @@ def text(data: bytes, at: int, count: int, wire: int, path: str, bound: int = -1
         return "", at
     raw = _taken(data, at, count, path)
     wanted = "UTF-8" if raw[-1] == 0 else "a NUL at the end of a text"
-    raise Fault(f"{path}: expected {wanted}, got {raw[:40]!r}")
+    raise SampleError(f"{path}: expected {wanted}, got {raw[:40]!r}")
 
 
 def wide_text(data: bytes, at: int, count: int, wire: int, path: str, bound: int = -1) -> tuple[str, int]:
@@ -239,14 +239,14 @@ def wide_text(data: bytes, at: int, count: int, wire: int, path: str, bound: int
         units = struct.pack(f"<{count}H", *struct.unpack(f"{_order(wire)}{count}I", raw))
         value = units.decode("utf-16-le")
     except (struct.error, UnicodeDecodeError):
-        raise Fault(f"{path}: expected UTF-16 in units of 4 bytes, got {raw[:16].hex(' ')}") from None
+        raise SampleError(f"{path}: expected UTF-16 in units of 4 bytes, got {raw[:16].hex(' ')}") from None
     _check_bound(value, bound, path)
     return value, at + count * 4
 
 
 def _check_bound(value: str, bound: int, path: str) -> None:
     if 0 <= bound < len(value):
-        raise Fault(f"{path}: expected up to {bound} characters, got {len(value)}")
+        raise SampleError(f"{path}: expected up to {bound} characters, got {len(value)}")
 
 
 def texts(
@@ -284,9 +284,9 @@ def _texts(
             (units,) = unpack(data, at)
             value, at = read(data, at + _COUNT, units, wire, "", bound)
             values.append(value)
-    except (Fault, struct.error) as error:
-        fault = str(error) if isinstance(error, Fault) else f": expected {_COUNT} bytes, got {max(len(data) - at, 0)}"
-        raise Fault(f"{path}[{len(values)}]{fault}") from None
+    except (SampleError, struct.error) as error:
+        text = str(error) if isinstance(error, SampleError) else f": expected {_COUNT} bytes, got {max(len(data) - at, 0)}"
+        raise SampleError(f"{path}[{len(values)}]{text}") from None
     if wire & XCDR2:
         _check_delimiter(data, start, at, wire, path)
     return tuple(values), at
@@ -312,8 +312,8 @@ def messages(
             value = new(cls)
             at = read(value, data, at, wire)
             values.append(value)
-    except Fault as fault:
-        raise Fault(_inside(f"{path}[{len(values)}]", fault)) from None
+    except SampleError as error:
+        raise SampleError(_inside(f"{path}[{len(values)}]", error)) from None
     if wire & XCDR2:
         _check_delimiter(data, start, at, wire, path)
     return tuple(values), at
@@ -323,7 +323,7 @@ def _check_delimiter(data: bytes, start: int, end: int, wire: int, path: str) ->
     size = end - start - _COUNT
     (given,) = _COUNTS[wire & BIG].unpack_from(data, start)
     if given != size:
-        raise Fault(f"{path}: expected a delimiter header of {size} at byte {start - len(HEADER)}, got {given}")
+        raise SampleError(f"{path}: expected a delimiter header of {size} at byte {start - len(HEADER)}, got {given}")
 
 
 # Writing: first a value becomes bytes, which are counted; then the run is packed, and the bytes are put behind it.
