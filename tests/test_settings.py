@@ -116,7 +116,7 @@ def test_an_empty_table_sets_nothing() -> None:
         '[ tool . "msggen" ]\npackage = "found"\n',
         '[tool]\nmsggen = { package = "found" }\n',
         '[tool]\nmsggen.package = "found"\n',
-        'tool.msggen.sync = "found"\n',
+        'tool.msggen.package = "found"\n',
         '[tool.msggen]\r\npackage = "found"\r\n',
     ],
     ids=["table", "quoted", "inline", "dotted", "dotted at the top", "CRLF"],
