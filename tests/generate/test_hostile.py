@@ -185,6 +185,7 @@ NASTY = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("comment", NASTY.values(), ids=NASTY.keys())
 def test_a_comment_stays_a_comment_wherever_it_stands(comment: str, tmp_path: Path) -> None:
     assert shapes(definitions(comment)) == HARMLESS
@@ -225,6 +226,7 @@ def docstrings(source: str) -> Iterator[str]:
             yield str(node.value.value)
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(COMMENTS.filter(lambda comment: "[" not in comment))
 def test_every_word_of_a_comment_arrives_in_its_docstring(comment: str) -> None:
@@ -528,6 +530,7 @@ KINDS = {
 INNER = f"{STAMP}uint8[4] block\nfloat32[2] few\nbool flag\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted({*LOCALS, *BUILTINS, *SOFT_KEYWORDS, *DESCRIPTIONS}))
 def test_a_field_may_be_called_like_anything_the_code_uses(name: str, tmp_path: Path) -> None:
     files = {f"msg/{kind}.msg": STAMP + text.format(name) for kind, text in KINDS.items()}

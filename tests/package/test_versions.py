@@ -1155,6 +1155,7 @@ def checked(folder: Path, *command: str) -> tuple[int, str]:
 MYPY = ("mypy", "--strict", "--python-version=3.10")
 
 
+@pytest.mark.slow
 def test_mypy_is_content_with_a_package_of_versions(typed: Path) -> None:
     assert checked(typed, *MYPY, "lamps", "application.py")[0] == 0, checked(typed, *MYPY, "lamps", "application.py")[1]
 
