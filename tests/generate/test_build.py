@@ -689,6 +689,7 @@ def test_a_read_only_folder_is_an_error_and_nothing_changes(place: str) -> None:
 # --- The same input gives the same bytes
 
 
+@pytest.mark.slow
 def test_the_bytes_depend_on_no_hash_seed_working_directory_or_place_of_the_sources(tmp_path: Path) -> None:
     copy, far = tmp_path / "copy of the sources", tmp_path / "far" / "away"
     for name in ("msg", "srv"):

@@ -271,6 +271,7 @@ def test_a_string_constant_arrives_as_it_was_written(value: str, tmp_path: Path)
     assert package.Foo.OTHER == 3
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(PRINTABLE.filter(lambda value: not re.search(r"\\([\"'\\]|$)", value)))
 def test_any_printable_string_constant_is_one_literal(value: str) -> None:
@@ -591,6 +592,7 @@ OWN += ["Msg", "Srv", "Topics", "Endpoint", "Qos", "QosPair", "UorbTopic", "IntE
 BUILT_IN = ["ValueError", "TypeError", "AttributeError", "KeyError", "Exception", "NotImplemented", "Ellipsis"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*TYPING, *OWN, *BUILT_IN, "Object", "Int", "Bytes", "Tuple", "Array", "Real"])
 def test_a_message_may_be_called_like_anything_the_code_uses(name: str, tmp_path: Path) -> None:
     files = {
@@ -627,6 +629,7 @@ def test_a_topic_may_be_called_like_what_python_or_an_enum_needs(name: str, tmp_
 # Sizes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "field", ["bool[4000] x", "uint8[60000] x", "float32[16000] x", "Inner[2000] x", "bool[15] x\nbool[16] y"]
 )

@@ -699,6 +699,7 @@ def test_random_bytes_are_read_as_decode_does_or_refused(made_up: MadeUp, sample
         assert outcome(cls.decode_batch, samples[0]) == [alone[0]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_samples_of_other_messages_are_read_as_decode_does_or_refused(
     name: str, vectors: dict[str, Samples], px4_types: Any

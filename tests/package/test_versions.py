@@ -99,6 +99,7 @@ def oracle(name: str) -> Any:
     return json.loads(shared(f"oracles/{name}.json").read_text())
 
 
+@pytest.mark.slow
 def test_every_archived_definition_of_a_tree_has_a_type(tree: Tree) -> None:
     files = sorted(path.stem for path in shared(f"firmware/{tree.release}").joinpath(ARCHIVE).glob("*.msg"))
     assert sorted(message.name for message in tree.archived) == files
@@ -566,6 +567,7 @@ def random_pairs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Catalog, Any
     return catalog, import_package(catalog, folder / "out")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(PAIRS))
 def test_random_versions_convert_as_an_obvious_way_does(number: int, random_pairs: tuple[Catalog, Any]) -> None:
     catalog, package = random_pairs
