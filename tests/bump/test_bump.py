@@ -283,6 +283,7 @@ def test_ros_names_files_of_capitals_in_a_row_its_own_way() -> None:
 # --- Again, and no harm done
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", ["", "uint8 battery_count"])
 @pytest.mark.parametrize("name", ["VehicleStatus", "ArmingCheckReply"])
 def test_a_second_run_changes_nothing(firmware: Path, name: str, line: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -616,6 +617,7 @@ def test_what_px4_archived_by_hand_is_taken_and_the_headers_compile(
     assert run(tree, tmp_path / "cpp", names).keys() == set(names)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("releases", RAISED, ids="-".join)
 def test_without_px4s_archive_the_same_definitions_are_archived(tmp_path: Path, releases: tuple[str, str]) -> None:
     older, newer, tree = releases_of(tmp_path, releases)

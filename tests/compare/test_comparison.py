@@ -170,6 +170,7 @@ def test_what_went_silently_wrong_from_one_release_to_the_next() -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", RELEASES)
 def test_a_flattened_package_matches_its_firmware(release: str, tmp_path: Path) -> None:
     firmware = shared(f"firmware/{release}")

@@ -690,6 +690,7 @@ def test_a_read_only_folder_is_an_error_and_nothing_changes(place: str) -> None:
 # --- The same input gives the same bytes
 
 
+@pytest.mark.slow
 def test_the_bytes_depend_on_no_hash_seed_working_directory_or_place_of_the_sources(tmp_path: Path) -> None:
     copy, far = tmp_path / "copy of the sources", tmp_path / "far" / "away"
     for name in ("msg", "srv"):
@@ -826,11 +827,13 @@ def test_a_killed_build_leaves_only_whole_files(killed: Killed) -> None:
                 assert kill.left[name] in whole or name.endswith(RECORD), (kill.step, name)
 
 
+@pytest.mark.slow
 def test_a_killed_build_loses_no_file_that_stays(killed: Killed) -> None:
     staying = killed.before.keys() & killed.after.keys()
     assert [(kill.step, staying - kill.left.keys()) for kill in killed.kills if staying - kill.left.keys()] == []
 
 
+@pytest.mark.slow
 def test_a_killed_build_never_leaves_a_record_that_cannot_be_read(killed: Killed) -> None:
     for kill in killed.kills:
         for name, data in kill.left.items():
@@ -839,6 +842,7 @@ def test_a_killed_build_never_leaves_a_record_that_cannot_be_read(killed: Killed
                 assert json.loads(data)["files"]
 
 
+@pytest.mark.slow
 def test_the_next_run_completes_what_a_killed_one_began(killed: Killed) -> None:
     assert [kill.step for kill in killed.kills if kill.exit_code != 0] == []
     unfinished = {
@@ -854,11 +858,13 @@ def leftovers(killed: Killed) -> dict[int, list[str]]:
     return {kill.step: sorted(kill.repaired.keys() - killed.after.keys()) for kill in killed.kills}
 
 
+@pytest.mark.slow
 def test_the_next_run_clears_away_what_a_killed_one_wrote_aside(killed: Killed) -> None:
     aside = {step: [name for name in names if ".msggen-" in name] for step, names in leftovers(killed).items()}
     assert {step: names for step, names in aside.items() if names} == {}
 
 
+@pytest.mark.slow
 def test_the_next_run_removes_what_a_killed_one_had_yet_to_remove(killed: Killed) -> None:
     obsolete = {step: [name for name in names if ".msggen-" not in name] for step, names in leftovers(killed).items()}
     assert {step: names for step, names in obsolete.items() if names} == {}

@@ -186,6 +186,7 @@ NASTY = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("comment", NASTY.values(), ids=NASTY.keys())
 def test_a_comment_stays_a_comment_wherever_it_stands(comment: str, tmp_path: Path) -> None:
     assert shapes(definitions(comment)) == HARMLESS
@@ -226,6 +227,7 @@ def docstrings(source: str) -> Iterator[str]:
             yield str(node.value.value)
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(COMMENTS.filter(lambda comment: "[" not in comment))
 def test_every_word_of_a_comment_arrives_in_its_docstring(comment: str) -> None:
@@ -270,6 +272,7 @@ def test_a_string_constant_arrives_as_it_was_written(value: str, tmp_path: Path)
     assert package.Foo.OTHER == 3
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(PRINTABLE.filter(lambda value: not re.search(r"\\([\"'\\]|$)", value)))
 def test_any_printable_string_constant_is_one_literal(value: str) -> None:
@@ -529,6 +532,7 @@ KINDS = {
 INNER = f"{STAMP}uint8[4] block\nfloat32[2] few\nbool flag\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted({*LOCALS, *BUILTINS, *SOFT_KEYWORDS, *DESCRIPTIONS}))
 def test_a_field_may_be_called_like_anything_the_code_uses(name: str, tmp_path: Path) -> None:
     files = {f"msg/{kind}.msg": STAMP + text.format(name) for kind, text in KINDS.items()}
@@ -589,6 +593,7 @@ OWN += ["Msg", "Srv", "Topics", "Endpoint", "Qos", "QosPair", "UorbTopic", "IntE
 BUILT_IN = ["ValueError", "TypeError", "AttributeError", "KeyError", "Exception", "NotImplemented", "Ellipsis"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*TYPING, *OWN, *BUILT_IN, "Object", "Int", "Bytes", "Tuple", "Array", "Real"])
 def test_a_message_may_be_called_like_anything_the_code_uses(name: str, tmp_path: Path) -> None:
     files = {
@@ -625,6 +630,7 @@ def test_a_topic_may_be_called_like_what_python_or_an_enum_needs(name: str, tmp_
 # Sizes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "field", ["bool[4000] x", "uint8[60000] x", "float32[16000] x", "Inner[2000] x", "bool[15] x\nbool[16] y"]
 )

@@ -186,6 +186,7 @@ def in_columns(messages: list[Any]) -> dict[str, list[str]]:
 # Every message, every encoding
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_elements_are_what_decode_gives(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     for samples in vectors[name].values():
@@ -682,6 +683,7 @@ PIECES = st.one_of(st.binary(max_size=80), st.sampled_from([*HEADERS.values()]),
 GARBAGE = st.lists(PIECES, max_size=6).map(b"".join)
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(st.lists(GARBAGE, min_size=1, max_size=4), st.sampled_from(["Even", "Uneven", "EndsEarly", "Bools"]))
 def test_random_bytes_are_read_as_decode_does_or_refused(made_up: MadeUp, samples: list[bytes], name: str) -> None:
@@ -697,6 +699,7 @@ def test_random_bytes_are_read_as_decode_does_or_refused(made_up: MadeUp, sample
         assert outcome(cls.decode_batch, samples[0]) == [alone[0]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_samples_of_other_messages_are_read_as_decode_does_or_refused(
     name: str, vectors: dict[str, Samples], px4_types: Any

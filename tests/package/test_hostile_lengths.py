@@ -120,6 +120,7 @@ def test_hostile_numbers_take_no_more_memory_than_the_sample_accounts_for(
     assert peak_of(decode, hostile_samples, ours.errors.DecodeError) < FACTOR * len(sample) + OVERHEAD
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Nothing", "Static", "Inner"])
 def test_many_small_elements_take_memory_in_proportion(name: str, tmp_path: Path) -> None:
     """The largest messages from the fewest bytes: as many elements as there can be, and one less than promised."""

@@ -97,6 +97,7 @@ def test_views_of_random_messages_equal_what_decode_gives(files: dict[str, str],
         check_views(cls, samples)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOME)
 def test_each_byte_counts_where_decode_counts_it(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     """Odd bools among them."""

@@ -100,6 +100,7 @@ def oracle(name: str) -> Any:
     return json.loads(shared(f"oracles/{name}.json").read_text())
 
 
+@pytest.mark.slow
 def test_every_archived_definition_of_a_tree_has_a_type(tree: Tree) -> None:
     files = sorted(path.stem for path in shared(f"firmware/{tree.release}").joinpath(ARCHIVE).glob("*.msg"))
     assert sorted(message.name for message in tree.archived) == files
@@ -567,6 +568,7 @@ def random_pairs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Catalog, Any
     return catalog, import_package(catalog, folder / "out")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(PAIRS))
 def test_random_versions_convert_as_an_obvious_way_does(number: int, random_pairs: tuple[Catalog, Any]) -> None:
     catalog, package = random_pairs
@@ -1156,6 +1158,7 @@ def checked(folder: Path, *command: str) -> tuple[int, str]:
 MYPY = ("mypy", "--strict", "--python-version=3.10")
 
 
+@pytest.mark.slow
 def test_mypy_is_content_with_a_package_of_versions(typed: Path) -> None:
     assert checked(typed, *MYPY, "lamps", "application.py")[0] == 0, checked(typed, *MYPY, "lamps", "application.py")[1]
 

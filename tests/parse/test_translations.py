@@ -551,6 +551,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_no_header_hangs_or_fails(kind: str, tmp_path: Path) -> None:
     started = time.process_time()

@@ -218,6 +218,7 @@ def test_every_message_decodes_to_what_the_reference_reads(
     assert [sample.message.name for sample, values in pairs if not are_same(values, sample.values)] == []
 
 
+@pytest.mark.slow
 @pytest.mark.tools
 @pytest.mark.parametrize("language", ["cpp", "typescript"])
 def test_what_is_no_sample_of_the_message_is_refused(

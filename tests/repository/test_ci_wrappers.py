@@ -145,6 +145,7 @@ def test_the_hooks_pass_what_is_in_step(workspace: Path, cache: str) -> None:
     assert (code, output.count("...Passed")) == (0, 3), output
 
 
+@pytest.mark.slow
 @pytest.mark.tools("git")
 def test_the_hooks_stop_a_silent_change(workspace: Path, cache: str) -> None:
     definition = workspace / "firmware" / "msg" / "VehicleAttitude.msg"
@@ -219,17 +220,20 @@ def test_the_action_annotates_what_differs_and_fails(runner: Path, checkout: Pat
     assert summary.startswith("my package differs from old: ")
 
 
+@pytest.mark.slow
 def test_the_action_passes_what_is_in_step(runner: Path, checkout: Path) -> None:
     code, output = run_step(RUN, checkout, runner, {"arguments": "old\nold\n"})
     assert (code, output) == (0, "old matches old: 1 message, 0 services\n")
 
 
+@pytest.mark.slow
 def test_the_action_runs_breaking(runner: Path, checkout: Path) -> None:
     inputs = {"command": "breaking", "arguments": "--px4 'my package' --against old"}
     code, output = run_step(RUN, checkout, runner, inputs)
     assert (code, output.splitlines()[0].partition(" ")[0]) == (1, "::error"), output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [("old nowhere", "nowhere: S101"), ("old 'my", "::error::arguments: No closing quotation"), ("--px5 old", "--px4")],
@@ -241,6 +245,7 @@ def test_the_action_tells_when_it_cannot_tell(runner: Path, checkout: Path, argu
     assert "Traceback" not in output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hostile", ["$(touch pwned)", "old old; touch pwned", "`touch pwned`", "'\ntouch pwned\n'"])
 def test_the_action_takes_its_inputs_for_data(runner: Path, checkout: Path, hostile: str) -> None:
     for inputs in ({"arguments": hostile}, {"command": hostile, "arguments": "old old"}):
@@ -249,6 +254,7 @@ def test_the_action_takes_its_inputs_for_data(runner: Path, checkout: Path, host
     assert not (checkout / "pwned").exists()
 
 
+@pytest.mark.slow
 def test_the_action_is_not_led_astray_by_modules_of_the_checkout(runner: Path, checkout: Path) -> None:
     write_definitions(checkout, {"msggen.py": "raise SystemExit(7)\n", "yaml/__init__.py": "raise SystemExit(7)\n"})
     assert run_step(RUN, checkout, runner, {"arguments": "old old"})[0] == 0
