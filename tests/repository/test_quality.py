@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from msggen.disk.record import RECORD_NAME
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources
 from msggen.generate.build import Build
@@ -120,10 +121,11 @@ def test_mypy_is_content_with_packages_of_unusual_messages(unusual: Path) -> Non
     run("mypy", "--strict", "--python-version=3.10", *packages, cwd=unusual.parent)
 
 
-def test_the_committed_record_is_current() -> None:
-    """So that a build in a fresh clone has nothing to do, and leaves the work tree clean."""
-    outcome = Build(find_sources(None), str(PACKAGE.parent), PACKAGE.name).run(write=False)
-    assert outcome.plan is None, "run `msggen build` and commit what it wrote"
+def test_the_committed_record_is_current(tmp_path: Path) -> None:
+    """So that a build in a fresh clone leaves the work tree clean."""
+    Build(find_sources(None), str(tmp_path), PACKAGE.name).run(write=True)
+    expected, found = (folder / PACKAGE.name / RECORD_NAME for folder in (tmp_path, PACKAGE.parent))
+    assert found.read_bytes() == expected.read_bytes(), "run `msggen build` and commit what it wrote"
 
 
 @pytest.mark.slow
@@ -204,8 +206,9 @@ def test_the_types_catch_mistakes(errors: dict[str, set[int]]) -> None:
     assert errors["mistakes.py"] == {4, 5, 6, 7}
 
 
-def test_the_command_line_imports_nothing_heavy() -> None:
-    program = "import sys; from msggen.cli import main; main(['build', '-q']); print(*sys.modules)"
-    command = [sys.executable, "-c", program]
+def test_a_build_with_nothing_to_do_imports_nothing_heavy(tmp_path: Path) -> None:
+    run("msggen", "build", "-q", "-o", str(tmp_path))
+    program = "import sys; from msggen.cli import main; main(['build', '-q', '-o', sys.argv[1]]); print(*sys.modules)"
+    command = [sys.executable, "-c", program, str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     assert not HEAVY & {*done.stdout.split()}
