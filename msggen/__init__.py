@@ -77,7 +77,7 @@ else:  # hidden from type checkers, which would accept any attribute of a module
     """The public names that each module defines."""
 
     def __getattr__(name: str) -> object:
-        """Return the public name `name` from the module that defines it. Raise AttributeError for any other name."""
+        """Return the public name `name` from the module that defines it. Raises AttributeError for any other name."""
         import sys
 
         for module, names in _MODULES.items():

@@ -209,7 +209,7 @@ class Message(NamedTuple):
 
     @property
     def message_version(self) -> int:
-        """MESSAGE_VERSION as the firmware reads it: 32 bits without sign, 0 if the constant is missing."""
+        """MESSAGE_VERSION as the firmware reads it, an unsigned 32-bit integer; 0 if the constant is missing."""
         return self._special(VERSION, 0) % 2**32
 
     @property

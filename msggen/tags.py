@@ -83,7 +83,7 @@ TAGS: tuple[Tag, ...] = (
     Tag(
         "invalid",
         'Value that means "unknown".',
-        "the value of a field that means 'unknown' changed",
+        "the invalid value of a field, which means 'unknown', changed",
         _value,
         message_name="invalid value",
         rank=4,

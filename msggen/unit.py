@@ -88,7 +88,7 @@ def _bound(text: str) -> str:
 
 
 def _factors(text: str) -> Iterator[tuple[str, int]]:
-    """Yield each unit in `text` with its power. Raise ValueError if `text` is not a product of powers."""
+    """Yield each unit in `text` with its power. Raises ValueError if `text` is not a product of powers."""
     signs = [1]  # the factor of the powers inside each open parenthesis
     sign = 1
     position = 0
@@ -119,7 +119,7 @@ def _factors(text: str) -> Iterator[tuple[str, int]]:
 
 
 def _power_behind(text: str, start: int) -> int:
-    """Return the power of the parenthesis that opens before `start`. Raise ValueError if it is not closed."""
+    """Return the power of the parenthesis that opens before `start`. Raises ValueError if it is not closed."""
     depth = 1
     for position in range(start, len(text)):
         depth += {"(": 1, ")": -1}.get(text[position], 0)

@@ -1,6 +1,7 @@
 """Comparison of two catalogs: which messages and fields correspond, and whether their bytes are the same.
 
-Facts that several rules need are computed here, once. White space is ignored; comments only help to find renamed fields.
+Facts that several rules need are computed here, once. White space does not count. Comments count only as evidence of
+renamed fields, and for the rules about tags.
 """
 
 from __future__ import annotations
@@ -104,13 +105,13 @@ class MessagePair:
 
     @cached_property
     def removed(self) -> tuple[Field, ...]:
-        """The fields that only the previous side has, without renamed fields."""
+        """The fields that only the previous side has, except renamed fields."""
         renamed = [pair.previous for pair in self.renamed]
         return tuple(field for field in self._lost if field not in renamed)
 
     @cached_property
     def added(self) -> tuple[Field, ...]:
-        """The fields that only the current side has, without renamed fields."""
+        """The fields that only the current side has, except renamed fields."""
         renamed = [pair.current for pair in self.renamed]
         return tuple(field for field in self._gained if field not in renamed)
 
@@ -193,7 +194,7 @@ class MessagePair:
         return tuple(FieldPair(previous, field) for previous, field in pairs if previous)
 
     def _current_path(self, path: Path) -> Path:
-        """Return the path on the current side to the value at `path` on the previous side, with renamed fields replaced."""
+        """Return the path on the current side of the value at `path` on the previous side, following renamed fields."""
         (name, index), inside = path[0], path[1:]
         if inside and name in self.nested:
             inside = self.nested[name]._current_path(inside)  # noqa: SLF001 - same class
@@ -286,7 +287,7 @@ def constants_of(message: Message) -> dict[str, Constant]:
 
 
 def definitions(catalog: Catalog) -> dict[str, Message]:
-    """Return the messages and halves of services by name, without other packages, which are only nested."""
+    """Return the messages and halves of services by name, except those of other packages, which are only nested."""
     halves = [half for service in catalog.own_services for half in (service.request, service.response)]
     return {message.name: message for message in (*catalog.uorb_messages, *halves)}
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class Category(Enum):
     """The category of a rule. The value is a sentence about the effect of its findings."""
 
-    WIRE = "the bytes of samples changed: nodes built with the other definition misread them"
+    WIRE = "the bytes of samples changed, so nodes built with the other definition misread them"
     HASH = "the bytes are the same, but the firmware's compatibility check rejects the other definition"
     SOURCE = "source code that uses the definition no longer builds, or changes its behavior"
     SEMANTIC = "bytes and names are the same, but the values mean something else"
