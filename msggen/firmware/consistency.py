@@ -7,7 +7,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.diagnostics import Diagnostic, counted, few, suggestion
-from msggen.firmware.sources import LISTS, Sources
+from msggen.firmware.layout import LISTS
+from msggen.firmware.sources import Sources
 from msggen.location import Location
 from msggen.model import (
     ArrayKind,
@@ -18,7 +19,7 @@ from msggen.model import (
     Service,
     snake_case,
 )
-from msggen.parse.definition import OTHER_SPELLINGS
+from msggen.parse.field_type import OTHER_SPELLINGS
 from msggen.primitives import INTEGERS, PRIMITIVES, STRINGS
 
 if TYPE_CHECKING:

@@ -7,9 +7,22 @@ from itertools import chain
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from msggen.diagnostics import Diagnostic, counted, input_error, suggestion
+from msggen.diagnostics import Diagnostic, input_error, suggestion
 from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release, near_release, open_release
 from msggen.firmware.file import BoardOption, File, read_file
+from msggen.firmware.layout import (
+    ARCHIVE,
+    CLIENT_SOURCES,
+    LISTS,
+    TRANSLATIONS,
+    find_bridge,
+    find_definitions,
+    find_file,
+    find_files,
+    find_manifest,
+    is_firmware,
+    unread_folders,
+)
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
 from msggen.parse.package_xml import package_name
@@ -22,27 +35,10 @@ else:
 RELEASES = (*reversed(EMBEDDED), "main")
 """The releases whose conventions are known (`release` has them)."""
 
-ARCHIVE = "px4_msgs_old/msg"
-"""Where a tree keeps earlier versions of its messages, below `msg/`."""
-
-TRANSLATIONS = "translation_node/translations"
-"""Where it keeps the headers that translate between versions, below `msg/`."""
-
-LISTS = "msg/CMakeLists.txt"
-"""Where a tree lists the messages that it builds."""
-
-_FOLDERS = ("msg/versioned", "msg/px4_msgs_old", "msg/translation_node")
-"""The folders of a firmware's `msg/`."""
-
 _RELEASE_OPTION = Location("--release", 0)
 _ARCHIVED_OPTION = Location("--archived", 0)
 _FOLDER_OPTION = Location("--msg-dir", 0)
 _PACKAGE_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
-_CLIENT = "src/modules/uxrce_dds_client"
-_BRIDGE_PLACES = (f"{_CLIENT}/dds_topics.yaml", "dds_topics.yaml")
-
-CLIENT_SOURCES = (f"{_CLIENT}/dds_topics.h.em", f"{_CLIENT}/utilities.hpp")
-"""The sources of the bridge's client that show its conventions."""
 
 
 class Sources(NamedTuple):
@@ -168,8 +164,8 @@ def find_sources(
     first = roots[0]
     bridge = File(topics, os.path.basename(topics)) if isinstance(topics, str) else topics
     if bridge is None and (px4 is not None or not is_named):
-        bridge = _bridge(first.tree)
-    is_tree = not first.package and _is_tree(first.tree)
+        bridge = find_bridge(first.tree)
+    is_tree = not first.package and is_firmware(first.tree)
     client = [name for name in CLIENT_SOURCES if is_tree and first.tree.is_file(name)]
     return Sources(
         messages=tuple(chain(*messages)),
@@ -184,7 +180,7 @@ def find_sources(
         root=first.tree,
         embedded=first.embedded,
         client=tuple(File(first.tree.place(name), name, first.tree) for name in client),
-        lists=None if first.package else _file(first.tree, LISTS),
+        lists=None if first.package else find_file(first.tree, LISTS),
         notices=(*(_shadowed(px4) if isinstance(px4, str) else ()), *chain(*map(_unread_folders, roots))),
     )
 
@@ -235,11 +231,11 @@ def with_archived(sources: Sources, place: Location = _ARCHIVED_OPTION) -> Sourc
     """
     root = sources.root
     folder = "msg/" if root and root.is_folder("msg") else ""
-    found = _files(root, f"{folder}{ARCHIVE}/", ".msg") if root else []
+    found = find_files(root, f"{folder}{ARCHIVE}/", ".msg") if root else []
     if not root or not found:
         text = f"{sources.label} has no earlier versions of messages: PX4 v1.16 and later has them in msg/{ARCHIVE}"
         raise input_error(place.path, "S117", text, *place[1:])
-    headers = _files(root, f"{folder}{TRANSLATIONS}/", ".h")
+    headers = find_files(root, f"{folder}{TRANSLATIONS}/", ".h")
     return sources._replace(archived=tuple(found), translations=tuple(headers))
 
 
@@ -284,7 +280,7 @@ def _root(named: str | Tree, label: str = "") -> _Root:
         release, tree = open_release(named)
         return _Root(tree, f"the embedded PX4 {release}", None, embedded=release)
     tree = open_tree(named) if isinstance(named, str) else named
-    return _Root(tree, label or tree.path, _manifest(tree))
+    return _Root(tree, label or tree.path, find_manifest(tree))
 
 
 def _shadowed(path: str) -> Iterator[Diagnostic]:
@@ -325,58 +321,11 @@ def _name_in(manifest: File | None) -> str:
 
 
 def _definitions(root: _Root, folder: str, suffix: str) -> list[File]:
-    """Return the definitions in `root`: under `msg/` or `srv/` if it has them there, else in `root` itself.
-
-    `versioned/` counts, but not in a ROS package, which is built from what lies flat; `px4_msgs_old/` with its
-    archived versions does not.
-    """
-    tree = root.tree
-    prefix = f"{folder}/" if tree.is_folder(folder) else ""
-    folders = (prefix,) if root.manifest else (prefix, f"{prefix}versioned/")
-    return [file._replace(package=root.package) for folder in folders for file in _files(tree, folder, suffix)]
-
-
-def _files(tree: Tree, folder: str, suffix: str) -> list[File]:
-    place = tree.place(folder)
-    return [
-        File(place + name, folder + name, tree)
-        for name in tree.names(folder)
-        if name.endswith(suffix) and not name.startswith(".")
-    ]
+    return find_definitions(root.tree, folder, suffix, root.package, is_flat=root.manifest is not None)
 
 
 def _unread_folders(root: _Root) -> Iterator[Diagnostic]:
-    """Warn of definitions below `msg/` in folders that no firmware is known to have."""
-    tree = root.tree
-    if root.manifest or root.package or not tree.is_folder("msg"):
-        return
-    for folder in ("msg/", "msg/versioned/"):
-        for name in tree.names(folder):
-            if "." in name or folder + name in _FOLDERS:
-                continue
-            inside = [*tree.names(f"{folder}{name}/"), *tree.names(f"{folder}{name}/msg/")]
-            found = [file for file in inside if file.endswith(".msg")]
-            if found:
-                text = f"{counted(len(found), 'definition')} here not read, such as '{found[0]}'"
-                text += ": PX4 has definitions in msg/ and msg/versioned/, others are named with --msg-dir"
-                yield Diagnostic(Location(tree.place(folder + name), 0), "S121", text)
-
-
-def _bridge(root: Tree) -> File | None:
-    return next(filter(None, (_file(root, place) for place in _BRIDGE_PLACES)), None)
-
-
-def _manifest(root: Tree) -> File | None:
-    """Return the package.xml of a ROS package; the firmware's own tree has one too, and is none."""
-    return None if _is_tree(root) else _file(root, "package.xml")
-
-
-def _file(root: Tree, name: str) -> File | None:
-    return File(root.place(name), name, root) if root.is_file(name) else None
-
-
-def _is_tree(root: Tree) -> bool:
-    return root.is_folder("src/modules")
+    return iter(()) if root.manifest or root.package else unread_folders(root.tree)
 
 
 def _refuse_part_of_tree(root: Tree) -> None:
@@ -387,7 +336,7 @@ def _refuse_part_of_tree(root: Tree) -> None:
 
         folder, revision = split_revision(root.path)
     parent = os.path.normpath(os.path.join(folder, os.pardir))
-    if os.path.basename(os.path.abspath(folder)) in ("msg", "srv") and _is_tree(Folder(parent)):
+    if os.path.basename(os.path.abspath(folder)) in ("msg", "srv") and is_firmware(Folder(parent)):
         whole = f"{parent}@{revision}" if revision else parent
         raise input_error(root.path, "S102", f"only a part of a firmware tree, did you mean '{whole}'?", 0)
 

@@ -7,13 +7,11 @@ an error is noted and the next line read, so that all errors of a file are told 
 from __future__ import annotations
 
 import re
-from functools import lru_cache
 from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, Level, suggestion
 from msggen.location import Location
 from msggen.model import (
-    ArrayKind,
     Constant,
     Field,
     FieldType,
@@ -23,32 +21,16 @@ from msggen.model import (
     snake_case,
 )
 from msggen.parse.comment import parse_comment
+from msggen.parse.field_type import MESSAGE_NAME, NAME_IN_PX4, TypeSpellingError, parse_type
 from msggen.parse.value import parse_value
-from msggen.primitives import INTEGERS, PRIMITIVES, STRINGS
+from msggen.primitives import INTEGERS
 from msggen.tags import ATTRIBUTES, NAMES, UNIT
 
-MAX_LENGTH = 2**16 - 1
-"""Longest fixed array in a message of uORB, which carries no more bytes than this."""
-
-MAX_OTHER_LENGTH = 2**24
-"""Longest fixed array elsewhere: more would be too much to hold at once (`consistency` has the limit of a message)."""
-
-MAX_BOUND = 2**31 - 1
-"""Highest bound of a sequence or string: CDR counts elements in 32 bits."""
-
 _ELEMENT = re.compile(r"\s*(?P<type>\S+)(?:\s+(?P<name>[^\s=]+)\s*(?P<equals>=?)\s*(?P<value>.*))?")
-_TYPE = re.compile(
-    r"(?:(?P<package>[^\s/\[\]<=]+)/)?(?P<name>[^\s/\[\]<=]+)"
-    r"(?:<=(?P<bound>\w+))?"
-    r"(?P<array>\[(?P<atmost><=)?(?P<length>[^\[\]<=]*)\])?"
-)
-_MESSAGE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
 _FIELD_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _CONSTANT_NAME = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*")
-_PACKAGE_NAME = _FIELD_NAME
 _TOPIC_NAME = re.compile(r"(?!.*__)[a-z][a-z0-9_]*")
 
-_NAME_IN_PX4 = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _FIELD_NAME_IN_PX4 = re.compile(r"[a-z][a-z0-9_]*")
 _TOPIC_NAME_IN_PX4 = re.compile(r"_?[a-z][a-z0-9_]*")
 """What the firmware's generator and its C++ compiler take, where the rules of ROS 2 above are stricter."""
@@ -73,17 +55,6 @@ _LIKE_SPECIAL = re.compile(r"ORB_|(?=\w{13,18}$)\w*(?:QUEUE|VERSION|MESSAGE_V)")
 _NEAR = 0.9
 """Names that are not as near as that mean something else: MESSAGE_TYPE_PARAM_SET, LATEST_PROTOCOL_VERSION."""
 _QUOTED_VALUE = re.compile(r"\s*\S+\s+[^\s=]+(?:\s*=)?\s*[\"'\[]")
-OTHER_SPELLINGS = {
-    "boolean": "bool",
-    "double": "float64",
-    "duration": "builtin_interfaces/Duration",
-    "float": "float32",
-    "int": "int32",
-    "str": "string",
-    "time": "builtin_interfaces/Time",
-    "unsigned": "uint32",
-}
-"""What these types are called elsewhere."""
 _NAMED = [f"@{tag.name}" for tag in ATTRIBUTES if tag is not UNIT]
 _TAGS_OF_PX4 = f": PX4 has {', '.join(_NAMED[:-1])} and {_NAMED[-1]}, and units as '[m]'"
 _LOOKS_LIKE_TOPICS = re.compile(r"\s*#\s*TOPICS?\b")
@@ -129,11 +100,11 @@ def parse_service(
 
 def _check_name(body: _Body, name: str, *, is_of_px4: bool) -> None:
     """Check the name of a file; `is_of_px4` where the firmware's generator reads it, which has fewer rules."""
-    if _MESSAGE_NAME.fullmatch(name):
+    if MESSAGE_NAME.fullmatch(name):
         return
     near = "".join(part[:1].upper() + part[1:] for part in re.split(r"[^A-Za-z0-9]+", name))
-    hint = f", for example '{near}'" if _MESSAGE_NAME.fullmatch(near) else ""
-    if is_of_px4 and _NAME_IN_PX4.fullmatch(name):
+    hint = f", for example '{near}'" if MESSAGE_NAME.fullmatch(near) else ""
+    if is_of_px4 and NAME_IN_PX4.fullmatch(name):
         body.error("M205", 1, 1, f"file name '{name}': ROS 2 expects a capital, then letters and digits{hint}")
     else:
         body.error("M201", 1, 1, f"file name {name!r}: expected a capital, then letters and digits (CamelCase){hint}")
@@ -294,7 +265,7 @@ class _Body:
             hint = f", for example '{near}'" if pattern.fullmatch(near) else ""
             array = re.fullmatch(r"(\w+)(\[.*\])", name)
             hint = f": the length of an array stands behind its type, 'TYPE{array[2]} {array[1]}'" if array else hint
-            is_built = self.of_uorb and (_NAME_IN_PX4 if is_constant else _FIELD_NAME_IN_PX4).fullmatch(name)
+            is_built = self.of_uorb and (NAME_IN_PX4 if is_constant else _FIELD_NAME_IN_PX4).fullmatch(name)
             code, who = ("M205", "ROS 2 expects") if is_built else ("M201", "expected")
             self.error(code, line, column, f"{kind} name {name!r}: {who} {wanted} with single underscores{hint}")
         elif self.of_uorb and name in _CPP_KEYWORDS:
@@ -356,53 +327,3 @@ def _split_comment(line: str) -> tuple[str, str | None]:
 
 def _text(comment: list[str]) -> str:
     return "\n".join(comment).strip()
-
-
-class TypeSpellingError(Exception):
-    """A type that cannot be read."""
-
-    def __init__(self, code: str, message: str) -> None:
-        super().__init__(message)
-        self.code, self.message = code, message
-
-
-@lru_cache(maxsize=4096)
-def parse_type(text: str, *, of_uorb: bool = True) -> FieldType:
-    """Return the type that `text` spells, as `float32[3]`, `string<=10`, `EscReport[8]` or `std_msgs/Header`.
-
-    What is `of_uorb` may nest messages in lower case, and has shorter arrays. Raises TypeSpellingError.
-    """
-    pattern, most = (_NAME_IN_PX4, MAX_LENGTH) if of_uorb else (_MESSAGE_NAME, MAX_OTHER_LENGTH)
-    match = _TYPE.fullmatch(text)
-    if match is None:
-        hint = suggestion(text, PRIMITIVES) or ": expected as 'float32', 'float32[3]' or 'package/Name'"
-        hint = ": arrays have one dimension" if text.count("[") > 1 else hint
-        raise TypeSpellingError("M301", f"cannot read type '{text}'{hint}")
-    package, name = match["package"], match["name"]
-    if package is None and name not in PRIMITIVES and not pattern.fullmatch(name):
-        other = OTHER_SPELLINGS.get(name)
-        hint = f", did you mean '{other}'?" if other else suggestion(name, PRIMITIVES)
-        raise TypeSpellingError("M301", f"unknown type '{name}'{hint}")
-    if package is not None and not (_PACKAGE_NAME.fullmatch(package) and pattern.fullmatch(name)):
-        raise TypeSpellingError("M301", f"unknown type '{text}': expected 'package/Name'")
-    bound = None
-    if match["bound"] is not None:
-        if name not in STRINGS:
-            raise TypeSpellingError("M303", f"'{text}': only strings take a bound")
-        bound = _length(match["bound"], text, MAX_BOUND)
-    if not match["array"]:
-        return FieldType(name, package, string_bound=bound)
-    if not match["length"] and not match["atmost"]:
-        return FieldType(name, package, ArrayKind.UNBOUNDED, string_bound=bound)
-    if match["atmost"]:
-        length = _length(match["length"], text, MAX_BOUND)
-        return FieldType(name, package, ArrayKind.BOUNDED, length, string_bound=bound)
-    return FieldType(name, package, ArrayKind.FIXED, _length(match["length"], text, most), string_bound=bound)
-
-
-def _length(digits: str, text: str, most: int) -> int:
-    if not digits.isdecimal() or not digits.isascii():
-        raise TypeSpellingError("M303", f"'{text}': expected a number, found {digits!r}")
-    if len(digits) > len(str(most)) or not 1 <= int(digits) <= most:
-        raise TypeSpellingError("M303", f"'{text}': expected a length from 1 to {most}")
-    return int(digits)
