@@ -58,8 +58,8 @@ def unread_folders(tree: Tree) -> Iterator[Diagnostic]:
             inside = [*tree.names(f"{folder}{name}/"), *tree.names(f"{folder}{name}/msg/")]
             found = [file for file in inside if file.endswith(".msg")]
             if found:
-                text = f"{counted(len(found), 'definition')} here not read, such as '{found[0]}'"
-                text += ": PX4 has definitions in msg/ and msg/versioned/, others are named with --msg-dir"
+                text = f"{counted(len(found), 'definition')} not read, such as '{found[0]}'"
+                text += ": PX4 has definitions in msg/ and msg/versioned/, name other folders with --msg-dir"
                 yield Diagnostic(Location(tree.place(folder + name), 0), "S121", text)
 
 

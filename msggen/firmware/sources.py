@@ -1,4 +1,4 @@
-"""Which files a catalog is made of, their bytes, and the packages they belong to. What they mean is not known here."""
+"""The files of a catalog, their contents and the packages that they belong to. They are not parsed here."""
 
 import os
 import re
@@ -33,7 +33,7 @@ else:
     Board = object  # a name in quotes would be compiled, which takes longer than the rest of the class
 
 RELEASES = (*reversed(EMBEDDED), "main")
-"""The releases whose conventions are known (`release` has them)."""
+"""The releases whose conventions are known (`conventions` has them)."""
 
 _RELEASE_OPTION = Location("--release", 0)
 _ARCHIVED_OPTION = Location("--archived", 0)
@@ -44,15 +44,18 @@ _PACKAGE_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 class Sources(NamedTuple):
     """The files of one catalog.
 
-    `package` is the ROS package of uORB's messages where the package.xml of the first source names it, "" where they
-    are px4_msgs; `manifests` are all such files. `own` counts the messages of the first source, which come first: by
-    them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in a few
-    words what the sources are. `root` is where the first source lies. `archived` are earlier versions of messages,
-    where they were asked for. `embedded` names the embedded release that the first source is. `client` are
-    CLIENT_SOURCES, as far as a tree has them. With `strict`, warnings are errors. `notices` are what there is to say of
-    the sources themselves. `lists` is the file in which a tree lists what it builds. `unbuilt` has the messages that
-    the `board` does not build, which are not among `messages`, with the condition that each is listed under, "" for
-    those that no list names.
+    - `package` is the ROS package of uORB's messages if the package.xml of the first source names it, "" for px4_msgs.
+      `manifests` are the package.xml files of all sources.
+    - `own` is the number of messages of the first source, which come first in `messages`. The release is recognised by
+      these messages and by `is_tree`: whether the first source is a PX4-Autopilot tree.
+    - `label` is a short description of the sources. `root` is the tree of the first source.
+    - `archived` and `translations` are the archived versions and their headers, if they were asked for.
+    - `embedded` is the name of the embedded release, if the first source is one.
+    - `client` has those of CLIENT_SOURCES that exist in the tree.
+    - With `strict`, warnings are errors. `notices` are findings about the sources themselves.
+    - `lists` is the file in which the tree lists the messages that it builds. `unbuilt` has the messages that the
+      `board` does not build, with the condition under which each is listed, "" for those that are not listed. They are
+      not in `messages`.
     """
 
     messages: tuple[File, ...]
@@ -77,17 +80,17 @@ class Sources(NamedTuple):
 
     @property
     def has_own(self) -> bool:
-        """Whether any of the files belongs to uORB's package."""
+        """Whether any of the definitions belongs to uORB's package."""
         return any(not file.package for file in (*self.messages, *self.services))
 
     def reasons(self) -> dict[str, str]:
-        """Return, by name, why the board does not build messages of the tree."""
+        """Return, by name, the reasons why the board does not build messages of the tree."""
         board = self.board.name if self.board else ""
         reasons = {condition: f"needs {condition}" for condition in self.unbuilt.values()} | {"": f"not in {LISTS}"}
         return {file.stem: f": not built for {board}, {reasons[needs]}" for file, needs in self.unbuilt.items()}
 
     def with_packages_of(self, other: "Sources") -> "Sources":
-        """Return these sources with what `other` has of further packages: two sides that nest the same types."""
+        """Return these sources with the further packages of `other`, so that both sides nest the same types."""
         messages, services = (
             tuple(file for file in files if not _is_own(file.package, self.package))
             for files in (other.messages, other.services)
@@ -95,12 +98,12 @@ class Sources(NamedTuple):
         return self._replace(messages=self.messages + messages, services=self.services + services)
 
     def dependencies(self) -> tuple[str, ...]:
-        """Return the paths of what is read from the disk: files, and archives; a revision never changes."""
+        """Return the paths of the files and archives on disk. Revisions are left out, because they never change."""
         paths = (file.tree.path if isinstance(file.tree, Snapshot) else file.path for file in self.files())
         return tuple(path for path in dict.fromkeys(paths) if os.path.isfile(path))
 
     def files(self) -> tuple[File, ...]:
-        """Return all of them, in an order that does not depend on the machine."""
+        """Return all files, in an order that does not depend on the machine."""
         single = [file for file in (self.bridge, self.lists) if file]
         versions = (*self.archived, *self.translations)
         board = self.board.files if self.board else ()
@@ -108,7 +111,10 @@ class Sources(NamedTuple):
 
 
 def open_tree(text: str) -> Tree:
-    """Return what `text` names: a folder, `folder@revision`, an archive, or an embedded release. Raises InputError."""
+    """Return the tree that `text` names: a folder, `folder@revision`, an archive or an embedded release.
+
+    Raises InputError.
+    """
     if "\0" in text:
         raise input_error(text, "S101", "no such folder", 0)
     if names_release(text):
@@ -119,7 +125,7 @@ def open_tree(text: str) -> Tree:
         from msggen.firmware.tarball import SUFFIXES, read_archive
 
         if not text.lower().endswith(SUFFIXES):
-            raise input_error(text, "S101", f"not a folder, nor an archive ({', '.join(SUFFIXES)})", 0)
+            raise input_error(text, "S101", f"neither a folder nor an archive ({', '.join(SUFFIXES)})", 0)
         return read_archive(text)
     from msggen.firmware.revision import read_revision, split_revision
 
@@ -138,10 +144,12 @@ def find_sources(
 ) -> Sources:
     """Return the files of the tree or package `px4` and of the further `folders`.
 
-    These hold more of uORB's messages, or those of another ROS package: the one that `PKG=DIR` or a package.xml names.
-    `topics` replaces the bridge's YAML, `release` overrules what the tree looks like. Without `px4` and
-    `folders` it is the newest embedded release. Raises InputError where there is nothing to read, and for a release
-    that does not exist, said to stand at `release_place`.
+    These folders contain further messages of uORB, or those of another ROS package, which `PKG=DIR` or a package.xml
+    names. `topics` replaces the bridge's YAML file. `release` replaces the release that the tree shows. Without `px4`
+    and `folders` the source is the newest embedded release.
+
+    Raises InputError if a source cannot be read or has no definitions, and for an unknown release, with `release_place`
+    as its location.
     """
     if release is not None and release not in RELEASES:
         hint = suggestion(release, RELEASES) or f": expected {', '.join(RELEASES)}"
@@ -186,10 +194,10 @@ def find_sources(
 
 
 def with_board(sources: Sources, option: BoardOption | None) -> Sources:
-    """Return `sources` without the messages that a board does not build; all of them where none is named.
+    """Return `sources` without the messages that the board in `option` does not build, all of them if it is None.
 
-    Raises InputError where there is no such board, or no list of what is built. An optional board is passed over where
-    it makes no difference.
+    The name of a board has no effect on an embedded release, which gets a note. Raises InputError if the board does not
+    exist or the tree has no lists. An optional board is ignored if the tree has no lists, or no conditions in them.
     """
     if option is None:
         return sources
@@ -198,12 +206,12 @@ def with_board(sources: Sources, option: BoardOption | None) -> Sources:
 
     root = sources.root
     if sources.embedded and not option.is_path:
-        text = f"{sources.label} has no boards: all of its messages count, whatever '{option.text}' builds"
+        text = f"{sources.label} has no boards: all of its messages are kept, whatever '{option.text}' builds"
         return sources._replace(notices=(*sources.notices, Diagnostic(option.place, "S122", text)))
     if root is None or sources.lists is None:
         if option.optional:
             return sources
-        text = f"{sources.label} has no {LISTS} to say what a board builds: a board needs a PX4-Autopilot tree"
+        text = f"{sources.label} has no {LISTS}, which lists what a board builds: expected a PX4-Autopilot tree"
         raise input_error(option.place.path, "S118", text, *option.place[1:])
     lists = parse_lists(read_file(sources.lists).decode(errors="replace"), sources.lists.path)
     conditions = {f"msg/{name}": entry.condition for name, entry in lists.listed.items()}
@@ -225,48 +233,49 @@ def with_board(sources: Sources, option: BoardOption | None) -> Sources:
 
 
 def with_archived(sources: Sources, place: Location = _ARCHIVED_OPTION) -> Sources:
-    """Return `sources` with the archived definitions of the first of them, and the headers that translate them.
+    """Return `sources` with the archived versions of the first source and the headers that translate them.
 
-    Raises InputError where it has none; they were asked for at `place`.
+    Raises InputError if there are none, with `place` as its location.
     """
     root = sources.root
     folder = "msg/" if root and root.is_folder("msg") else ""
     found = find_files(root, f"{folder}{ARCHIVE}/", ".msg") if root else []
     if not root or not found:
-        text = f"{sources.label} has no earlier versions of messages: PX4 v1.16 and later has them in msg/{ARCHIVE}"
+        text = f"{sources.label} has no archived versions: PX4 v1.16 and later have them in msg/{ARCHIVE}"
         raise input_error(place.path, "S117", text, *place[1:])
     headers = find_files(root, f"{folder}{TRANSLATIONS}/", ".h")
     return sources._replace(archived=tuple(found), translations=tuple(headers))
 
 
 def read_files(sources: Sources) -> dict[str, bytes]:
-    """Return the contents of all files by path, each read once. Raises InputError for those that cannot be read."""
+    """Return the contents of all files by path. Each file is read once. Raises InputError if one cannot be read."""
     return {file.path: read_file(file) for file in sources.files()}
 
 
 def split_package(text: str, place: Location = _FOLDER_OPTION) -> tuple[str, str]:
-    """Return both parts of `PKG=DIR`; no package where it is a folder alone, or the `=` comes after a `/`.
+    """Return the package and the folder of `PKG=DIR`.
 
-    Raises InputError, said to stand at `place`, for a name that no package has.
+    The package is "" if `text` has no `=`, or a `/` before it. Raises InputError for an invalid package name, with
+    `place` as its location.
     """
     package, mark, folder = text.partition("=")
     if not mark or "/" in package or os.sep in package:
         return "", text
     if not _PACKAGE_NAME.fullmatch(package):
-        hint = f"a folder with '=' in its name is written '{os.path.join(os.curdir, text)}'"
-        raise input_error(place.path, "S103", f"{package!r} is no name of a ROS package; {hint}", *place[1:])
+        hint = f"write a folder with '=' in its name as '{os.path.join(os.curdir, text)}'"
+        raise input_error(place.path, "S103", f"{package!r} is not a ROS package name; {hint}", *place[1:])
     if not folder:
         raise input_error(place.path, "S101", f"'{text}' names no folder: expected {package}=DIR", *place[1:])
     return package, os.path.expanduser(folder)
 
 
 def join_package(package: str, folder: str) -> str:
-    """Return what `split_package` takes apart."""
+    """Return `PKG=DIR`, or the folder alone if the package is "": the inverse of `split_package`."""
     return f"{package}={folder}" if package else folder
 
 
 class _Root(NamedTuple):
-    """What is named as one source; `package` is "" where it has messages of uORB's."""
+    """One source; `package` is "" if it contains messages of uORB."""
 
     tree: Tree
     label: str
@@ -284,31 +293,31 @@ def _root(named: str | Tree, label: str = "") -> _Root:
 
 
 def _shadowed(path: str) -> Iterator[Diagnostic]:
-    """Note that a path was read which has the name of an embedded release."""
+    """Yield a note if a path was read that has the name of an embedded release."""
     if path in EMBEDDED and not names_release(path):
         yield Diagnostic(Location(path, 0), "S120", f"this path is read, not the embedded release '{PREFIX}{path}'")
 
 
 def _label(roots: list[_Root]) -> str:
-    """Return what uORB's sources are called; further packages have names, and are called by those elsewhere."""
+    """Return the labels of uORB's sources. Those of further packages count only if there are no others."""
     own = [root.label for root in roots if not root.package]
     return ", ".join(own or [root.label for root in roots])
 
 
 def _further_root(text: str, own: str) -> _Root:
-    """Return a source beside that of uORB's package, which is named `own`."""
+    """Return a source that `--msg-dir` adds; `own` is the name of uORB's package."""
     given, folder = split_package(text)
     root = _root(folder, text)
     found = _name_in(root.manifest)
     if root.manifest and given not in ("", found):
-        text = f"this is the package '{found}', called '{given}' in '{text}'"
+        text = f"the package is named '{found}', found '{given}' in '{text}'"
         raise input_error(root.manifest.path, "S106", text, 0)
     package = given or found
     return root if _is_own(package, own) else root._replace(package=package)
 
 
 def _is_own(package: str, own: str) -> bool:
-    """Whether a package is uORB's, which is named `own`, or px4_msgs where that is ""."""
+    """Whether `package` is uORB's package, which is `own`, or px4_msgs if that is ""."""
     if not package or package == own:
         return True
     from msggen.model import DEFAULT_PACKAGE
@@ -329,7 +338,7 @@ def _unread_folders(root: _Root) -> Iterator[Diagnostic]:
 
 
 def _refuse_part_of_tree(root: Tree) -> None:
-    """Refuse the `msg` of a firmware where the firmware is asked for: without its bridge and services."""
+    """Raise InputError for the folder `msg` or `srv` of a firmware tree, which lacks the bridge and other inputs."""
     folder, revision = root.path, ""
     if isinstance(root, Snapshot):
         from msggen.firmware.revision import split_revision

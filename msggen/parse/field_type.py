@@ -1,4 +1,4 @@
-"""Types of fields and constants: `float32[3]`, `string<=10`, `EscReport[8]`, `std_msgs/Header`."""
+"""The parser of the types of fields and constants: `float32[3]`, `string<=10`, `EscReport[8]`, `std_msgs/Header`."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from msggen.model import ArrayKind, FieldType
 from msggen.primitives import PRIMITIVES, STRINGS
 
 MAX_LENGTH = 2**16 - 1
-"""Longest fixed array in a message of uORB, which carries no more bytes than this."""
+"""Maximum length of a fixed array in a uORB message, which cannot have more bytes than this."""
 
 MAX_OTHER_LENGTH = 2**24
-"""Longest fixed array elsewhere: more would be too much to hold at once (`consistency` has the limit of a message)."""
+"""Maximum length of a fixed array in other messages, to limit memory. `consistency` has the limit for a message."""
 
 MAX_BOUND = 2**31 - 1
-"""Highest bound of a sequence or string: CDR counts elements in 32 bits."""
+"""Maximum bound of a sequence or string. CDR counts elements in 32 bits."""
 
 _TYPE = re.compile(
     r"(?:(?P<package>[^\s/\[\]<=]+)/)?(?P<name>[^\s/\[\]<=]+)"
@@ -27,7 +27,7 @@ MESSAGE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
 _PACKAGE_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 
 NAME_IN_PX4 = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
-"""The names that the firmware's generator and its C++ compiler accept. The rules of ROS 2 above are stricter."""
+"""The names of messages and constants that the firmware's generator and its C++ compiler accept."""
 
 OTHER_SPELLINGS = {
     "boolean": "bool",
@@ -39,11 +39,11 @@ OTHER_SPELLINGS = {
     "time": "builtin_interfaces/Time",
     "unsigned": "uint32",
 }
-"""What these types are called elsewhere."""
+"""Names that these types have in other languages, with the type that is probably meant."""
 
 
 class TypeSpellingError(Exception):
-    """A type that cannot be read."""
+    """A type that cannot be parsed; `code` is that of the error."""
 
     def __init__(self, code: str, message: str) -> None:
         super().__init__(message)
@@ -52,14 +52,14 @@ class TypeSpellingError(Exception):
 
 @lru_cache(maxsize=4096)
 def parse_type(text: str, *, of_uorb: bool = True) -> FieldType:
-    """Return the type that `text` spells, as `float32[3]`, `string<=10`, `EscReport[8]` or `std_msgs/Header`.
+    """Return the type in `text`, such as `float32[3]`, `string<=10`, `EscReport[8]` or `std_msgs/Header`.
 
-    What is `of_uorb` may nest messages in lower case, and has shorter arrays. Raises TypeSpellingError.
+    Definitions `of_uorb` may nest messages with names in lower case, and have shorter arrays. Raises TypeSpellingError.
     """
     pattern, most = (NAME_IN_PX4, MAX_LENGTH) if of_uorb else (MESSAGE_NAME, MAX_OTHER_LENGTH)
     match = _TYPE.fullmatch(text)
     if match is None:
-        hint = suggestion(text, PRIMITIVES) or ": expected as 'float32', 'float32[3]' or 'package/Name'"
+        hint = suggestion(text, PRIMITIVES) or ": expected a type such as 'float32', 'float32[3]' or 'package/Name'"
         hint = ": arrays have one dimension" if text.count("[") > 1 else hint
         raise TypeSpellingError("M301", f"cannot read type '{text}'{hint}")
     package, name = match["package"], match["name"]
