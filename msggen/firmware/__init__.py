@@ -1,5 +1,5 @@
-"""A PX4-Autopilot tree, a px4_msgs package or bare folders to a catalog.
+"""Reading of a PX4-Autopilot tree, a px4_msgs package or folders of definitions into a catalog.
 
-`source` finds the files and is light, because a build with nothing to do gets no further; `catalog` reads
-them; `release` has what differs between the firmware's releases.
+`sources` finds the files. It imports little, because a build with nothing to do gets no further. `catalog` reads the
+files. `conventions` has the differences between the releases of the firmware.
 """

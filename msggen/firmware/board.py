@@ -1,4 +1,4 @@
-"""Boards of the firmware: the configuration that a name stands for, and what it turns on."""
+"""Boards of the firmware: their configuration files, and the Kconfig symbols that these turn on."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from msggen.parse.kconfig import Configuration, parse_assignments, read_definiti
 _SUFFIX = ".px4board"
 _DEFAULT = "default"
 _WHOLE = (_DEFAULT, "performance-test", "bootloader")
-"""A label that contains one of these is a whole configuration; others change the board's default."""
+"""Parts of labels with a complete configuration. Configurations with other labels change the board's default one."""
 
 _ALL_YES = "allyes"
-"""A label that contains this is configured by a script of the firmware."""
+"""A part of labels whose configuration is written by a script of the firmware."""
 
 
 class Board(NamedTuple):
-    """A board's configuration: `values` of the symbols that the firmware's lists ask for, None where unknown.
+    """The configuration of a board.
 
-    `files` are all that the values were read from.
+    `values` has the symbols that the conditions in the firmware's lists use, None if a value is unknown. `files` are
+    the files that the values were read from.
     """
 
     name: str
@@ -34,19 +35,19 @@ class Board(NamedTuple):
     values: Mapping[str, Truth] = MappingProxyType({})
 
     def builds(self, condition: str) -> Truth:
-        """Return whether what is listed under `condition` is built."""
+        """Return whether the board builds the messages listed under `condition`, None if that is unknown."""
         return is_met(condition, self.values.get)
 
 
 def is_configuration(name: str) -> bool:
-    """Whether a file of the firmware configures boards."""
+    """Whether the file of this name configures boards."""
     return name.endswith((_SUFFIX, "Kconfig"))
 
 
 def find_board(tree: Tree, option: BoardOption, conditions: Iterable[str]) -> Board:
     """Return the board that `option` names in `tree`, with the values of the symbols in `conditions`.
 
-    Raises InputError where there is no such board.
+    Raises InputError if the board does not exist.
     """
     if isinstance(tree, Snapshot):
         tree.include(is_configuration)
@@ -62,7 +63,10 @@ def find_board(tree: Tree, option: BoardOption, conditions: Iterable[str]) -> Bo
 
 
 def _by_name(tree: Tree, option: BoardOption) -> Board:
-    """Return the board of a name such as `px4_sitl_default`, or `px4_sitl`; vendor and model may hold underscores."""
+    """Return the board with a name such as `px4_sitl_default` or `px4_sitl`.
+
+    Vendor and model may contain underscores, so the name is compared with those of all boards.
+    """
     known = {
         f"{vendor}_{model}_{name.removesuffix(_SUFFIX)}": (f"boards/{vendor}/{model}", name.removesuffix(_SUFFIX))
         for vendor in tree.names("boards")
@@ -71,8 +75,8 @@ def _by_name(tree: Tree, option: BoardOption) -> Board:
         if name.endswith(_SUFFIX)
     }
     if not known:
-        text = f"no boards/ to look for '{option.text}' in: a board needs a PX4-Autopilot tree"
-        raise _error(option, f"{text}, or is the path of a {_SUFFIX} file")
+        text = f"no folder boards/ to find '{option.text}' in: expected a PX4-Autopilot tree"
+        raise _error(option, f"{text}, or the path of a {_SUFFIX} file")
     name = option.text if option.text in known else f"{option.text}_{_DEFAULT}"
     if name not in known:
         raise _error(option, f"unknown board '{option.text}'{_nearest(option.text, known)}")
@@ -84,13 +88,13 @@ def _by_name(tree: Tree, option: BoardOption) -> Board:
 
 
 def _by_path(option: BoardOption) -> Board:
-    """Return the board of a file; its board's default, which it changes, lies beside it."""
+    """Return the board that a file configures. The default configuration that it changes is in the same folder."""
     if not os.path.isfile(option.text):
         from msggen.firmware.path_hint import path_hint
 
-        what = "a folder, expected a file" if os.path.isdir(option.text) else "no such file"
+        problem = "a folder, expected a file" if os.path.isdir(option.text) else "no such file"
         hint = "" if os.path.isdir(option.text) else path_hint(option.text, is_meant=os.path.exists)
-        raise _error(option, f"'{option.text}': {what}{hint}")
+        raise _error(option, f"'{option.text}': {problem}{hint}")
     folder, name = os.path.split(option.text)
     label, suffix = os.path.splitext(name)
     _refuse_all_yes(option, label)
@@ -105,12 +109,12 @@ def _is_whole(label: str) -> bool:
 
 def _refuse_all_yes(option: BoardOption, label: str) -> None:
     if _ALL_YES in label:
-        text = f"'{option.text}' is configured by a script of the firmware, which turns on all that it can"
-        raise _error(option, f"{text}: without --board all messages count")
+        text = f"'{option.text}' is configured by a script, which turns on all symbols that it can"
+        raise _error(option, f"{text}: omit --board to keep all messages")
 
 
 def _nearest(text: str, known: Iterable[str]) -> str:
-    """Return the nearest name, spelled without the label where `text` has none."""
+    """Return a hint with the nearest name of a board, spelled without the default label if `text` has none."""
     names = [name for full in known for name in (full, full.removesuffix(f"_{_DEFAULT}"))]
     return suggestion(text, names) or f": expected a name such as '{min(known)}'"
 

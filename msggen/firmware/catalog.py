@@ -1,4 +1,4 @@
-"""Files to a catalog: reads them all, checks that they fit together, and tells every error at once."""
+"""Reading of files into a catalog. Definitions are checked against each other, and all errors are reported at once."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from msggen.firmware.consistency import (
 from msggen.firmware.conventions import CONVENTIONS, NEWEST, as_shown, recognise
 from msggen.firmware.embedded import newest_version
 from msggen.firmware.file import File, read_file
-from msggen.firmware.sources import CLIENT_SOURCES, Sources, read_files
+from msggen.firmware.layout import CLIENT_SOURCES
+from msggen.firmware.sources import Sources, read_files
 from msggen.location import Location
 from msggen.model import (
     ARCHIVE_PACKAGE,
@@ -40,16 +41,16 @@ if TYPE_CHECKING:
     from msggen.translation import Translation
 
 COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"})
-"""Errors that leave no doubt about what a definition or an entry of the bridge means."""
+"""Codes of errors after which the meaning of a definition or a bridge entry is still clear."""
 
 
 def is_comparable(found: Diagnostic) -> bool:
-    """Whether a definition with this in it can be compared with another one."""
+    """Whether a definition with this finding can still be compared with another one."""
     return found.code in COMPARABLE or found.level is not Level.ERROR
 
 
 ARCHIVED_NAME = re.compile(r"(?P<message>[A-Z][A-Za-z0-9]*)V(?P<version>0|[1-9][0-9]*)")
-"""What an earlier version of a message is called in the archive."""
+"""The name of an archived version, such as `VehicleStatusV1`."""
 
 
 def read_catalog(
@@ -58,11 +59,11 @@ def read_catalog(
     wanted: Collection[str] | None = None,
     tolerated: Collection[str] = (),
 ) -> Catalog:
-    """Return the catalog that `sources` hold; `contents` has the bytes of their files, if they are read already.
+    """Return the catalog of `sources`. `contents` has the bytes of their files by path, if they are already read.
 
-    With `wanted` it has only the definitions in files of these names (`Rpm.msg`), and what they nest; what is wrong
-    with others does not matter then. Raises InputError with all errors in any of the files, but for the codes
-    `tolerated`; where the sources are `strict`, with the warnings too.
+    With `wanted` the catalog has only the definitions in files with these names (`Rpm.msg`) and the messages that they
+    nest; errors in other files are ignored. Raises InputError with all errors in the files, except for the codes
+    `tolerated`. If the sources are `strict`, warnings are errors too.
     """
     reader = _Reader(sources, read_files(sources) if contents is None else contents)
     everything, services, archived = reader.messages(), reader.services(), reader.archived()
@@ -117,14 +118,14 @@ def read_catalog(
 
 
 def bridged_names(*sides: Sources) -> set[str]:
-    """Return the files of all messages that cross the bridge of the first of `sides` that has one, and of all services.
+    """Return the file names of all bridged messages and all services, such as `Rpm.msg` and `VehicleCommand.srv`.
 
-    Names such as `Rpm.msg` and `VehicleCommand.srv`. Raises InputError where none has a bridge, or it cannot be read,
-    or it names a message that no side has.
+    The bridge is that of the first of `sides` that has one. Raises InputError if no side has a bridge, if it cannot be
+    read, or if it names a message that no side defines.
     """
     bridge = next((sources.bridge for sources in sides if sources.bridge), None)
     if bridge is None:
-        text = "no dds_topics.yaml here to say what crosses the bridge: name one with --topics"
+        text = "no dds_topics.yaml here: name one with --topics"
         raise input_error(sides[0].label, "S110", text, 0)
     entries, _, found = parse_bridge(read_file(bridge), bridge.path)
     known = {file.stem for side in sides for file in side.messages if not file.package}
@@ -135,13 +136,13 @@ def bridged_names(*sides: Sources) -> set[str]:
             hint = reasons.get(entry.message_name) or suggestion(entry.message_name, known)
             text = f"no message defines the type '{entry.type_name}'{hint}"
             unknown.append(Diagnostic(entry.type_location, "Y201", text))
-    sorted_out([*found, *unknown])  # whoever reads the catalog tells the warnings
+    sorted_out([*found, *unknown])  # only errors matter here: read_catalog reports the warnings
     services = {f"{file.stem}.srv" for side in sides for file in side.services if not file.package}
     return {f"{entry.message_name}.msg" for entry in entries} | services
 
 
 def _needed(messages: list[Message], roots: list[Message]) -> list[Message]:
-    """Return those of `messages` that are among `roots` or nested in one of them, at any depth."""
+    """Return the `messages` that are in `roots` or nested in one of them at any depth."""
     known = {message.key: message for message in messages}
     found: dict[str, Message] = {}
     waiting = list(roots)
@@ -154,7 +155,7 @@ def _needed(messages: list[Message], roots: list[Message]) -> list[Message]:
 
 
 def _conventions(sources: Sources, reader: _Reader, messages: list[Message], bridge: Bridge) -> Conventions:
-    """Return those of `--release` or an embedded release, or else what the client and the definitions show."""
+    """Return the conventions of `--release` or the embedded release, or else those that the sources show."""
     named = sources.release or sources.embedded
     if named:
         return CONVENTIONS[named]
@@ -171,20 +172,20 @@ def _conventions(sources: Sources, reader: _Reader, messages: list[Message], bri
 def _newer_than_known(
     sources: Sources, messages: list[Message], bridge: Bridge, conventions: Conventions
 ) -> Iterator[Diagnostic]:
-    """Say that the newest conventions are followed where a tree has what no release has that msggen knows."""
+    """Yield a note if a tree is newer than the newest known release, whose conventions are then used."""
     if sources.release is not None or not sources.is_tree or conventions.release != NEWEST:
         return
     versions = ((message, newest_version(message.name)) for message in messages[: sources.own] if message.is_versioned)
     later = [(message, known) for message, known in versions if known is not None and message.message_version > known]
     if later or bridge.has_new_keys:
         message, known = later[0] if later else (None, None)
-        what = f"'{message.name}' is version {message.message_version}, there {known}" if message else "unknown keys"
-        text = f"has more than PX4 {NEWEST}, the newest release that msggen knows: {what}"
+        reason = f"'{message.name}' is version {message.message_version}, there {known}" if message else "unknown keys"
+        text = f"newer than PX4 {NEWEST}, the newest release that msggen knows: {reason}"
         yield Diagnostic(Location(sources.label, 0), "S119", f"{text}; names and ids follow {conventions.release}")
 
 
 def _lists(file: File | None, contents: Mapping[str, bytes]) -> MessageLists | None:
-    """Return what a tree lists, None without lists."""
+    """Return the messages that a tree lists, None if it has no lists."""
     if file is None:
         return None
     from msggen.parse.cmake import parse_lists
@@ -198,14 +199,14 @@ def _place_of_version(message: Message) -> Location:
 
 
 class _Reader:
-    """Reads files, and notes what is wrong with them."""
+    """A reader of files that collects their errors."""
 
     def __init__(self, sources: Sources, contents: Mapping[str, bytes]) -> None:
         self.sources = sources
         self.contents = contents
         self.errors: list[Diagnostic] = []
         self.package = sources.package or DEFAULT_PACKAGE
-        """That of uORB's messages."""
+        """The package of uORB's messages."""
         self.lists = _lists(sources.lists, contents)
 
     def messages(self) -> list[Message]:
@@ -218,7 +219,7 @@ class _Reader:
         return messages
 
     def _with_condition(self, message: Message, file: File) -> Message:
-        """Return the message of a file with the condition that the tree lists it under, if any."""
+        """Return `message` with the condition under which the tree lists its file, if any."""
         known = self.lists.listed if self.lists and file.tree is self.sources.root else {}
         entry = known.get(file.name.removeprefix("msg/"))
         return message._replace(condition=entry.condition) if entry and entry.condition else message
@@ -233,14 +234,14 @@ class _Reader:
         return services
 
     def archived(self) -> list[Message]:
-        """Return the archived versions. What only uORB asks of a message is not asked of them."""
+        """Return the archived versions. Rules about topics do not apply to them."""
         messages = []
         for file in self.sources.archived:
             message, errors = parse_message(self.text(file), file.path, file.stem, ARCHIVE_PACKAGE)
             errors = [found for found in errors if found.code not in ("M402", "M406")]
             name = ARCHIVED_NAME.fullmatch(file.stem)
             if name is None:
-                text = f"file name '{file.stem}': archived versions are called as 'VehicleStatusV1'"
+                text = f"file name '{file.stem}': expected the name of an archived version, such as 'VehicleStatusV1'"
                 errors.append(Diagnostic(message.location, "M201", text))
             else:
                 message = message._replace(version_of=f"{self.package}/{name['message']}")
@@ -253,7 +254,7 @@ class _Reader:
         return messages
 
     def translations(self) -> tuple[Translation, ...]:
-        """Return what the headers say that the firmware includes. Headers that cannot be read say nothing."""
+        """Return the translations in the headers that the firmware includes. Unreadable headers have none."""
         if not self.sources.translations:
             return ()
         from msggen.parse.translation import read_headers
@@ -270,11 +271,11 @@ class _Reader:
         return bridge
 
     def paths_with(self, *codes: str) -> set[str]:
-        """Return the files in which one of the errors was found: not all that they say could be read."""
+        """Return the paths of the files that have an error with one of these codes, so they were only partly read."""
         return {found.location.path for found in self.errors if found.code in codes}
 
     def text(self, file: File) -> str:
         text, errors = decode_text(self.contents[file.path], file.path)
-        allowed = {"M106"} if file.package else ()  # ROS 2 takes either line end
+        allowed = {"M106"} if file.package else ()  # ROS 2 accepts both line ends
         self.errors += [found for found in errors if found.code not in allowed]
         return text

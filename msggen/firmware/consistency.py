@@ -1,4 +1,4 @@
-"""Do definitions fit together? What no single file can tell: names, nesting, uORB's rules, the bridge."""
+"""Checks across definitions: names, nesting, the rules of uORB, the bridge, and the lists of the build."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.diagnostics import Diagnostic, counted, few, suggestion
-from msggen.firmware.sources import LISTS, Sources
+from msggen.firmware.layout import LISTS
+from msggen.firmware.sources import Sources
 from msggen.location import Location
 from msggen.model import (
     ArrayKind,
@@ -18,30 +19,30 @@ from msggen.model import (
     Service,
     snake_case,
 )
-from msggen.parse.definition import OTHER_SPELLINGS
+from msggen.parse.field_type import OTHER_SPELLINGS
 from msggen.primitives import INTEGERS, PRIMITIVES, STRINGS
 
 if TYPE_CHECKING:
     from msggen.parse.cmake import MessageLists
 
 MAX_SIZE = 2**16 - 1
-"""uORB keeps the size of a message in 16 bits (docs/wire.md, 9)."""
+"""Maximum size of a uORB message in bytes. uORB stores the size in 16 bits (docs/wire.md, 9)."""
 
 MAX_OTHER_SIZE = 2**24
-"""Bytes of a message of another package: ROS 2 has no limit, but each default value is made as it stands."""
+"""Maximum size of other messages in bytes. ROS 2 has no limit, but generated code creates each default value."""
 
 MAX_VALUES = 2**16 - 1
-"""Values of a message, all nested messages unfolded: generated code has a name for each."""
+"""Maximum number of values in a message and its nested messages. Generated code has a name for each value."""
 
 MAX_DEPTH = 64
-"""Deepest nesting; PX4's deepest is 2."""
+"""Maximum depth of nesting. The deepest nesting in PX4 is 2."""
 
 
 def check_names(definitions: Iterable[Message | Service], uorb: str) -> Iterator[Diagnostic]:
-    """No name twice in a package, nor two names that the firmware's generator makes the same file of.
+    """Check that names are unique in a package, and that no two definitions generate files with the same name.
 
-    ROS 2 and many file systems do not tell names apart that differ only in case, the firmware does: it makes
-    `f_o_o.h` of `FOO`. `uorb` is the package of uORB, whose messages the firmware is built with.
+    Names that differ only in case are the same for ROS 2 and for many file systems, but not for the firmware: its
+    header for `FOO` is `f_o_o.h`. `uorb` is the package of uORB's messages, from which the firmware is built.
     """
     files: dict[tuple[str, str], Message | Service] = {}
     cases: dict[tuple[str, str], Message | Service] = {}
@@ -52,14 +53,14 @@ def check_names(definitions: Iterable[Message | Service], uorb: str) -> Iterator
             where = f"already defined in {other.location.path}"
             text = f"'{name}' is {where}"
             if other.name != name:
-                text = f"'{name}' becomes the same files as '{other.name}' in the firmware, {where}"
+                text = f"'{name}' generates the same files as '{other.name}' in the firmware, {where}"
             yield Diagnostic(definition.location, "M204", text)
             continue
         other = cases.setdefault((package, name.lower()), definition)
         if other is not definition:
             code = "M205" if package == uorb and isinstance(definition, Message) else "M204"
             text = f"'{name}' differs only in case from '{other.name}', already defined in {other.location.path}"
-            yield Diagnostic(definition.location, code, f"{text}: ROS 2 makes the same files of both")
+            yield Diagnostic(definition.location, code, f"{text}: ROS 2 generates the same files for both")
 
 
 def check_nesting(
@@ -68,9 +69,9 @@ def check_nesting(
     uorb: str,
     unbuilt: Mapping[str, str] = MappingProxyType({}),
 ) -> Iterator[Diagnostic]:
-    """Every nested type exists, nothing nests itself, and nothing grows too large; `uorb` is the package of uORB.
+    """Check that every nested type exists, that no message nests itself, and that none is too large.
 
-    `unbuilt` says, by name, why messages are not there.
+    `uorb` is the package of uORB's messages. `unbuilt` has, by name, the reasons why messages are not built.
     """
     known = {message.key: message for message in messages}
     halves = [half for service in services for half in (service.request, service.response)]
@@ -85,7 +86,7 @@ def check_nesting(
 
 
 def check_topics(messages: Iterable[Message]) -> Iterator[Diagnostic]:
-    """No topic belongs to two messages, or twice to one."""
+    """Check that each topic is declared once."""
     owners: dict[str, Message] = {}
     for message in messages:
         for name, location in _topics(message):
@@ -101,7 +102,7 @@ def check_topics(messages: Iterable[Message]) -> Iterator[Diagnostic]:
 
 
 def check_timestamps(messages: Iterable[Message]) -> Iterator[Diagnostic]:
-    """Every message has the field that uORB stamps."""
+    """Check that every message has the field `uint64 timestamp`, which uORB requires."""
     for message in messages:
         stamps = [field for field in message.fields if field.name == "timestamp"]
         if not stamps:
@@ -113,19 +114,20 @@ def check_timestamps(messages: Iterable[Message]) -> Iterator[Diagnostic]:
 
 
 def check_fixed_sizes(messages: Iterable[Message], everything: Iterable[Message]) -> Iterator[Diagnostic]:
-    """No strings and no sequences: uORB copies messages of one size, and the firmware's build fails on others.
+    """Check that messages have no strings and no sequences.
 
-    `everything` has also the messages of other packages, which the `messages` of uORB's may nest.
+    uORB copies messages of a fixed size, and the firmware's build fails for others. `everything` includes the messages
+    of other packages, which uORB's `messages` may nest.
     """
     known = {message.key: message for message in everything}
     for message in messages:
         for field in message.fields:
             if not field.type.is_fixed_size:
                 example = f"{'char' if field.type.name in STRINGS else field.type.base}[32]"
-                text = f"uORB carries values of fixed size, as '{example}', found '{field.type} {field.name}'"
-                yield Diagnostic(field.location, "M306", text)
+                text = f"expected an array such as '{example}', found '{field.type} {field.name}'"
+                yield Diagnostic(field.location, "M306", f"uORB messages have a fixed size: {text}")
             elif field.type.package not in (None, message.package) and _differs_in_size(message, field, known):
-                text = f"uORB carries values of fixed size, '{field.type}' has strings or sequences"
+                text = f"uORB messages have a fixed size: '{field.type}' has strings or sequences"
                 yield Diagnostic(field.location, "M306", text)
 
 
@@ -142,9 +144,9 @@ def check_bridge(
     uorb: str,
     unbuilt: Mapping[str, str] = MappingProxyType({}),
 ) -> Iterator[Diagnostic]:
-    """Every entry names a message of the package `uorb` that exists, and a topic that this message declares.
+    """Check that every entry names an existing message of the package `uorb` and a topic that this message declares.
 
-    `unbuilt` says, by name, why messages are not there.
+    `unbuilt` has, by name, the reasons why messages are not built.
     """
     others = {f"{message.package}::msg::{message.name}" for message in messages if message.package != uorb}
     names = {message.name: message for message in messages if message.package == uorb}
@@ -161,7 +163,7 @@ def check_bridge(
             hint = unbuilt.get(name) or suggestion(entry.type_name, types)
             text = f"no message defines the type '{entry.type_name}'{hint}"
             if entry.type_name in others:
-                text = f"'{entry.type_name}' is no message of uORB: expected one of the package '{uorb}'"
+                text = f"'{entry.type_name}' is not a uORB message: expected a type of the package '{uorb}'"
             yield Diagnostic(entry.type_location, "Y201", text)
         elif topic not in owners:
             declared = names[name].topic_names
@@ -175,7 +177,7 @@ def check_bridge(
 
 
 def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
-    """The field to route by exists; PX4 keeps its values as uint32, so it must be a single integer."""
+    """Check that the route field exists and is a single integer, because PX4 stores its values as uint32."""
     fields = {field.name: field.type for field in message.fields}
     found = fields.get(entry.route_field or "")
     if found is None:
@@ -187,9 +189,9 @@ def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
 
 
 def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
-    """Every message of a tree is listed; none under a condition, unless a board decides it.
+    """Check that a tree lists every message, and report conditions in its lists that no board decides.
 
-    The embedded set lists only what has a condition: its user has no board to name.
+    The lists of the embedded releases have only the messages with a condition, because these releases have no boards.
     """
     conditional: dict[str, list[str]] = {}
     for file in (*sources.messages, *sources.unbuilt):
@@ -203,8 +205,8 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
     if lists.complete and sources.board is None and conditional:
         number = counted(sum(map(len, conditional.values())), "message")
         named = "; ".join(f"{few(names)} with {condition}" for condition, names in conditional.items())
-        text = f"{number} only in the firmware of some boards: {named}"
-        text += "; ORB ids and object ids of publications depend on them, name the board with --board"
+        text = f"{number} built only for some boards: {named}"
+        text += "; ORB ids and object ids of publications depend on the board, name it with --board"
         yield Diagnostic(places[next(iter(conditional))], "M407", text)
     for condition, names in conditional.items():
         if sources.board and sources.board.builds(condition) is None:
@@ -224,13 +226,13 @@ def _unknown_types(outer: Message, known: Mapping[str, Message], unbuilt: Mappin
 
 
 def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str:
-    """Return what to write in place of an unknown type, or where to name its package."""
+    """Return a hint for an unknown type: the type that was probably meant, or how to add its package."""
     names: dict[str, list[str]] = {}
     for message in known.values():
         names.setdefault(message.package, []).append(message.name)
     if type_.package is None:
         if outer.version_of and type_.name in names.get(outer.released_as[0], ()):
-            return f": archived messages nest archived ones, as '{type_.name}V0'"
+            return f": archived messages nest archived ones, such as '{type_.name}V0'"
         elsewhere = sorted(package for package in names if type_.name in names[package])
         if elsewhere:
             return f", did you mean '{elsewhere[0]}/{type_.name}'?"
@@ -254,7 +256,10 @@ def _nested(outer: Message, known: Mapping[str, Message]) -> Iterator[tuple[Fiel
 
 
 def _cycles(known: Mapping[str, Message]) -> Iterator[Diagnostic]:
-    """Follow what each message nests, depth first, without recursion: input may nest as deep as it likes."""
+    """Yield an error for each cycle and for nesting that is too deep.
+
+    The search is depth first and not recursive, because the input may nest to any depth.
+    """
     done: set[str] = set()
     for start in known.values():
         path = [start.key]
@@ -272,7 +277,9 @@ def _cycles(known: Mapping[str, Message]) -> Iterator[Diagnostic]:
                 names = [key.split("/")[1] if is_short else key for key in cycle]
                 yield Diagnostic(field.location, "M302", f"messages nest each other: {' > '.join(names)}")
             elif len(path) == MAX_DEPTH:
-                yield Diagnostic(field.location, "M302", f"'{start.name}' nests more than {MAX_DEPTH} messages deep")
+                yield Diagnostic(
+                    field.location, "M302", f"'{start.name}' nests messages more than {MAX_DEPTH} levels deep"
+                )
                 done.update(path)
             elif inner.key not in done:
                 path.append(inner.key)
@@ -280,9 +287,9 @@ def _cycles(known: Mapping[str, Message]) -> Iterator[Diagnostic]:
 
 
 class _Extent(NamedTuple):
-    """How much there is in a message or a field: bytes without padding, values, and messages inside each other.
+    """The extent of a message or a field: bytes without padding, number of values, and levels of nesting.
 
-    What has no fixed size counts as no bytes, an array of numbers as one value.
+    A field without a fixed size counts as 0 bytes, an array of numbers as one value.
     """
 
     size: int
@@ -294,8 +301,8 @@ def _too_large(
     message: Message, known: Mapping[str, Message], extents: dict[str, _Extent], uorb: str
 ) -> Iterator[Diagnostic]:
     size, values, depth = _extent(message, known, extents)
-    if depth == MAX_DEPTH + 1:  # those that nest it are deeper still
-        yield Diagnostic(message.location, "M302", f"'{message.name}' nests more than {MAX_DEPTH} messages deep")
+    if depth == MAX_DEPTH + 1:  # messages that nest this one are deeper, and are not reported too
+        yield Diagnostic(message.location, "M302", f"'{message.name}' nests messages more than {MAX_DEPTH} levels deep")
     is_of_uorb = message.package == uorb and message.folder == "msg"
     most = MAX_SIZE if is_of_uorb else MAX_OTHER_SIZE
     if size <= most and values <= MAX_VALUES:
@@ -304,8 +311,8 @@ def _too_large(
         text = f"'{message.name}' has {size} bytes, {'uORB carries' if is_of_uorb else 'msggen takes'} up to {most}"
     else:
         text = f"'{message.name}' has {values} values, msggen takes up to {MAX_VALUES}"
-    of = 0 if size > most else 1
-    largest = max(message.fields, key=lambda field: _extent_of_field(message, field, known, extents)[of])
+    index = 0 if size > most else 1
+    largest = max(message.fields, key=lambda field: _extent_of_field(message, field, known, extents)[index])
     yield Diagnostic(largest.location, "M304", f"{text}: '{largest.type}' is too large")
 
 
@@ -319,7 +326,7 @@ def _extent(message: Message, known: Mapping[str, Message], extents: dict[str, _
 
 
 _REFERENCE = 8
-"""Bytes that a text of a fixed array takes in a default value."""
+"""Bytes per string in the default value of a fixed array: those of a reference."""
 
 _COUNTED = (ArrayKind.SCALAR, ArrayKind.FIXED)
 

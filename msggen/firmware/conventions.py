@@ -1,7 +1,7 @@
-"""What differs between the firmware's releases: one table, and how a tree shows which of it holds for it.
+"""The conventions of the firmware's releases in one table, and functions that recognise those of a tree.
 
-What the sources of the bridge's client show (`src/modules/uxrce_dds_client`) counts before the release, so that a
-tree between two releases is told truly; definitions alone show the release.
+A tree may lie between two releases. The sources of the bridge's client (`src/modules/uxrce_dds_client`) therefore take
+priority over the release. Without them, the definitions show the release.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ _MAIN = _V1_18._replace(release="main")
 CONVENTIONS: Mapping[str, Conventions] = MappingProxyType(
     {each.release: each for each in (_V1_14, _V1_15, _V1_16, _V1_17, _V1_18, _MAIN)}
 )
-"""By release, each with what it changed (docs/wire.md, 11, 12 and 15)."""
+"""The conventions of each release, in order (docs/wire.md, 11, 12 and 15)."""
 
 NEWEST = EMBEDDED[0]
-"""The newest release; `main` follows it."""
+"""The newest embedded release. Only `main` is newer."""
 
 _SINCE_V1_18 = "SetpointConfig"
 _SINCE_V1_15 = "RegisterExtComponentRequest"
-"""Messages that a release brought."""
+"""Messages that the release in the constant's name added."""
 
 _DEFAULT_INTERVAL = re.compile(r"#define\s+UXRCE_DEFAULT_POLL_\w+\s+(\d+)")
 _FIRST_ID = re.compile(r"case @\(idx\)\s*\+\s*(?:(\d+)|\(65535U / 32U\) \+ 1)")
 
 
 def recognise(messages: Collection[Message], bridge: Collection[BridgeEntry], *, has_versions: bool) -> Conventions:
-    """Return the conventions of the firmware whose own `messages` and `bridge` these are.
+    """Return the conventions of the firmware that has these `messages` and this `bridge`.
 
-    v1.15 brought the registration of external modes, v1.16 versions of messages, main of 2026 the keys `instance`
-    and `route_field`. Between v1.16 and v1.17 the conventions did not change. What is not the firmware's set, as a
-    folder of one's own messages, follows the newest.
+    v1.15 added the registration of external modes, v1.16 versioned messages, and main of 2026 the keys `instance` and
+    `route_field`. The conventions of v1.16 and v1.17 are the same. Definitions that are not the firmware's, such as a
+    folder of the user's own messages, get the newest conventions.
     """
     names = {message.name for message in messages}
     is_newer = any(entry.instance is not None or entry.route_field for entry in bridge)
@@ -63,9 +63,9 @@ def recognise(messages: Collection[Message], bridge: Collection[BridgeEntry], *,
 
 
 def as_shown(conventions: Conventions, header: str, utilities: str) -> Conventions:
-    """Return `conventions` with what the client's own sources show: `dds_topics.h.em` and `utilities.hpp`.
+    """Return `conventions`, updated from the client's sources: the texts of `dds_topics.h.em` and `utilities.hpp`.
 
-    A text that is empty, or is written otherwise than msggen knows, shows nothing.
+    A text that is empty, or in a form that msggen does not know, changes nothing.
     """
     shown: dict[str, Any] = {}
     interval, first_id = _DEFAULT_INTERVAL.search(header), _FIRST_ID.search(header)

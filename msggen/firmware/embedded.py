@@ -1,8 +1,8 @@
-"""The releases of PX4 that msggen brings along: the newest as files, each earlier one as what differs from the next.
+"""The embedded releases of PX4: the newest as files, each earlier one as its differences from the next.
 
-`releases/v1.16.msgs` has the files of v1.16 that are not as in v1.17, each below a line `=== PATH`; a path without
-lines is a file that v1.16 does not have. A field or constant without a comment has the one that it has in the next
-newer release that knows it, so each comment is written once. `tests/support/embed.py` writes these files.
+`releases/v1.16.msgs` has the files of v1.16 that differ from those of v1.17, each below a line `=== PATH`. A path
+without lines below it is a file that v1.16 does not have. To write each comment only once, a field or constant without
+a comment takes the comment from the next newer release that has it. `tests/support/embed.py` writes these files.
 """
 
 import os
@@ -16,42 +16,42 @@ EMBEDDED = ("v1.18", "v1.17", "v1.16", "v1.15", "v1.14")
 """The releases of PX4 whose definitions are embedded, the newest first."""
 
 PREFIX = "embedded:"
-"""What names an embedded release for certain, as in `embedded:v1.16`; `v1.16` may also be a path."""
+"""The prefix that tells an embedded release from a path: `embedded:v1.16`, because `v1.16` may also be a path."""
 
 FOLDERS = ("", "msg/", "msg/versioned/", "msg/px4_msgs_old/msg/", "srv/")
-"""Where the files of a release lie."""
+"""The folders that contain the files of a release."""
 
 _NAME = re.compile(r"v\d+\.\d+")
 _HEAD = re.compile(r"(?:#.*\n)*")
 
 
 def names_release(text: str) -> bool:
-    """Whether `text` names an embedded release, be there one of that name or not; a path of the same name wins."""
+    """Whether `text` has the form of an embedded release's name. The release need not exist; an existing path wins."""
     is_name = _NAME.fullmatch(text) is not None and not os.path.exists(text)
     return is_name or text.startswith(PREFIX)
 
 
 def unknown_release(text: str) -> str:
-    """Return what is wrong with the name of an embedded release, "" for nothing."""
+    """Return an error message for the name of an embedded release that does not exist, "" if it exists."""
     name = text.removeprefix(PREFIX)
     if name in EMBEDDED:
         return ""
-    what = "neither a folder nor an embedded release" if name == text else "no such embedded release"
-    return what + (suggestion(name, EMBEDDED) or f": expected {', '.join(EMBEDDED)}")
+    problem = "neither a folder nor an embedded release" if name == text else "no such embedded release"
+    return problem + (suggestion(name, EMBEDDED) or f": expected {', '.join(EMBEDDED)}")
 
 
 def near_release(text: str) -> str:
-    """Return ", did you mean 'v1.16'?" for `1.16` and `v1.16.0`, "" where no embedded release is meant."""
+    """Return ", did you mean 'v1.16'?" for `1.16` and `v1.16.0`, "" if no embedded release is similar."""
     found = re.fullmatch(r"[vV]?(\d+\.\d+)(?:\.\d+)?", text)
     name = f"v{found[1]}" if found else ""
     return f", did you mean '{name}'?" if name in EMBEDDED else ""
 
 
 def open_release(text: str) -> tuple[str, Tree]:
-    """Return name and files of the embedded release that `text` names. Raises InputError."""
-    wrong = unknown_release(text)
-    if wrong:
-        raise input_error(text, "S105", wrong, 0)
+    """Return the name and the files of the embedded release that `text` names. Raises InputError."""
+    problem = unknown_release(text)
+    if problem:
+        raise input_error(text, "S105", problem, 0)
     release = text.removeprefix(PREFIX)
     return release, embedded_tree(release)
 
@@ -76,7 +76,7 @@ def embedded_tree(release: str) -> Tree:
 
 
 def newest_version(name: str) -> int | None:
-    """Return the version of the message `name` in the newest release, None where that has no such versioned message."""
+    """Return the version of the message `name` in the newest release, None if it is not a versioned message there."""
     newest, path = Folder(embedded_root()), f"msg/versioned/{name}.msg"
     text = newest.read(path).decode() if newest.is_file(path) else ""
     found = re.search(r"^uint32 MESSAGE_VERSION = (\d+)", text, re.MULTILINE)
@@ -89,13 +89,13 @@ def is_of_release(name: str) -> bool:
 
 
 def sections(text: str) -> list[tuple[str, str]]:
-    """Return the paths and texts in a file of `releases/`; what precedes the first of them is a comment."""
+    """Return the paths and texts in a file of `releases/`. The lines before the first path are a comment."""
     parts = (part.partition("\n") for part in f"\n{text}".split("\n=== ")[1:])
     return [(path, lines.strip("\n")) for path, _, lines in parts]
 
 
 def comments_in(text: str) -> dict[str, str]:
-    """Return the comments of a definition by field or constant."""
+    """Return the comments in a definition, by the name of the field or constant."""
     found = {}
     for line in text.split("\n"):
         code, mark, comment = line.partition("  # ")
@@ -105,13 +105,13 @@ def comments_in(text: str) -> dict[str, str]:
 
 
 def head_of(text: str) -> str:
-    """Return the comment that a definition begins with, line ends included."""
+    """Return the comment at the top of a definition, line ends included."""
     head = _HEAD.match(text)
     return head[0] if head else ""
 
 
 def with_comments(text: str, newer: list[str]) -> str:
-    """Return a definition with the comments that it lacks, from its newer versions; the last of these counts most."""
+    """Return a definition with its missing comments added from the `newer` texts. The last of these has priority."""
     known: dict[str, str] = {}
     for version in newer:
         if "  # " in version:

@@ -1,4 +1,4 @@
-"""One input of a catalog: a file, or the option that names a board."""
+"""Inputs of a catalog: a file, and the option that names a board."""
 
 import os
 from typing import NamedTuple
@@ -8,10 +8,11 @@ from msggen.location import Location
 
 
 class File(NamedTuple):
-    """One input: `path` names it to the user, `name` cites it in what is generated.
+    """One input file.
 
-    `tree` reads it by its name; a file that was named by itself has none, and is opened by its path. `package` is the
-    ROS package that it belongs to, "" for that of uORB's messages.
+    Messages to the user have its `path`, generated files its `name`. `tree` reads the file by its name; it is None for
+    a file that the user named directly, which is opened by its path. `package` is the ROS package of the file, "" for
+    the package of uORB's messages.
     """
 
     path: str
@@ -21,14 +22,14 @@ class File(NamedTuple):
 
     @property
     def stem(self) -> str:
-        """The name of what the file defines."""
+        """The file name without its suffix: the name of the message or service that the file defines."""
         return os.path.splitext(os.path.basename(self.path))[0]
 
 
 class BoardOption(NamedTuple):
-    """A board that was asked for at `place`: its name, or the path of its file.
+    """A board that the user named at `place`, by its name or by the path of its file.
 
-    It is `optional` for a side of a comparison that need not have boards.
+    It is `optional` for a side of a comparison that may have no boards.
     """
 
     text: str
@@ -37,7 +38,7 @@ class BoardOption(NamedTuple):
 
     @property
     def is_path(self) -> bool:
-        """Whether it is a file, and not the name of a board."""
+        """Whether the text is the path of a file, not the name of a board."""
         return "/" in self.text or os.sep in self.text or self.text.endswith(".px4board")
 
 

@@ -1,6 +1,6 @@
-"""The earlier versions of messages that a tree of the firmware keeps, and the headers that translate between them.
+"""The archived versions of messages in a PX4-Autopilot tree, and the headers that translate between versions.
 
-v1.16 brought both: `msg/px4_msgs_old/msg/<Name>V<n>.msg` and `msg/translation_node/translations/*.h`.
+Both exist since v1.16: `msg/px4_msgs_old/msg/<Name>V<n>.msg` and `msg/translation_node/translations/*.h`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from msggen.diagnostics import Diagnostic, InputError, suggestion
-from msggen.firmware import sources
+from msggen.firmware import layout
 from msggen.firmware.catalog import ARCHIVED_NAME, is_comparable
 from msggen.firmware.tree import Tree
 from msggen.model import ARCHIVE_PACKAGE, Message
@@ -19,8 +19,8 @@ from msggen.parse.text import decode_text
 from msggen.primitives import PRIMITIVES
 
 VERSIONED = "msg/versioned"
-ARCHIVE = f"msg/{sources.ARCHIVE}"
-TRANSLATIONS = f"msg/{sources.TRANSLATIONS}"
+ARCHIVE = f"msg/{layout.ARCHIVE}"
+TRANSLATIONS = f"msg/{layout.TRANSLATIONS}"
 ALL_TRANSLATIONS = f"{TRANSLATIONS}/all_translations.h"
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
@@ -29,11 +29,11 @@ _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """What a tree keeps of earlier versions.
+    """The archived versions of a tree and their translations.
 
-    `archived` has messages such as `VehicleStatusV0` by name, `translations` the texts of the headers that
-    `all_translations.h` includes, by file name. `is_kept` says whether the tree has
-    versioned messages at all, `is_translated` that each archived version is translated by a header that is not here.
+    `archived` has messages such as `VehicleStatusV0` by name. `translations` has the texts of the headers that
+    `all_translations.h` includes, by file name. `is_kept` is True if the tree has versioned messages. `is_translated`
+    is True if each archived version is translated by a header that is not in `translations`.
     """
 
     is_kept: bool
@@ -42,13 +42,14 @@ class History:
     is_translated: bool = False
 
     def translates(self, name: str, version: int) -> bool:
-        """Whether a header translates the message `name` between `version` and the current one."""
+        """Return whether a header translates the message `name` between `version` and the current version."""
         return bool(self.translating(name, version))
 
     def translating(self, name: str, version: int, newer: int | None = None) -> dict[str, str]:
-        """Return the headers that translate the message `name` between `version` and `newer`, or the current one.
+        """Return the headers that translate the message `name` between `version` and `newer`, by file name.
 
-        A header may translate several messages at once, so it is known by the types that it uses, not by its name.
+        Without `newer` it is the current version. A header may translate several messages, so headers are found by the
+        types that they use, not by their names.
         """
         target = rf"px4_msgs::msg::{name}\b" if newer is None else rf"px4_msgs_old::msg::{name}V{newer}\b"
         types = [re.compile(rf"px4_msgs_old::msg::{name}V{version}\b"), re.compile(target)]
@@ -61,7 +62,7 @@ class History:
 
 
 def archived_name(message: Message) -> str:
-    """Return what the archive calls a message: its name and version."""
+    """Return the name of this version of a message in the archive, such as `VehicleStatusV0`."""
     return f"{message.name}V{message.message_version}"
 
 
@@ -71,7 +72,7 @@ def without_comments(text: str) -> str:
 
 
 def read_history(tree: Tree) -> History:
-    """Return what `tree` keeps of earlier versions. Raises InputError for archived definitions that cannot be read."""
+    """Return the archived versions of `tree`. Raises InputError for archived definitions that cannot be read."""
     archived: dict[str, Message] = {}
     errors: list[Diagnostic] = []
     for file in tree.names(ARCHIVE):
@@ -79,9 +80,9 @@ def read_history(tree: Tree) -> History:
         if suffix != "msg" or not dot or not ARCHIVED_NAME.fullmatch(name):
             continue
         path = f"{ARCHIVE}/{file}"
-        text, unclean = decode_text(tree.read(path), tree.place(path))
-        archived[name], wrong = parse_message(text, tree.place(path), name, ARCHIVE_PACKAGE)
-        errors += [found for found in (*unclean, *wrong) if not is_comparable(found)]
+        text, found_in_bytes = decode_text(tree.read(path), tree.place(path))
+        archived[name], found_in_text = parse_message(text, tree.place(path), name, ARCHIVE_PACKAGE)
+        errors += [found for found in (*found_in_bytes, *found_in_text) if not is_comparable(found)]
     errors += _unknown_types(archived)
     if errors:
         raise InputError(errors)
@@ -89,7 +90,10 @@ def read_history(tree: Tree) -> History:
 
 
 def _unknown_types(archived: Mapping[str, Message]) -> Iterator[Diagnostic]:
-    """Find types that are no primitive and no message; whether a message is the right one, the rules judge."""
+    """Yield an error for each type that is neither a primitive nor a message name.
+
+    Whether a nested message exists is checked by the rules, not here.
+    """
     for message in archived.values():
         for field in message.fields:
             name = field.type.name

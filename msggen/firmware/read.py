@@ -1,4 +1,4 @@
-"""A source to a catalog in one call, for programs that use msggen as a library."""
+"""The function `read`, for programs that use msggen as a library."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ def read(  # noqa: PLR0913 - keywords, each of which has a default
     archived: bool = False,
     strict: bool = False,
 ) -> Catalog:
-    """Return the catalog of a source: all of its definitions, which fit together.
+    """Return the catalog of a source: all of its definitions, checked.
 
     `source` is a PX4-Autopilot tree, a px4_msgs package, a folder of `.msg` files, `folder@revision` of git, an
     archive of one of them, or an embedded release such as "v1.16". Without `source` and `folders` it is the newest
     embedded release.
 
-    `folders` hold further definitions, those of another ROS package as "PKG=DIR" or with a package.xml. `topics` is
-    the dds_topics.yaml to use instead of the tree's own. `release` names the conventions to follow instead of those
-    that the tree shows. `board` keeps only the messages that this board of the firmware builds. With `archived` the
-    catalog also has the earlier versions that the tree keeps. With `strict` warnings are errors.
+    `folders` contain further definitions. Those of another ROS package are "PKG=DIR", or a folder with a package.xml.
+    `topics` is the dds_topics.yaml to use instead of the tree's own. `release` names the conventions to use instead of
+    those that the tree shows. `board` keeps only the messages that this board of the firmware builds. With `archived`
+    the catalog also has the archived versions of the tree. With `strict` warnings are errors.
 
     Raises InputError with all errors in the sources. Warnings and notes are in the catalog's `notices`. Settings in
-    pyproject.toml do not count.
+    pyproject.toml are ignored.
     """
     further = (folders,) if isinstance(folders, (str, os.PathLike)) else folders
     sources = find_sources(
@@ -55,5 +55,5 @@ def read(  # noqa: PLR0913 - keywords, each of which has a default
 
 
 def _argument(name: str) -> Location:
-    """Return the place that errors about an argument of `read` name."""
+    """Return the location of errors about an argument of `read`."""
     return Location(name, 0)

@@ -1,4 +1,4 @@
-"""Revisions that git keeps: `folder@revision`, read without touching a work tree."""
+"""Revisions in git: `folder@revision`, read without changing a work tree."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from msggen.firmware.tree import Snapshot, Wanted, is_wanted
 
 
 def split_revision(text: str) -> tuple[str, str]:
-    """Return folder and revision of `folder@revision`, the longest folder there is; no revision where it is none."""
+    """Return the folder and the revision of `folder@revision`, or `text` and "" if it does not name a revision.
+
+    If several `@` follow an existing folder, the longest folder is used.
+    """
     ends = [index for index, character in enumerate(text) if character == "@" and os.path.isdir(text[:index])]
     if os.path.exists(text) or not ends:
         return text, ""
@@ -22,9 +25,9 @@ def split_revision(text: str) -> tuple[str, str]:
 
 
 def revised(tree: str, against: str) -> str:
-    """Return what names `tree` as it was at `against`: a revision of its repository, or else another tree or release.
+    """Return the source that `against` names: `tree` at a revision of its repository, or another tree or release.
 
-    Raises InputError where `against` could be both, or is neither.
+    Raises InputError if `against` could be both or is neither.
     """
     if against.startswith(PREFIX):
         return against
@@ -43,13 +46,17 @@ def revised(tree: str, against: str) -> str:
 def _fail_to_find(folder: str, against: str) -> NoReturn:
     if names_release(against):
         near = suggestion(against, EMBEDDED)
-        _fail("--against", "S108", f"'{against}' is no folder, no revision of {folder} and no embedded release{near}")
+        _fail(
+            "--against",
+            "S108",
+            f"'{against}' is neither a folder, a revision of {folder} nor an embedded release{near}",
+        )
     reason = (_obstacle(folder) or _hint(folder, against)) if os.path.isdir(folder) else ""
     _fail("--against", "S108", f"'{against}' is neither a folder nor a revision of {folder}{reason}")
 
 
 def kept_or_revised(path: str, repository: str, revision: str) -> str:
-    """Return what names the folder of `path` at `revision`, or `path` where it was not in the repository then."""
+    """Return `folder@revision` for the folder of `path`, or `path` if `revision` of `repository` does not have it."""
     folder = split_revision(path)[0]
     try:
         tops = [git(each, "rev-parse", "--show-toplevel") for each in (folder, repository)]
@@ -60,7 +67,7 @@ def kept_or_revised(path: str, repository: str, revision: str) -> str:
 
 
 def read_revision(folder: str, revision: str) -> Snapshot:
-    """Return the files of a commit, none of them checked out. Raises InputError."""
+    """Return the files of a commit without checking them out. Raises InputError."""
     label = f"{folder}@{revision}"
     try:
         commit = commit_of(folder, revision)
@@ -84,7 +91,7 @@ def read_revision(folder: str, revision: str) -> Snapshot:
 
 
 def _obstacle(folder: str) -> str:
-    """Return what keeps git from looking for any revision, "" if nothing does."""
+    """Return the reason why git cannot read any revision, "" if it can."""
     try:
         git(folder, "rev-parse", "--git-dir")
     except GitError as error:
@@ -93,15 +100,15 @@ def _obstacle(folder: str) -> str:
 
 
 def _hint(folder: str, revision: str) -> str:
-    """Return why a repository may lack `revision`, or the nearest name that it has; "" where nothing is known."""
+    """Return a hint why `revision` is missing: a shallow repository, or the nearest name that exists; "" if unknown."""
     with suppress(GitError):
         if git(folder, "rev-parse", "--is-shallow-repository").strip() == b"true":
-            return ": the repository is shallow, `git fetch --unshallow` brings the rest of it"
+            return ": the repository is shallow, fetch the rest with `git fetch --unshallow`"
     return suggestion(revision, revisions(folder))
 
 
 def _read_blobs(folder: str, label: str, blobs: Mapping[str, str], wanted: Wanted) -> dict[str, bytes]:
-    """Return the contents of the blobs whose names are wanted, all of them from one process. Raises InputError."""
+    """Return the contents of the blobs whose names are `wanted`, read by one git process. Raises InputError."""
     names = [name for name in blobs if wanted(name)]
     try:
         answer = git(folder, "cat-file", "--batch", stdin="".join(f"{blobs[name]}\n" for name in names).encode())
@@ -111,9 +118,9 @@ def _read_blobs(folder: str, label: str, blobs: Mapping[str, str], wanted: Wante
 
 
 def _split_batch(answer: bytes) -> list[bytes]:
-    """Return the contents in what `git cat-file --batch` prints: a line that ends in a size, the bytes, a line end.
+    """Return the contents in the output of `git cat-file --batch`: a line that ends in a size, the bytes, a line end.
 
-    Raises GitError where an object is missing.
+    Raises GitError if an object is missing.
     """
     contents = []
     position = 0

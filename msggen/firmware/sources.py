@@ -1,4 +1,4 @@
-"""Which files a catalog is made of, their bytes, and the packages they belong to. What they mean is not known here."""
+"""The files of a catalog, their contents and the packages that they belong to. They are not parsed here."""
 
 import os
 import re
@@ -7,9 +7,22 @@ from itertools import chain
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from msggen.diagnostics import Diagnostic, counted, input_error, suggestion
+from msggen.diagnostics import Diagnostic, input_error, suggestion
 from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release, near_release, open_release
 from msggen.firmware.file import BoardOption, File, read_file
+from msggen.firmware.layout import (
+    ARCHIVE,
+    CLIENT_SOURCES,
+    LISTS,
+    TRANSLATIONS,
+    find_bridge,
+    find_definitions,
+    find_file,
+    find_files,
+    find_manifest,
+    is_firmware,
+    unread_folders,
+)
 from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
 from msggen.parse.package_xml import package_name
@@ -20,43 +33,29 @@ else:
     Board = object  # a name in quotes would be compiled, which takes longer than the rest of the class
 
 RELEASES = (*reversed(EMBEDDED), "main")
-"""The releases whose conventions are known (`release` has them)."""
-
-ARCHIVE = "px4_msgs_old/msg"
-"""Where a tree keeps earlier versions of its messages, below `msg/`."""
-
-TRANSLATIONS = "translation_node/translations"
-"""Where it keeps the headers that translate between versions, below `msg/`."""
-
-LISTS = "msg/CMakeLists.txt"
-"""Where a tree lists the messages that it builds."""
-
-_FOLDERS = ("msg/versioned", "msg/px4_msgs_old", "msg/translation_node")
-"""The folders of a firmware's `msg/`."""
+"""The releases whose conventions are known (`conventions` has them)."""
 
 _RELEASE_OPTION = Location("--release", 0)
 _ARCHIVED_OPTION = Location("--archived", 0)
 _FOLDER_OPTION = Location("--msg-dir", 0)
 _PACKAGE_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
-_CLIENT = "src/modules/uxrce_dds_client"
-_BRIDGE_PLACES = (f"{_CLIENT}/dds_topics.yaml", "dds_topics.yaml")
-
-CLIENT_SOURCES = (f"{_CLIENT}/dds_topics.h.em", f"{_CLIENT}/utilities.hpp")
-"""The sources of the bridge's client that show its conventions."""
 
 
 class Sources(NamedTuple):
     """The files of one catalog.
 
-    `package` is the ROS package of uORB's messages where the package.xml of the first source names it, "" where they
-    are px4_msgs; `manifests` are all such files. `own` counts the messages of the first source, which come first: by
-    them a release is recognised, and by `is_tree`, whether they are a tree of the firmware. `label` says in a few
-    words what the sources are. `root` is where the first source lies. `archived` are earlier versions of messages,
-    where they were asked for. `embedded` names the embedded release that the first source is. `client` are
-    CLIENT_SOURCES, as far as a tree has them. With `strict`, warnings are errors. `notices` are what there is to say of
-    the sources themselves. `lists` is the file in which a tree lists what it builds. `unbuilt` has the messages that
-    the `board` does not build, which are not among `messages`, with the condition that each is listed under, "" for
-    those that no list names.
+    - `package` is the ROS package of uORB's messages if the package.xml of the first source names it, "" for px4_msgs.
+      `manifests` are the package.xml files of all sources.
+    - `own` is the number of messages of the first source, which come first in `messages`. The release is recognised by
+      these messages and by `is_tree`: whether the first source is a PX4-Autopilot tree.
+    - `label` is a short description of the sources. `root` is the tree of the first source.
+    - `archived` and `translations` are the archived versions and their headers, if they were asked for.
+    - `embedded` is the name of the embedded release, if the first source is one.
+    - `client` has those of CLIENT_SOURCES that exist in the tree.
+    - With `strict`, warnings are errors. `notices` are findings about the sources themselves.
+    - `lists` is the file in which the tree lists the messages that it builds. `unbuilt` has the messages that the
+      `board` does not build, with the condition under which each is listed, "" for those that are not listed. They are
+      not in `messages`.
     """
 
     messages: tuple[File, ...]
@@ -81,17 +80,17 @@ class Sources(NamedTuple):
 
     @property
     def has_own(self) -> bool:
-        """Whether any of the files belongs to uORB's package."""
+        """Whether any of the definitions belongs to uORB's package."""
         return any(not file.package for file in (*self.messages, *self.services))
 
     def reasons(self) -> dict[str, str]:
-        """Return, by name, why the board does not build messages of the tree."""
+        """Return, by name, the reasons why the board does not build messages of the tree."""
         board = self.board.name if self.board else ""
         reasons = {condition: f"needs {condition}" for condition in self.unbuilt.values()} | {"": f"not in {LISTS}"}
         return {file.stem: f": not built for {board}, {reasons[needs]}" for file, needs in self.unbuilt.items()}
 
     def with_packages_of(self, other: "Sources") -> "Sources":
-        """Return these sources with what `other` has of further packages: two sides that nest the same types."""
+        """Return these sources with the further packages of `other`, so that both sides nest the same types."""
         messages, services = (
             tuple(file for file in files if not _is_own(file.package, self.package))
             for files in (other.messages, other.services)
@@ -99,12 +98,12 @@ class Sources(NamedTuple):
         return self._replace(messages=self.messages + messages, services=self.services + services)
 
     def dependencies(self) -> tuple[str, ...]:
-        """Return the paths of what is read from the disk: files, and archives; a revision never changes."""
+        """Return the paths of the files and archives on disk. Revisions are left out, because they never change."""
         paths = (file.tree.path if isinstance(file.tree, Snapshot) else file.path for file in self.files())
         return tuple(path for path in dict.fromkeys(paths) if os.path.isfile(path))
 
     def files(self) -> tuple[File, ...]:
-        """Return all of them, in an order that does not depend on the machine."""
+        """Return all files, in an order that does not depend on the machine."""
         single = [file for file in (self.bridge, self.lists) if file]
         versions = (*self.archived, *self.translations)
         board = self.board.files if self.board else ()
@@ -112,7 +111,10 @@ class Sources(NamedTuple):
 
 
 def open_tree(text: str) -> Tree:
-    """Return what `text` names: a folder, `folder@revision`, an archive, or an embedded release. Raises InputError."""
+    """Return the tree that `text` names: a folder, `folder@revision`, an archive or an embedded release.
+
+    Raises InputError.
+    """
     if "\0" in text:
         raise input_error(text, "S101", "no such folder", 0)
     if names_release(text):
@@ -123,7 +125,7 @@ def open_tree(text: str) -> Tree:
         from msggen.firmware.tarball import SUFFIXES, read_archive
 
         if not text.lower().endswith(SUFFIXES):
-            raise input_error(text, "S101", f"not a folder, nor an archive ({', '.join(SUFFIXES)})", 0)
+            raise input_error(text, "S101", f"neither a folder nor an archive ({', '.join(SUFFIXES)})", 0)
         return read_archive(text)
     from msggen.firmware.revision import read_revision, split_revision
 
@@ -142,10 +144,12 @@ def find_sources(
 ) -> Sources:
     """Return the files of the tree or package `px4` and of the further `folders`.
 
-    These hold more of uORB's messages, or those of another ROS package: the one that `PKG=DIR` or a package.xml names.
-    `topics` replaces the bridge's YAML, `release` overrules what the tree looks like. Without `px4` and
-    `folders` it is the newest embedded release. Raises InputError where there is nothing to read, and for a release
-    that does not exist, said to stand at `release_place`.
+    These folders contain further messages of uORB, or those of another ROS package, which `PKG=DIR` or a package.xml
+    names. `topics` replaces the bridge's YAML file. `release` replaces the release that the tree shows. Without `px4`
+    and `folders` the source is the newest embedded release.
+
+    Raises InputError if a source cannot be read or has no definitions, and for an unknown release, with `release_place`
+    as its location.
     """
     if release is not None and release not in RELEASES:
         hint = suggestion(release, RELEASES) or f": expected {', '.join(RELEASES)}"
@@ -168,8 +172,8 @@ def find_sources(
     first = roots[0]
     bridge = File(topics, os.path.basename(topics)) if isinstance(topics, str) else topics
     if bridge is None and (px4 is not None or not is_named):
-        bridge = _bridge(first.tree)
-    is_tree = not first.package and _is_tree(first.tree)
+        bridge = find_bridge(first.tree)
+    is_tree = not first.package and is_firmware(first.tree)
     client = [name for name in CLIENT_SOURCES if is_tree and first.tree.is_file(name)]
     return Sources(
         messages=tuple(chain(*messages)),
@@ -184,16 +188,16 @@ def find_sources(
         root=first.tree,
         embedded=first.embedded,
         client=tuple(File(first.tree.place(name), name, first.tree) for name in client),
-        lists=None if first.package else _file(first.tree, LISTS),
+        lists=None if first.package else find_file(first.tree, LISTS),
         notices=(*(_shadowed(px4) if isinstance(px4, str) else ()), *chain(*map(_unread_folders, roots))),
     )
 
 
 def with_board(sources: Sources, option: BoardOption | None) -> Sources:
-    """Return `sources` without the messages that a board does not build; all of them where none is named.
+    """Return `sources` without the messages that the board in `option` does not build, all of them if it is None.
 
-    Raises InputError where there is no such board, or no list of what is built. An optional board is passed over where
-    it makes no difference.
+    The name of a board has no effect on an embedded release, which gets a note. Raises InputError if the board does not
+    exist or the tree has no lists. An optional board is ignored if the tree has no lists, or no conditions in them.
     """
     if option is None:
         return sources
@@ -202,12 +206,12 @@ def with_board(sources: Sources, option: BoardOption | None) -> Sources:
 
     root = sources.root
     if sources.embedded and not option.is_path:
-        text = f"{sources.label} has no boards: all of its messages count, whatever '{option.text}' builds"
+        text = f"{sources.label} has no boards: all of its messages are kept, whatever '{option.text}' builds"
         return sources._replace(notices=(*sources.notices, Diagnostic(option.place, "S122", text)))
     if root is None or sources.lists is None:
         if option.optional:
             return sources
-        text = f"{sources.label} has no {LISTS} to say what a board builds: a board needs a PX4-Autopilot tree"
+        text = f"{sources.label} has no {LISTS}, which lists what a board builds: expected a PX4-Autopilot tree"
         raise input_error(option.place.path, "S118", text, *option.place[1:])
     lists = parse_lists(read_file(sources.lists).decode(errors="replace"), sources.lists.path)
     conditions = {f"msg/{name}": entry.condition for name, entry in lists.listed.items()}
@@ -229,48 +233,49 @@ def with_board(sources: Sources, option: BoardOption | None) -> Sources:
 
 
 def with_archived(sources: Sources, place: Location = _ARCHIVED_OPTION) -> Sources:
-    """Return `sources` with the archived definitions of the first of them, and the headers that translate them.
+    """Return `sources` with the archived versions of the first source and the headers that translate them.
 
-    Raises InputError where it has none; they were asked for at `place`.
+    Raises InputError if there are none, with `place` as its location.
     """
     root = sources.root
     folder = "msg/" if root and root.is_folder("msg") else ""
-    found = _files(root, f"{folder}{ARCHIVE}/", ".msg") if root else []
+    found = find_files(root, f"{folder}{ARCHIVE}/", ".msg") if root else []
     if not root or not found:
-        text = f"{sources.label} has no earlier versions of messages: PX4 v1.16 and later has them in msg/{ARCHIVE}"
+        text = f"{sources.label} has no archived versions: PX4 v1.16 and later have them in msg/{ARCHIVE}"
         raise input_error(place.path, "S117", text, *place[1:])
-    headers = _files(root, f"{folder}{TRANSLATIONS}/", ".h")
+    headers = find_files(root, f"{folder}{TRANSLATIONS}/", ".h")
     return sources._replace(archived=tuple(found), translations=tuple(headers))
 
 
 def read_files(sources: Sources) -> dict[str, bytes]:
-    """Return the contents of all files by path, each read once. Raises InputError for those that cannot be read."""
+    """Return the contents of all files by path. Each file is read once. Raises InputError if one cannot be read."""
     return {file.path: read_file(file) for file in sources.files()}
 
 
 def split_package(text: str, place: Location = _FOLDER_OPTION) -> tuple[str, str]:
-    """Return both parts of `PKG=DIR`; no package where it is a folder alone, or the `=` comes after a `/`.
+    """Return the package and the folder of `PKG=DIR`.
 
-    Raises InputError, said to stand at `place`, for a name that no package has.
+    The package is "" if `text` has no `=`, or a `/` before it. Raises InputError for an invalid package name, with
+    `place` as its location.
     """
     package, mark, folder = text.partition("=")
     if not mark or "/" in package or os.sep in package:
         return "", text
     if not _PACKAGE_NAME.fullmatch(package):
-        hint = f"a folder with '=' in its name is written '{os.path.join(os.curdir, text)}'"
-        raise input_error(place.path, "S103", f"{package!r} is no name of a ROS package; {hint}", *place[1:])
+        hint = f"write a folder with '=' in its name as '{os.path.join(os.curdir, text)}'"
+        raise input_error(place.path, "S103", f"{package!r} is not a ROS package name; {hint}", *place[1:])
     if not folder:
         raise input_error(place.path, "S101", f"'{text}' names no folder: expected {package}=DIR", *place[1:])
     return package, os.path.expanduser(folder)
 
 
 def join_package(package: str, folder: str) -> str:
-    """Return what `split_package` takes apart."""
+    """Return `PKG=DIR`, or the folder alone if the package is "": the inverse of `split_package`."""
     return f"{package}={folder}" if package else folder
 
 
 class _Root(NamedTuple):
-    """What is named as one source; `package` is "" where it has messages of uORB's."""
+    """One source; `package` is "" if it contains messages of uORB."""
 
     tree: Tree
     label: str
@@ -284,35 +289,35 @@ def _root(named: str | Tree, label: str = "") -> _Root:
         release, tree = open_release(named)
         return _Root(tree, f"the embedded PX4 {release}", None, embedded=release)
     tree = open_tree(named) if isinstance(named, str) else named
-    return _Root(tree, label or tree.path, _manifest(tree))
+    return _Root(tree, label or tree.path, find_manifest(tree))
 
 
 def _shadowed(path: str) -> Iterator[Diagnostic]:
-    """Note that a path was read which has the name of an embedded release."""
+    """Yield a note if a path was read that has the name of an embedded release."""
     if path in EMBEDDED and not names_release(path):
         yield Diagnostic(Location(path, 0), "S120", f"this path is read, not the embedded release '{PREFIX}{path}'")
 
 
 def _label(roots: list[_Root]) -> str:
-    """Return what uORB's sources are called; further packages have names, and are called by those elsewhere."""
+    """Return the labels of uORB's sources. Those of further packages count only if there are no others."""
     own = [root.label for root in roots if not root.package]
     return ", ".join(own or [root.label for root in roots])
 
 
 def _further_root(text: str, own: str) -> _Root:
-    """Return a source beside that of uORB's package, which is named `own`."""
+    """Return a source that `--msg-dir` adds; `own` is the name of uORB's package."""
     given, folder = split_package(text)
     root = _root(folder, text)
     found = _name_in(root.manifest)
     if root.manifest and given not in ("", found):
-        text = f"this is the package '{found}', called '{given}' in '{text}'"
+        text = f"the package is named '{found}', found '{given}' in '{text}'"
         raise input_error(root.manifest.path, "S106", text, 0)
     package = given or found
     return root if _is_own(package, own) else root._replace(package=package)
 
 
 def _is_own(package: str, own: str) -> bool:
-    """Whether a package is uORB's, which is named `own`, or px4_msgs where that is ""."""
+    """Whether `package` is uORB's package, which is `own`, or px4_msgs if that is ""."""
     if not package or package == own:
         return True
     from msggen.model import DEFAULT_PACKAGE
@@ -325,69 +330,22 @@ def _name_in(manifest: File | None) -> str:
 
 
 def _definitions(root: _Root, folder: str, suffix: str) -> list[File]:
-    """Return the definitions in `root`: under `msg/` or `srv/` if it has them there, else in `root` itself.
-
-    `versioned/` counts, but not in a ROS package, which is built from what lies flat; `px4_msgs_old/` with its
-    archived versions does not.
-    """
-    tree = root.tree
-    prefix = f"{folder}/" if tree.is_folder(folder) else ""
-    folders = (prefix,) if root.manifest else (prefix, f"{prefix}versioned/")
-    return [file._replace(package=root.package) for folder in folders for file in _files(tree, folder, suffix)]
-
-
-def _files(tree: Tree, folder: str, suffix: str) -> list[File]:
-    place = tree.place(folder)
-    return [
-        File(place + name, folder + name, tree)
-        for name in tree.names(folder)
-        if name.endswith(suffix) and not name.startswith(".")
-    ]
+    return find_definitions(root.tree, folder, suffix, root.package, is_flat=root.manifest is not None)
 
 
 def _unread_folders(root: _Root) -> Iterator[Diagnostic]:
-    """Warn of definitions below `msg/` in folders that no firmware is known to have."""
-    tree = root.tree
-    if root.manifest or root.package or not tree.is_folder("msg"):
-        return
-    for folder in ("msg/", "msg/versioned/"):
-        for name in tree.names(folder):
-            if "." in name or folder + name in _FOLDERS:
-                continue
-            inside = [*tree.names(f"{folder}{name}/"), *tree.names(f"{folder}{name}/msg/")]
-            found = [file for file in inside if file.endswith(".msg")]
-            if found:
-                text = f"{counted(len(found), 'definition')} here not read, such as '{found[0]}'"
-                text += ": PX4 has definitions in msg/ and msg/versioned/, others are named with --msg-dir"
-                yield Diagnostic(Location(tree.place(folder + name), 0), "S121", text)
-
-
-def _bridge(root: Tree) -> File | None:
-    return next(filter(None, (_file(root, place) for place in _BRIDGE_PLACES)), None)
-
-
-def _manifest(root: Tree) -> File | None:
-    """Return the package.xml of a ROS package; the firmware's own tree has one too, and is none."""
-    return None if _is_tree(root) else _file(root, "package.xml")
-
-
-def _file(root: Tree, name: str) -> File | None:
-    return File(root.place(name), name, root) if root.is_file(name) else None
-
-
-def _is_tree(root: Tree) -> bool:
-    return root.is_folder("src/modules")
+    return iter(()) if root.manifest or root.package else unread_folders(root.tree)
 
 
 def _refuse_part_of_tree(root: Tree) -> None:
-    """Refuse the `msg` of a firmware where the firmware is asked for: without its bridge and services."""
+    """Raise InputError for the folder `msg` or `srv` of a firmware tree, which lacks the bridge and other inputs."""
     folder, revision = root.path, ""
     if isinstance(root, Snapshot):
         from msggen.firmware.revision import split_revision
 
         folder, revision = split_revision(root.path)
     parent = os.path.normpath(os.path.join(folder, os.pardir))
-    if os.path.basename(os.path.abspath(folder)) in ("msg", "srv") and _is_tree(Folder(parent)):
+    if os.path.basename(os.path.abspath(folder)) in ("msg", "srv") and is_firmware(Folder(parent)):
         whole = f"{parent}@{revision}" if revision else parent
         raise input_error(root.path, "S102", f"only a part of a firmware tree, did you mean '{whole}'?", 0)
 

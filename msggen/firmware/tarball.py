@@ -1,4 +1,4 @@
-"""Archives: tar, however compressed, and zip, read without unpacking."""
+"""Archives, read without unpacking: tar with any compression, and zip."""
 
 from __future__ import annotations
 
@@ -15,17 +15,20 @@ from msggen.diagnostics import input_error
 from msggen.firmware.tree import Snapshot, Wanted, is_wanted
 
 SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz", ".zip")
-"""What an archive's name ends in."""
+"""The suffixes of archives."""
 
 _DAMAGED = (tarfile.TarError, zipfile.BadZipFile, lzma.LZMAError, zlib.error, struct.error)
 _TAR_BLOCK = 512
 _CHUNK = 2**20
 _MAX_SIZE = 2**24
-"""Bytes; no definition is nearly as large."""
+"""Maximum number of bytes read of one file. No definition is nearly as large."""
 
 
 def read_archive(path: str) -> Snapshot:
-    """Return the files of an archive; a single folder around them all is left out. Raises InputError."""
+    """Return the files of an archive. Raises InputError.
+
+    If a single folder contains all of them, their names are relative to it.
+    """
     read = _read_zip if path.lower().endswith(".zip") else _read_tar
     try:
         files, links = read(path, is_wanted)
@@ -43,7 +46,7 @@ def read_archive(path: str) -> Snapshot:
 
 
 def _inside(name: str) -> str:
-    """Return the name of a member in plain form, "" for one that lies nowhere inside, or that only a Mac reads."""
+    """Return the normalised name of a member, "" for one outside of the archive or in macOS's `__MACOSX`."""
     name = posixpath.normpath(name)
     return "" if name.startswith(("/", "..")) or name.split("/")[0] in (".", "__MACOSX") else name
 
@@ -68,16 +71,16 @@ def _read_tar(path: str, wanted: Wanted) -> tuple[dict[str, bytes], dict[str, st
 
 
 def _check_end(archive: tarfile.TarFile) -> None:
-    """Raise EOFError unless a block of zeros ends the archive: tarfile takes one that was cut off for whole.
+    """Raise EOFError unless a block of zeros ends the archive, because tarfile accepts a truncated archive.
 
-    Reads on to the very end, where a compressed archive has its checksum.
+    Read on to the end of the stream, so that the checksum of a compressed archive is verified.
     """
     stream = archive.fileobj
     if stream is None:
         return
     stream.seek(archive.offset)
     if stream.read(_TAR_BLOCK) != bytes(_TAR_BLOCK):
-        raise EOFError("it was cut off, or is damaged")
+        raise EOFError("it is truncated or damaged")
     while stream.read(_CHUNK):
         pass
 

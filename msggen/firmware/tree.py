@@ -1,7 +1,7 @@
-"""Where definitions lie: in a folder, in a revision that git keeps, or in an archive.
+"""The files of a source: a folder on disk, or a snapshot of a git revision or an archive.
 
-`Folder` looks at the disk when asked; `Snapshot` holds what was read from elsewhere, so that no work tree is
-touched and nothing is unpacked.
+A `Folder` reads from disk on demand. A `Snapshot` has its files in memory, so no work tree is changed and no archive
+is unpacked.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from msggen.diagnostics import input_error
 _MAX_LINKS = 40
 
 Wanted: TypeAlias = Callable[[str], bool]
-"""Whether the bytes of a file are wanted, by its name."""
+"""A predicate of file names: whether the contents of the file are needed."""
 
 More: TypeAlias = Callable[[Wanted], Mapping[str, bytes]]
-"""Reads more of what a snapshot was taken of."""
+"""A function that reads further contents from the origin of a snapshot."""
 
 
 class Folder:
-    """A folder on disk. Names count from it, with `/` between folders."""
+    """A folder on disk. Names are relative to it, with `/` between folders."""
 
     def __init__(self, path: str) -> None:
         self.path = path
 
     def names(self, folder: str) -> list[str]:
-        """Return the names of what lies in `folder`, sorted; none if there is no such folder."""
+        """Return the names of the files and folders in `folder`, sorted. A missing folder has none."""
         try:
             return sorted(os.listdir(os.path.join(self.path, folder)))
         except (FileNotFoundError, NotADirectoryError):
@@ -38,15 +38,15 @@ class Folder:
             raise input_error(self.path, "S101", error.strerror or str(error), 0) from None
 
     def is_folder(self, name: str) -> bool:
-        """Whether a folder of that name is there."""
+        """Return whether a folder of that name exists."""
         return os.path.isdir(os.path.join(self.path, *name.split("/")))
 
     def is_file(self, name: str) -> bool:
-        """Whether a file of that name is there."""
+        """Return whether a file of that name exists."""
         return os.path.isfile(os.path.join(self.path, *name.split("/")))
 
     def place(self, name: str) -> str:
-        """Return the path that opens `name`, and names it to the user."""
+        """Return the path of `name`, to open it and to show it to the user."""
         return os.path.join("" if self.path == os.curdir else self.path, *name.split("/"))
 
     def read(self, name: str) -> bytes:
@@ -60,10 +60,11 @@ class Folder:
 
 
 class Snapshot:
-    """The files of a revision or an archive: `files` by name, symbolic `links` by name to where they lead.
+    """The files of a revision or an archive.
 
-    Names count from the folder `base`, "" or one that ends in `/`; links may lead out of it. `more` reads the contents
-    of files that were not wanted at first.
+    `files` has the contents and `links` the targets of symbolic links, by name. The names that methods take are
+    relative to the folder `base`, which is "" or ends in `/`; links may point out of it. `more` reads the contents of
+    files that were not read at first. Errors show the `label`.
     """
 
     def __init__(
@@ -82,19 +83,19 @@ class Snapshot:
                 parent, _, child = parent.rpartition("/")
 
     def names(self, folder: str) -> list[str]:
-        """Return the names of what lies in `folder`, sorted; none if there is no such folder."""
+        """Return the names of the files and folders in `folder`, sorted. A missing folder has none."""
         return sorted(self._folders.get(self._resolve(folder), ()))
 
     def is_folder(self, name: str) -> bool:
-        """Whether a folder of that name is there."""
+        """Return whether a folder of that name exists."""
         return self._resolve(name) in self._folders
 
     def is_file(self, name: str) -> bool:
-        """Whether a file of that name is there."""
+        """Return whether a file of that name exists."""
         return self._resolve(name) in self._files
 
     def place(self, name: str) -> str:
-        """Return what names the file to the user; nothing can be opened by it."""
+        """Return the path of `name` to show to the user. It cannot be opened."""
         return f"{self.path}/{name}"
 
     def read(self, name: str) -> bytes:
@@ -105,12 +106,12 @@ class Snapshot:
         return self._files[found]
 
     def include(self, is_wanted: Wanted) -> None:
-        """Read the files that `is_wanted` chooses, which were not wanted at first. Raises InputError."""
+        """Read the files that `is_wanted` selects and that were not read at first. Raises InputError."""
         if self._more:
             self._files = {**self._files, **self._more(is_wanted)}
 
     def _resolve(self, name: str) -> str:
-        """Return the whole name of what `name` leads to; symbolic links are followed as a file system would."""
+        """Return the full name that `name` resolves to. Symbolic links are followed as in a file system."""
         name = (self._base + name).rstrip("/")
         for _ in range(_MAX_LINKS):
             parts = name.split("/")
@@ -128,6 +129,6 @@ Tree = Folder | Snapshot
 
 
 def is_wanted(name: str) -> bool:
-    """Whether msggen may ask for the bytes of `name`; a whole firmware holds tens of thousands of other files."""
+    """Whether msggen may need the contents of `name`. A firmware tree has tens of thousands of other files."""
     known = (".msg", ".srv", "dds_topics.yaml", "dds_topics.h.em", "utilities.hpp", "package.xml", ".msggen.json")
     return name.endswith((*known, "msg/CMakeLists.txt")) or "translation_node/" in name

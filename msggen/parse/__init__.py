@@ -1,1 +1,1 @@
-"""Text to model and facts: definitions, comments, `dds_topics.yaml`, CMake, Kconfig, package.xml and C++ headers."""
+"""Parsers of definitions, comments, `dds_topics.yaml`, CMake lists, Kconfig, package.xml and C++ headers."""

@@ -1,8 +1,7 @@
-"""`dds_topics.yaml`: what crosses the bridge between uORB and DDS, or Zenoh.
+"""The parser of `dds_topics.yaml`: the topics that cross the bridge between uORB and DDS, or Zenoh.
 
-Where PX4 adds to the file, reading goes on: what is not known here is a warning, and kept as data. Only what leaves
-an entry without a meaning is an error. Keys have the meaning that the firmware's script gives them (docs/wire.md, 15
-to 17).
+PX4 may add to the file, so unknown keys and values are kept as data and reported as warnings. Errors are reported only
+for entries that cannot be used. Keys have the meaning that the firmware's script gives them (docs/wire.md, 15 to 17).
 """
 
 from __future__ import annotations
@@ -34,10 +33,10 @@ _TYPE = re.compile(r"[a-z][a-z0-9_]*::msg::[A-Za-z][A-Za-z0-9_]*")
 _FIELD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _MAX_DEPTH = 32
 _MOST_INSTANCES = 255
-"""uORB counts instances in 8 bits."""
+"""Maximum number of instances of a topic. uORB counts them in 8 bits."""
 
 _UNLIMITED = ("unlimited", "off", "none")
-"""Words for no rate limit, in any case."""
+"""Words for no rate limit, in upper or lower case."""
 
 ZENOH_OPTIONS: Mapping[str, tuple[object, ...]] = MappingProxyType(
     {
@@ -55,13 +54,13 @@ ZENOH_OPTIONS: Mapping[str, tuple[object, ...]] = MappingProxyType(
         "rel": ("reliable", "best_effort"),
     }
 )
-"""What Zenoh's client takes for each publication (docs/wire.md, 17)."""
+"""The options of a publication that the Zenoh client accepts, with their values (docs/wire.md, 17)."""
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class Bridge(NamedTuple):
-    """The entries of a YAML file, publications first; `extra` has what stands beside the lists that are known."""
+    """The entries of a YAML file, publications first. `extra` has the data of unknown top-level keys."""
 
     entries: tuple[BridgeEntry, ...] = ()
     extra: Mapping[str, object] = MappingProxyType({})
@@ -69,13 +68,13 @@ class Bridge(NamedTuple):
 
     @property
     def has_new_keys(self) -> bool:
-        """Whether there is a key that is not known, nor like one that is."""
+        """Whether the file has a key that is neither known nor similar to a known one."""
         unknown = {*self.extra, *(key for entry in self.entries for key in entry.extra)}.difference(KEYS)
         return any(not suggestion(key, (*KEYS, *_LISTS)) for key in unknown)
 
 
 def parse_bridge(data: bytes, path: str) -> Bridge:
-    """Read the bytes of `path`; return its entries, with the errors and warnings that were found."""
+    """Return the entries in `data`, the bytes of `path`, with the errors and warnings found."""
     reader = _Reader(path)
     try:
         text = data.decode("utf-8-sig")
@@ -85,8 +84,8 @@ def parse_bridge(data: bytes, path: str) -> Bridge:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        what = " ".join(str(part) for part in (error.context, error.problem) if part)
-        return Bridge(found=(Diagnostic(Location(path, line, column), "Y101", f"not YAML: {what}"),))
+        reason = " ".join(str(part) for part in (error.context, error.problem) if part)
+        return Bridge(found=(Diagnostic(Location(path, line, column), "Y101", f"not YAML: {reason}"),))
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         column = error.start - data.rfind(b"\n", 0, error.start)
@@ -98,9 +97,9 @@ def parse_bridge(data: bytes, path: str) -> Bridge:
 
 
 def _check_depth(text: str) -> None:
-    """Raise YAMLError for nesting that no bridge has, and that PyYAML's C code would end the process over."""
+    """Raise YAMLError for deep nesting, which would crash PyYAML's C code. No real file is nested so deeply."""
     if text.count("[") + text.count("{") + max(map(_depth, text.split("\n"))) <= _MAX_DEPTH:
-        return  # there is not enough in it to nest so deep
+        return  # too few brackets and too little indentation for deep nesting
     depth = 0
     for event in yaml.parse(text, Loader=_LOADER):
         mark: Any = event.start_mark
@@ -110,13 +109,13 @@ def _check_depth(text: str) -> None:
 
 
 def _depth(line: str) -> int:
-    """Return how deep a line can be at most: a mapping and its sequence for each column that it may begin at."""
+    """Return the greatest depth that a line can have: a mapping and a sequence for each column where one may begin."""
     indentation = len(line) - len(line.lstrip())
     return 2 * (indentation + line.count("- ") + line.count("? ") + line.count(": ") + 1)
 
 
 class _Reader:
-    """Reads YAML nodes, and notes the errors and warnings."""
+    """A reader of YAML nodes that collects errors and warnings."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -132,7 +131,7 @@ class _Reader:
             if node is None or _is_null(node):
                 continue
             if not isinstance(node, yaml.SequenceNode):
-                self.note(node, "Y102", f"'{name}': expected a list of topics, found {_found(node)}")
+                self.note(node, "Y102", f"'{name}': expected a list of topics, found {_describe(node)}")
                 continue
             for item in node.value:
                 entry = self.entry(item, name)
@@ -167,7 +166,7 @@ class _Reader:
         return entry._replace(**self.optional(known, extra), extra=MappingProxyType(extra | without_effect))
 
     def without_effect(self, values: Mapping[str, yaml.Node], name: str) -> dict[str, object]:
-        """Return the values of keys that count in another list than `name` only, and warn of them."""
+        """Return the values of keys that have no effect in the list `name`, and warn about them."""
         keys = [*(_OF_PUBLICATIONS if name != "publications" else ())]
         keys += _OF_MULTI if name != "subscriptions_multi" else ()
         for key in keys:
@@ -177,14 +176,14 @@ class _Reader:
         return {key: _data(values[key]) for key in keys if key in values}
 
     def optional(self, values: Mapping[str, yaml.Node], extra: dict[str, object]) -> dict[str, Any]:
-        """Return what the optional keys say; a value of a kind that is not known goes to `extra`."""
+        """Return the values of the optional keys. A value of an unknown kind goes to `extra`."""
         found: dict[str, Any] = {}
         for key, (read, expected) in _OPTIONAL.items():
             if key in values:
                 value = read(_data(values[key]))
                 if value is None:
                     code = "Y107" if key == "options" else "Y108" if key in _OF_MULTI else "Y105"
-                    self.note(values[key], code, f"'{key}': expected {expected}, found {_found(values[key])}")
+                    self.note(values[key], code, f"'{key}': expected {expected}, found {_describe(values[key])}")
                     extra[key] = _data(values[key])
                 else:
                     found["rate_limit_hz" if key == "rate_limit" else key] = value
@@ -197,22 +196,22 @@ class _Reader:
         return found
 
     def check_options(self, node: yaml.Node) -> None:
-        """Warn of options that Zenoh's client would refuse when it starts."""
+        """Warn about options that the Zenoh client rejects when it starts."""
         for key, value in node.value:
-            name = str(_found(key))
+            name = str(_describe(key))
             known = ZENOH_OPTIONS.get(name)
             if known is None:
                 self.note(key, "Y107", f"unknown option '{name}'{suggestion(name, ZENOH_OPTIONS)}")
-            elif repr(_data(value)) not in map(repr, known):  # 1 is no true here, though it equals it
+            elif repr(_data(value)) not in map(repr, known):  # compared as text, because 1 == True in Python
                 words = ", ".join(str(word).lower() for word in known)
-                self.note(value, "Y107", f"'{name}': expected {words}; found {_found(value)}")
+                self.note(value, "Y107", f"'{name}': expected {words}; found {_describe(value)}")
 
     def mapping(
-        self, node: yaml.Node, known: Iterable[str], what: str
+        self, node: yaml.Node, known: Iterable[str], label: str
     ) -> tuple[dict[str, yaml.Node], dict[str, object]]:
-        """Return the values of the keys that are `known`, and the data of the others; of two alike the last counts."""
+        """Return the values of the `known` keys, and the data of the others. The last of two equal keys is used."""
         if not isinstance(node, yaml.MappingNode):
-            self.note(node, "Y102", f"{what}: expected a mapping with {', '.join(known)}; found {_found(node)}")
+            self.note(node, "Y102", f"{label}: expected a mapping with {', '.join(known)}; found {_describe(node)}")
             return {}, {}
         values: dict[str, yaml.Node] = {}
         extra: dict[str, object] = {}
@@ -221,21 +220,21 @@ class _Reader:
             yaml.constructor.SafeConstructor().flatten_mapping(node)
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode):
-                self.note(key, "Y101", f"not YAML that PX4 reads: expected a text as a key, found {_found(key)}")
+                self.note(key, "Y101", f"expected a string as a key, found {_describe(key)}")
             elif key.value in known:
                 if key.value in values and not merges:
-                    self.note(key, "Y103", f"the key '{key.value}' stands here twice, the last one counts")
+                    self.note(key, "Y103", f"duplicate key '{key.value}', the last one is used")
                 values[key.value] = value
             else:
-                self.note(key, "Y103", f"unknown key '{_found(key)}'{suggestion(str(key.value), known)}")
-                extra[str(_found(key))] = _data(value)
+                self.note(key, "Y103", f"unknown key '{_describe(key)}'{suggestion(str(key.value), known)}")
+                extra[str(_describe(key))] = _data(value)
         return values, extra
 
     def text(self, node: yaml.Node | None, key: str, pattern: re.Pattern[str], expected: str) -> str:
         if node is None:
             return ""
         if not isinstance(node, yaml.ScalarNode) or not pattern.fullmatch(node.value):
-            self.note(node, "Y102", f"'{key}': expected {expected}, found {_found(node)}")
+            self.note(node, "Y102", f"'{key}': expected {expected}, found {_describe(node)}")
             return ""
         return str(node.value)
 
@@ -247,7 +246,10 @@ class _Reader:
 
 
 def read_rate(value: object) -> float | None:
-    """Return a rate limit in Hz, 0.0 for no limit, None for what PX4's script does not take; `off` is False in YAML."""
+    """Return a rate limit in Hz, 0.0 for no limit, None for a value that PX4's script rejects.
+
+    YAML reads the word `off` as False, which is accepted as 0.
+    """
     if isinstance(value, str):
         return 0.0 if value.strip().lower() in _UNLIMITED else None
     if not isinstance(value, (int, float)) or math.isnan(value):
@@ -278,19 +280,19 @@ def _mapping(value: object) -> Mapping[str, object] | None:
 _OPTIONAL: Mapping[str, tuple[Callable[[object], object], str]] = MappingProxyType(
     {
         "rate_limit": (read_rate, "a frequency in Hz, 0 or 'unlimited'"),
-        "instance": (_instance, "a whole number from 0"),
+        "instance": (_instance, "an integer of at least 0"),
         "route_field": (_field, "the name of a field"),
-        "max_instances": (_count, f"a whole number from 1 to {_MOST_INSTANCES}"),
+        "max_instances": (_count, f"an integer from 1 to {_MOST_INSTANCES}"),
         "options": (_mapping, "a mapping"),
     }
 )
-"""What reads the value of an optional key, and what it expects."""
+"""The function that reads each optional key, and a description of the values that it accepts."""
 
 
 def _data(node: yaml.Node, made: dict[int, object] | None = None) -> object:
-    """Return the value that YAML takes the node for, as text where it is none that Python has.
+    """Return the value of a YAML node, as text if Python has no such value.
 
-    `made` has the values so far: an alias stands for the same value, which may hold itself.
+    `made` has the values of the nodes read so far, because an alias is the same value again and may contain itself.
     """
     made = {} if made is None else made
     if id(node) in made:
@@ -303,7 +305,7 @@ def _data(node: yaml.Node, made: dict[int, object] | None = None) -> object:
     if isinstance(node, yaml.MappingNode):
         values: dict[str, object] = {}
         made[id(node)] = values
-        values |= {str(_found(key)): _data(value, made) for key, value in node.value}
+        values |= {str(_describe(key)): _data(value, made) for key, value in node.value}
         return values
     return made.setdefault(id(node), _scalar(node))
 
@@ -322,7 +324,7 @@ def _is_null(node: yaml.Node) -> bool:
     return isinstance(node, yaml.ScalarNode) and node.tag.endswith(":null")
 
 
-def _found(node: yaml.Node) -> str:
+def _describe(node: yaml.Node) -> str:
     if isinstance(node, yaml.ScalarNode):
         return (node.value if node.value.isprintable() else repr(node.value)) or "nothing"
     return "a list" if isinstance(node, yaml.SequenceNode) else "a mapping"

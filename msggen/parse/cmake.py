@@ -1,7 +1,7 @@
-"""`msg/CMakeLists.txt` of the firmware: which messages its lists name, and under which conditions.
+"""The parser of the firmware's `msg/CMakeLists.txt`: the messages that it lists, with their conditions.
 
-Only what makes the list of messages is followed: `set`, `list` and `if` with what they nest. Everything else in the
-file is passed over, and a condition that is not understood is kept as text.
+Only the commands that build the list of messages are followed: `set`, `list`, and `if` with its branches. All other
+commands are skipped. A condition that is not understood is kept as text.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from msggen.location import Location
 from msggen.parse.expression import CMAKE, Truth, evaluate
 
 LIST = "msg_files"
-"""The variable that the firmware's build reads."""
+"""The variable with the list of messages that the firmware's build reads."""
 
 _FALSE = ("", "0", "OFF", "NO", "N", "FALSE", "IGNORE", "NOTFOUND")
 _TRUE = ("1", "ON", "YES", "Y", "TRUE")
@@ -26,7 +26,7 @@ _SCOPED = ("PARENT_SCOPE", "CACHE")
 _OPENS, _CLOSES = ("function", "macro"), ("endfunction", "endmacro")
 _FOLLOWED = (*_OPENS, *_CLOSES, "if", "elseif", "else", "endif", "set", "list", "file")
 _SIMPLE = re.compile(r'[^()"#\[\]\\]*\)')
-"""The rest of a command whose words need no second look."""
+"""The rest of a simple command up to its closing parenthesis, without quotes, brackets, comments or backslashes."""
 _WORD = re.compile(r'"[^"]*"|[()]|[^\s()"]+')
 _TOKEN = re.compile(
     r"""
@@ -45,16 +45,16 @@ _TOKEN = re.compile(
 
 
 class Listed(NamedTuple):
-    """A message that the list names: the condition, "" for none, and the place where it is named."""
+    """A message in the list: its condition, "" for none, and its location."""
 
     condition: str
     location: Location
 
 
 class MessageLists(NamedTuple):
-    """The messages by their file below `msg/`, such as `versioned/VehicleStatus.msg`.
+    """The listed messages by their file below `msg/`, such as `versioned/VehicleStatus.msg`.
 
-    The lists are `complete` where they name messages without a condition, and no file is found by a pattern.
+    The lists are `complete` if they name messages without a condition and find no files by a pattern.
     """
 
     listed: Mapping[str, Listed]
@@ -62,7 +62,7 @@ class MessageLists(NamedTuple):
 
 
 def parse_lists(text: str, path: str) -> MessageLists:
-    """Return what the CMakeLists.txt in `text` lists. Never raises: what is not understood lists nothing."""
+    """Return the messages that the CMakeLists.txt in `text` lists. Never raises: unknown commands are skipped."""
     reader = _Reader()
     for name, words in _commands(text):
         reader.follow(name, words)
@@ -73,12 +73,12 @@ def parse_lists(text: str, path: str) -> MessageLists:
 
 
 def symbols_in(condition: str) -> tuple[str, ...]:
-    """Return the symbols of Kconfig that a condition asks for, without `CONFIG_`."""
+    """Return the Kconfig symbols in a condition, without `CONFIG_`."""
     return tuple(dict.fromkeys(_SYMBOL.findall(condition)))
 
 
 def is_met(condition: str, value_of: Callable[[str], Truth]) -> Truth:
-    """Return whether a condition holds where `value_of` knows the symbols of Kconfig; None where that is unknown."""
+    """Return whether a condition holds, None if that is unknown. `value_of` returns the value of a Kconfig symbol."""
 
     def holds(operand: Sequence[str]) -> Truth:
         if len(operand) > 1:
@@ -93,7 +93,7 @@ def is_met(condition: str, value_of: Callable[[str], Truth]) -> Truth:
 
 
 def is_false(value: str) -> bool:
-    """Whether CMake takes the value of a variable for false."""
+    """Return whether CMake treats the value of a variable as false."""
     return value.upper() in _FALSE or value.upper().endswith("-NOTFOUND")
 
 
@@ -104,34 +104,34 @@ class _Word(NamedTuple):
 
     @property
     def source(self) -> str:
-        """The word as it was written."""
+        """The word as it is written in the file."""
         return f'"{self.text}"' if self.is_quoted else self.text
 
 
 class _Entry(NamedTuple):
-    """A file in a variable: the condition, and where in the text its name starts."""
+    """A file in a variable: its condition, and the position of its name in the text."""
 
     condition: str
     start: int
 
 
 class _Reader:
-    """Follows commands: which files each variable has, and under which condition."""
+    """An interpreter of commands that collects the files in each variable, with their conditions."""
 
     def __init__(self) -> None:
         self.variables: dict[str, dict[str, _Entry]] = {}
         self.has_patterns = False
         self._branches: list[tuple[str, str]] = []
-        """For each open `if`: that no earlier branch was taken, and that this one is."""
+        """For each open `if`, two conditions: no earlier branch is taken, and the current branch is taken."""
         self._functions = 0
 
     @property
     def condition(self) -> str:
-        """The condition of what stands here."""
+        """The condition of the current command."""
         return _all(part for branch in self._branches for part in branch)
 
     def follow(self, name: str, words: Sequence[_Word]) -> None:
-        """Take note of what a command does."""
+        """Apply one command to the variables and branches."""
         if name in _OPENS or name in _CLOSES:
             self._functions = max(0, self._functions + (1 if name in _OPENS else -1))
         elif self._functions:
@@ -166,7 +166,7 @@ class _Reader:
             known[name] = _Entry(_any(other.condition, entry.condition), other.start) if other else entry
 
     def _remove(self, variable: str, names: Mapping[str, _Entry] | None) -> None:
-        """Remove files from a variable, all of them without `names`, where the condition of this place holds."""
+        """Remove files from a variable if the condition of the current command holds; all files if `names` is None."""
         known = self.variables.get(variable, {})
         condition = self.condition
         for name in [name for name in known if names is None or name in names]:
@@ -175,7 +175,7 @@ class _Reader:
                 known[name] = entry._replace(condition=_all((entry.condition, _not(condition))))
 
     def _files(self, words: Sequence[_Word]) -> dict[str, _Entry]:
-        """Return the files that `words` name, those of variables included."""
+        """Return the files that `words` name, including those in variables."""
         found: dict[str, _Entry] = {}
         condition = self.condition
         for text, start, _ in words:
@@ -191,7 +191,10 @@ class _Reader:
 
 
 def _commands(text: str) -> Iterator[tuple[str, list[_Word]]]:
-    """Yield the commands that matter, in lower case; the parentheses inside their arguments are words."""
+    """Yield the name in lower case and the words of each command that is followed.
+
+    Parentheses inside the arguments are words too.
+    """
     name = ""
     words: list[_Word] = []
     depth = position = 0
@@ -232,13 +235,13 @@ def _condition(words: Sequence[_Word]) -> str:
 
 
 def _all(conditions: Iterator[str] | Sequence[str]) -> str:
-    """Return a condition that holds where all do."""
+    """Return a condition that holds if all of `conditions` hold."""
     parts = list(dict.fromkeys(filter(None, conditions)))
     return parts[0] if len(parts) == 1 else " AND ".join(map(_in_parentheses, parts))
 
 
 def _any(left: str, right: str) -> str:
-    """Return a condition that holds where either does."""
+    """Return a condition that holds if either condition holds."""
     if not left or not right or left == right:
         return left and right
     return f"{_in_parentheses(left)} OR {_in_parentheses(right)}"

@@ -1,4 +1,4 @@
-"""Comments: sentences, and the tags that PX4 writes in brackets (docs/build.md).
+"""The parser of comments: text, and the tags that PX4 writes in brackets (docs/build.md).
 
 `# [m/s] [@range 0, 100] [@enum STATE] [@invalid NaN] [@frame NED] What the field means.`
 """
@@ -15,17 +15,17 @@ _TAG = re.compile(r" ?\[@(\w+)\b\s*([^\]]*)\]")
 _UNIT = re.compile(r"\s*\[(?![-+\d., ]*\d[-+\d., ]*\])([^@\]\[]{1,24})\]")
 _BOUND = r"[-+]?(?:\d[\d.]*|(?:\d[\d.]* ?\*? ?)?(?:pi|Pi|PI|π)(?:/\d+)?|inf|INF|Inf|infinity)"
 _RANGE = re.compile(rf"\s*\[ *({_BOUND} *(?:, *|\.\.+ *|to +|- *){_BOUND}) *\]")
-"""Two bounds in brackets where a unit would stand: `[-pi, pi]`."""
+"""Two bounds in brackets in the place of a unit: `[-pi, pi]`."""
 
 _PLACES = {name: place for place, name in enumerate(NAMES)}
 _NOTHING = Comment()
 
 
 def parse_comment(lines: Sequence[str]) -> Comment:
-    """Return what the comment `lines` of one node say, the `#` already taken off.
+    """Return the comment in `lines`, which belong to one field or constant and have no `#`.
 
-    A unit counts where it leads a line, as PX4 writes it, and so does a range without a tag, `[-pi, pi]`; `@` tags
-    count anywhere, those that are not known too. What is not a tag stays text.
+    A unit is recognised at the start of a line, where PX4 writes it, and so is a range without a tag, `[-pi, pi]`.
+    `@` tags are recognised anywhere, even if their names are unknown. Everything else is text.
     """
     if not lines:
         return _NOTHING
@@ -40,7 +40,7 @@ def parse_comment(lines: Sequence[str]) -> Comment:
 
 
 def _place(tag: tuple[str, str]) -> int:
-    """Return the place of a tag: that of its name, or behind all that are known."""
+    """Return the position of a tag for sorting. Tags with unknown names come last."""
     return _PLACES.get(tag[0], len(_PLACES))
 
 
@@ -58,7 +58,7 @@ def _take_tags(line: str, tags: dict[str, str]) -> str:
 
 
 def _take_tag(tag: re.Match[str], tags: dict[str, str]) -> str:
-    """Note a tag and take it out of the text; a second one of its kind stays where it is."""
+    """Add a tag to `tags` and return "", which replaces it. A second tag with the same name stays in the text."""
     if tag[1] in tags:
         return tag[0]
     tags[tag[1]] = tag[2].strip()

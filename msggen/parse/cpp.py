@@ -1,4 +1,4 @@
-"""C++ source to tokens: comments removed, the macros that the text itself defines expanded."""
+"""A tokenizer for C++ that removes comments and expands the macros defined in the same text."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from itertools import chain
 from typing import NamedTuple
 
 UNKNOWN = "#"
-"""The token for what only a compiler can decide, such as a condition of the preprocessor."""
+"""The token for code that only a compiler can evaluate, such as a preprocessor condition."""
 
 CLOSING = {"(": ")", "[": "]", "{": "}"}
 
 _MAX_WORK = 500_000
-"""Tokens looked at in one text: the largest header of the firmware takes 3000, macros can take any number."""
+"""Maximum number of tokens processed for one text. Headers of the firmware need up to 3000, macros any number."""
 
 _MAX_DEPTH = 20
 _SPLICE = re.compile(r"\\\r?\n")
@@ -33,7 +33,7 @@ _CONDITION = re.compile(r"\#\s*(?:if|el|endif)")
 
 
 class TooLargeError(ValueError):
-    """The text is too large, or its macros expand to too much."""
+    """The text is too large, or becomes too large when its macros are expanded."""
 
 
 def tokens(text: str) -> list[str]:
@@ -42,7 +42,7 @@ def tokens(text: str) -> list[str]:
 
 
 def included(text: str) -> list[str]:
-    """Return the headers that `text` includes by a name in quotes."""
+    """Return the names of the headers that `text` includes in quotes."""
     if not _INCLUDE.search(text):
         return []
     directives = (match["directive"] for match in _TOKEN.finditer(text) if match["directive"])
@@ -50,7 +50,7 @@ def included(text: str) -> list[str]:
 
 
 def closings(code: Sequence[str]) -> dict[int, int]:
-    """Return where each bracket is closed, by its position; those that are not closed are left out."""
+    """Return the position of each closing bracket by that of its opening one. Unclosed brackets are left out."""
     found: dict[int, int] = {}
     waiting: list[int] = []
     for position, token in enumerate(code):
@@ -62,7 +62,7 @@ def closings(code: Sequence[str]) -> dict[int, int]:
 
 
 class _Macro(NamedTuple):
-    """A macro; `parameters` is None where it is used without parentheses."""
+    """A macro; `parameters` is None for a macro without parentheses."""
 
     parameters: tuple[str, ...] | None
     body: tuple[str, ...]
@@ -88,7 +88,7 @@ class _Preprocessor:
         return found + self._expanded(code)
 
     def _split(self, text: str) -> Iterator[str]:
-        """Yield the tokens of `text`; a directive is one."""
+        """Yield the tokens of `text`. A directive is one token."""
         for match in _TOKEN.finditer(text):
             self._count(1)
             if match.lastgroup:
@@ -111,7 +111,7 @@ class _Preprocessor:
             self.macros[name] = _Macro(names, tuple(body))
 
     def _expanded(self, code: Sequence[str], hidden: frozenset[str] = frozenset()) -> list[str]:
-        """Return `code` with the uses of macros replaced; those that are `hidden` are being replaced."""
+        """Return `code` with its macros expanded, except for the `hidden` ones, which are already being expanded."""
         if len(hidden) > _MAX_DEPTH:
             raise TooLargeError
         found: list[str] = []
@@ -131,7 +131,10 @@ class _Preprocessor:
         return found
 
     def _body(self, macro: _Macro, code: Sequence[str], start: int) -> tuple[Sequence[str] | None, int]:
-        """Return what a macro used before `start` stands for, and where its arguments end; None without arguments."""
+        """Return the expansion of a macro whose arguments begin at `start`, and the position after the arguments.
+
+        The expansion is None if the arguments do not match the macro's parameters.
+        """
         if macro.parameters is None:
             return macro.body, start
         arguments, end = self._arguments(code, start)
@@ -143,7 +146,10 @@ class _Preprocessor:
         return list(chain.from_iterable(parts)), end
 
     def _arguments(self, code: Sequence[str], start: int) -> tuple[list[list[str]], int]:
-        """Return the arguments in the parentheses that open at `start`, and their end; none where they do not."""
+        """Return the arguments in the parentheses at `start`, and the position after them.
+
+        There are no arguments if no parenthesis opens at `start`, or if it is not closed.
+        """
         arguments: list[list[str]] = [[]]
         depth = 0
         for position in range(start, len(code)):

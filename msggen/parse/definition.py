@@ -1,19 +1,17 @@
-"""`.msg` and `.srv` files: the whole ROS 2 grammar, and PX4's additions (docs/wire.md, 1; docs/build.md).
+"""The parser of `.msg` and `.srv` files: the ROS 2 grammar and PX4's additions (docs/wire.md, 1; docs/build.md).
 
-https://docs.ros.org/en/kilted/Concepts/Basic/About-Interfaces.html has the grammar. One pass, line by line;
-an error is noted and the next line read, so that all errors of a file are told at once.
+The grammar is at https://docs.ros.org/en/kilted/Concepts/Basic/About-Interfaces.html. The parser reads a file once,
+line by line. It continues after an error, so that all errors in a file are reported at once.
 """
 
 from __future__ import annotations
 
 import re
-from functools import lru_cache
 from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, Level, suggestion
 from msggen.location import Location
 from msggen.model import (
-    ArrayKind,
     Constant,
     Field,
     FieldType,
@@ -23,35 +21,19 @@ from msggen.model import (
     snake_case,
 )
 from msggen.parse.comment import parse_comment
+from msggen.parse.field_type import MESSAGE_NAME, NAME_IN_PX4, TypeSpellingError, parse_type
 from msggen.parse.value import parse_value
-from msggen.primitives import INTEGERS, PRIMITIVES, STRINGS
+from msggen.primitives import INTEGERS
 from msggen.tags import ATTRIBUTES, NAMES, UNIT
 
-MAX_LENGTH = 2**16 - 1
-"""Longest fixed array in a message of uORB, which carries no more bytes than this."""
-
-MAX_OTHER_LENGTH = 2**24
-"""Longest fixed array elsewhere: more would be too much to hold at once (`consistency` has the limit of a message)."""
-
-MAX_BOUND = 2**31 - 1
-"""Highest bound of a sequence or string: CDR counts elements in 32 bits."""
-
 _ELEMENT = re.compile(r"\s*(?P<type>\S+)(?:\s+(?P<name>[^\s=]+)\s*(?P<equals>=?)\s*(?P<value>.*))?")
-_TYPE = re.compile(
-    r"(?:(?P<package>[^\s/\[\]<=]+)/)?(?P<name>[^\s/\[\]<=]+)"
-    r"(?:<=(?P<bound>\w+))?"
-    r"(?P<array>\[(?P<atmost><=)?(?P<length>[^\[\]<=]*)\])?"
-)
-_MESSAGE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
 _FIELD_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _CONSTANT_NAME = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*")
-_PACKAGE_NAME = _FIELD_NAME
 _TOPIC_NAME = re.compile(r"(?!.*__)[a-z][a-z0-9_]*")
 
-_NAME_IN_PX4 = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _FIELD_NAME_IN_PX4 = re.compile(r"[a-z][a-z0-9_]*")
 _TOPIC_NAME_IN_PX4 = re.compile(r"_?[a-z][a-z0-9_]*")
-"""What the firmware's generator and its C++ compiler take, where the rules of ROS 2 above are stricter."""
+"""The names of fields and topics that the firmware's generator and its C++ compiler accept. ROS 2 is stricter."""
 
 _KEYWORDS = (
     "alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t char32_t class compl const "
@@ -62,39 +44,29 @@ _KEYWORDS = (
     "virtual void volatile wchar_t while xor xor_eq"
 )
 _CPP_KEYWORDS = frozenset(_KEYWORDS.split())
-"""Names that no field, constant or topic of the firmware can have."""
+"""Names that fields, constants and topics of the firmware cannot have."""
 
-_IS_KEYWORD = "is a keyword of C++, with which the firmware cannot be built"
+_IS_KEYWORD = "is a C++ keyword, so the firmware cannot be built with it"
 
 _SPECIAL = {"MESSAGE_VERSION": 0, "ORB_QUEUE_LENGTH": 1}
-"""The constants that have a meaning to the firmware, and the smallest value that makes sense."""
+"""The constants that the firmware itself reads, with their smallest valid values."""
 
 _LIKE_SPECIAL = re.compile(r"ORB_|(?=\w{13,18}$)\w*(?:QUEUE|VERSION|MESSAGE_V)")
 _NEAR = 0.9
-"""Names that are not as near as that mean something else: MESSAGE_TYPE_PARAM_SET, LATEST_PROTOCOL_VERSION."""
+"""Minimum similarity of a misspelled name. MESSAGE_TYPE_PARAM_SET and LATEST_PROTOCOL_VERSION are less similar."""
 _QUOTED_VALUE = re.compile(r"\s*\S+\s+[^\s=]+(?:\s*=)?\s*[\"'\[]")
-OTHER_SPELLINGS = {
-    "boolean": "bool",
-    "double": "float64",
-    "duration": "builtin_interfaces/Duration",
-    "float": "float32",
-    "int": "int32",
-    "str": "string",
-    "time": "builtin_interfaces/Time",
-    "unsigned": "uint32",
-}
-"""What these types are called elsewhere."""
 _NAMED = [f"@{tag.name}" for tag in ATTRIBUTES if tag is not UNIT]
-_TAGS_OF_PX4 = f": PX4 has {', '.join(_NAMED[:-1])} and {_NAMED[-1]}, and units as '[m]'"
+_TAGS_OF_PX4 = f": PX4 has {', '.join(_NAMED[:-1])} and {_NAMED[-1]}, and units such as '[m]'"
 _LOOKS_LIKE_TOPICS = re.compile(r"\s*#\s*TOPICS?\b")
 
 
 def parse_message(
     text: str, path: str, name: str, package: str, *, of_uorb: bool = True
 ) -> tuple[Message, list[Diagnostic]]:
-    """Read the `text` of `path` as the message `name` of `package`; return it with all that is wrong with it.
+    """Return the message `name` of `package` that `text`, the contents of `path`, defines, with all its errors.
 
-    A message with errors has only what could be read of it. What is not `of_uorb` follows the rules of ROS 2 alone.
+    A message with errors has only the fields and constants that could be read. For messages that are not `of_uorb` only
+    the rules of ROS 2 apply.
     """
     body = _Body(path, name, of_uorb=of_uorb)
     _check_name(body, name, is_of_px4=of_uorb)
@@ -102,7 +74,7 @@ def parse_message(
     if not of_uorb:
         return body.message(package, "msg"), body.errors
     if not body.topics and snake_case(name) in _CPP_KEYWORDS:
-        body.error("M205", 1, 1, f"the topic '{snake_case(name)}' {_IS_KEYWORD}: see # TOPICS")
+        body.error("M205", 1, 1, f"the topic '{snake_case(name)}' {_IS_KEYWORD}: name another topic with # TOPICS")
     if not (body.fields or body.constants or any(found.level is Level.ERROR for found in body.errors)):
         body.error("M103", 1, 1, f"message '{name}' is empty: expected at least one field")
     return body.message(package, "msg"), body.errors
@@ -111,7 +83,7 @@ def parse_message(
 def parse_service(
     text: str, path: str, name: str, package: str, *, of_uorb: bool = True
 ) -> tuple[Service, list[Diagnostic]]:
-    """Read the `text` of `path` as the service `name` of `package`; return it with all that is wrong with it."""
+    """Return the service `name` of `package` that `text`, the contents of `path`, defines, with all its errors."""
     lines = text.split("\n")
     marks = [number for number, line in enumerate(lines, 1) if line.split("#")[0].strip() == "---"]
     request, response = (_Body(path, f"{name}_{half}", of_uorb=of_uorb) for half in ("Request", "Response"))
@@ -128,19 +100,19 @@ def parse_service(
 
 
 def _check_name(body: _Body, name: str, *, is_of_px4: bool) -> None:
-    """Check the name of a file; `is_of_px4` where the firmware's generator reads it, which has fewer rules."""
-    if _MESSAGE_NAME.fullmatch(name):
+    """Check the name of a file. With `is_of_px4`, a name that only the firmware's generator accepts is a warning."""
+    if MESSAGE_NAME.fullmatch(name):
         return
     near = "".join(part[:1].upper() + part[1:] for part in re.split(r"[^A-Za-z0-9]+", name))
-    hint = f", for example '{near}'" if _MESSAGE_NAME.fullmatch(near) else ""
-    if is_of_px4 and _NAME_IN_PX4.fullmatch(name):
+    hint = f", for example '{near}'" if MESSAGE_NAME.fullmatch(near) else ""
+    if is_of_px4 and NAME_IN_PX4.fullmatch(name):
         body.error("M205", 1, 1, f"file name '{name}': ROS 2 expects a capital, then letters and digits{hint}")
     else:
         body.error("M201", 1, 1, f"file name {name!r}: expected a capital, then letters and digits (CamelCase){hint}")
 
 
 class _Element(NamedTuple):
-    """A line with code on it, and every comment that belongs to it."""
+    """A line with a field or a constant, and the comments that belong to it."""
 
     line: int
     code: str
@@ -148,7 +120,7 @@ class _Element(NamedTuple):
 
 
 class _Body:
-    """A list of fields and constants as it is being read."""
+    """A reader of a list of fields and constants."""
 
     def __init__(self, path: str, name: str, *, of_uorb: bool) -> None:
         self.path = path
@@ -185,9 +157,11 @@ class _Body:
             self._read_element(element)
 
     def _elements(self, lines: list[str], first_line: int) -> list[_Element]:
-        """Group lines into elements with their comments: a block at the top of the file is the message's own; a
-        block right above a node is the node's, and so is what trails it on its line or goes on on indented lines
-        below. A block with a blank line after it is a heading, and nobody's.
+        """Return the fields and constants in `lines`, each with its comments.
+
+        The comment of an element is the block directly above it, the text after it on its line, and the comments on
+        indented lines below it. A block at the top of the file is the comment of the message, not of the element below
+        it. Any other block with a blank line after it is a heading, and belongs to no element.
         """
         elements: list[_Element] = []
         above: list[str] = []
@@ -220,13 +194,13 @@ class _Body:
             return
         column = len("# TOPICS ") + 1
         names = line.rstrip()[column - 1 :].split(" ")
-        what = "doubled space" if len(names) > 1 else "no name"
+        problem = "doubled space" if len(names) > 1 else "no name"
         for name in names:
             topic = snake_case(name)
             if not name:
-                self.error("M402", number, column, f"{what}: the firmware would read a topic without a name here")
+                self.error("M402", number, column, f"{problem}: the firmware would read a topic without a name here")
             elif not _TOPIC_NAME_IN_PX4.fullmatch(topic):
-                text = f"{name!r} is no topic name: expected letters, digits and underscores"
+                text = f"{name!r} is not a topic name: expected letters, digits and underscores"
                 self.error("M402", number, column, text)
             else:
                 self.topics.append(Topic(topic, Location(self.path, number, column)))
@@ -240,11 +214,11 @@ class _Body:
     def _read_element(self, element: _Element) -> None:
         match = _ELEMENT.fullmatch(element.code.rstrip())
         if match is None or not match["name"]:
-            self._misread(element)
+            self._report_unreadable(element)
             return
         spelling, name, equals, text = match.groups()
         if name.startswith(("[", "//")) or text.startswith("//"):
-            self._misread(element)
+            self._report_unreadable(element)
             return
         type_column, name_column = match.start("type") + 1, match.start("name") + 1
         location = Location(self.path, element.line, type_column)
@@ -252,15 +226,15 @@ class _Body:
         self._check_field_name(name, element.line, name_column, is_constant=is_constant)
         try:
             type_ = parse_type(spelling, of_uorb=self.of_uorb)
-        except TypeSpellingError as wrong:
-            self.error(wrong.code, element.line, type_column, wrong.message)
+        except TypeSpellingError as error:
+            self.error(error.code, element.line, type_column, error.message)
             return
         value = None
         if is_constant or text:
             try:
                 value = parse_value(type_, text, is_constant=is_constant)
-            except ValueError as wrong:
-                self.error("M305", element.line, match.start("value") + 1, f"'{name}': {wrong}")
+            except ValueError as error:
+                self.error("M305", element.line, match.start("value") + 1, f"'{name}': {error}")
                 return
         comment = parse_comment(element.comment)
         if comment.tags and self.of_uorb:
@@ -277,7 +251,7 @@ class _Body:
             )
             self.fields.append(field)
 
-    def _misread(self, element: _Element) -> None:
+    def _report_unreadable(self, element: _Element) -> None:
         column = len(element.code) - len(element.code.lstrip()) + 1
         text = element.code.strip()
         if "//" in text:
@@ -293,8 +267,8 @@ class _Body:
             near = near.upper() if is_constant else near
             hint = f", for example '{near}'" if pattern.fullmatch(near) else ""
             array = re.fullmatch(r"(\w+)(\[.*\])", name)
-            hint = f": the length of an array stands behind its type, 'TYPE{array[2]} {array[1]}'" if array else hint
-            is_built = self.of_uorb and (_NAME_IN_PX4 if is_constant else _FIELD_NAME_IN_PX4).fullmatch(name)
+            hint = f": the length of an array follows its type, 'TYPE{array[2]} {array[1]}'" if array else hint
+            is_built = self.of_uorb and (NAME_IN_PX4 if is_constant else _FIELD_NAME_IN_PX4).fullmatch(name)
             code, who = ("M205", "ROS 2 expects") if is_built else ("M201", "expected")
             self.error(code, line, column, f"{kind} name {name!r}: {who} {wanted} with single underscores{hint}")
         elif self.of_uorb and name in _CPP_KEYWORDS:
@@ -304,21 +278,21 @@ class _Body:
             self.error("M203", line, column, f"'{name}' is already defined on line {first}")
 
     def _check_tags(self, element: _Element, tags: tuple[tuple[str, str], ...]) -> None:
-        """Warn of tags that are not known, each where it stands: above the element, on its line or below."""
+        """Warn about tags with unknown names, each at its place in the comments of the element."""
         for name, _ in tags:
             if name not in NAMES:
                 hint = suggestion(f"@{name}", [f"@{known}" for known in NAMES]) or _TAGS_OF_PX4
                 self.error("M107", *self._place_of(f"[@{name}", element), f"unknown tag '@{name}'{hint}")
 
     def _place_of(self, tag: str, element: _Element) -> tuple[int, int]:
-        """Return line and column of a tag in the comment of an element."""
+        """Return the line and the column of a tag in the comments above, on or below the line of an element."""
         here, reach = element.line - self._first_line, len(element.comment)
         near = self._lines[max(0, here - reach) : here + reach + 1]
         index = next(index for index, line in enumerate(near) if tag in line)
         return max(0, here - reach) + index + self._first_line, near[index].index(tag) + 1
 
     def _check_special(self, name: str, type_: FieldType, value: object, location: Location) -> None:
-        """The firmware gives two constants a meaning of their own."""
+        """Check the constants that the firmware itself reads, and warn about names that are similar to them."""
         if not self.of_uorb or not _LIKE_SPECIAL.match(name):
             return
         low = _SPECIAL.get(name)
@@ -336,7 +310,7 @@ class _Body:
 
 
 def _split_comment(line: str) -> tuple[str, str | None]:
-    """Cut `line` at the first `#` that is not inside quotes."""
+    """Return the code and the comment in `line`, split at the first `#` outside of quotes; None without a comment."""
     code, mark, remark = line.partition("#")
     if not mark:
         return line, None
@@ -356,53 +330,3 @@ def _split_comment(line: str) -> tuple[str, str | None]:
 
 def _text(comment: list[str]) -> str:
     return "\n".join(comment).strip()
-
-
-class TypeSpellingError(Exception):
-    """A type that cannot be read."""
-
-    def __init__(self, code: str, message: str) -> None:
-        super().__init__(message)
-        self.code, self.message = code, message
-
-
-@lru_cache(maxsize=4096)
-def parse_type(text: str, *, of_uorb: bool = True) -> FieldType:
-    """Return the type that `text` spells, as `float32[3]`, `string<=10`, `EscReport[8]` or `std_msgs/Header`.
-
-    What is `of_uorb` may nest messages in lower case, and has shorter arrays. Raises TypeSpellingError.
-    """
-    pattern, most = (_NAME_IN_PX4, MAX_LENGTH) if of_uorb else (_MESSAGE_NAME, MAX_OTHER_LENGTH)
-    match = _TYPE.fullmatch(text)
-    if match is None:
-        hint = suggestion(text, PRIMITIVES) or ": expected as 'float32', 'float32[3]' or 'package/Name'"
-        hint = ": arrays have one dimension" if text.count("[") > 1 else hint
-        raise TypeSpellingError("M301", f"cannot read type '{text}'{hint}")
-    package, name = match["package"], match["name"]
-    if package is None and name not in PRIMITIVES and not pattern.fullmatch(name):
-        other = OTHER_SPELLINGS.get(name)
-        hint = f", did you mean '{other}'?" if other else suggestion(name, PRIMITIVES)
-        raise TypeSpellingError("M301", f"unknown type '{name}'{hint}")
-    if package is not None and not (_PACKAGE_NAME.fullmatch(package) and pattern.fullmatch(name)):
-        raise TypeSpellingError("M301", f"unknown type '{text}': expected 'package/Name'")
-    bound = None
-    if match["bound"] is not None:
-        if name not in STRINGS:
-            raise TypeSpellingError("M303", f"'{text}': only strings take a bound")
-        bound = _length(match["bound"], text, MAX_BOUND)
-    if not match["array"]:
-        return FieldType(name, package, string_bound=bound)
-    if not match["length"] and not match["atmost"]:
-        return FieldType(name, package, ArrayKind.UNBOUNDED, string_bound=bound)
-    if match["atmost"]:
-        length = _length(match["length"], text, MAX_BOUND)
-        return FieldType(name, package, ArrayKind.BOUNDED, length, string_bound=bound)
-    return FieldType(name, package, ArrayKind.FIXED, _length(match["length"], text, most), string_bound=bound)
-
-
-def _length(digits: str, text: str, most: int) -> int:
-    if not digits.isdecimal() or not digits.isascii():
-        raise TypeSpellingError("M303", f"'{text}': expected a number, found {digits!r}")
-    if len(digits) > len(str(most)) or not 1 <= int(digits) <= most:
-        raise TypeSpellingError("M303", f"'{text}': expected a length from 1 to {most}")
-    return int(digits)

@@ -1,4 +1,4 @@
-"""Boolean expressions of CMake and Kconfig, in which some operands may be unknown."""
+"""Evaluation of boolean expressions of CMake and Kconfig. The values of operands may be unknown."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 Truth = bool | None
-"""None where it is unknown."""
+"""A truth value, None if it is unknown."""
 
 Terms: TypeAlias = list[Truth | str]
 """Values with `and` and `or` between them."""
 
 
 class Grammar(NamedTuple):
-    """How a language spells its operators, and how it reduces terms to a value, None where it cannot."""
+    """The operators of a language, and the function that reduces terms to a value."""
 
     operators: Mapping[str, str]
     reduced: Callable[[Terms], Truth]
 
 
 def evaluate(words: Iterable[str], grammar: Grammar, holds: Callable[[Sequence[str]], Truth]) -> Truth:
-    """Return the value of an expression, None where it is unknown or cannot be understood.
+    """Return the value of an expression, None if it is unknown or the expression is invalid.
 
-    `holds` has the value of an operand: the words between two operators or parentheses. Nothing is recursive here,
-    because parentheses may be nested as deep as a file likes.
+    `holds` returns the value of an operand: the words between two operators or parentheses. The function is not
+    recursive, because parentheses may be nested to any depth.
     """
     open_terms: list[Terms] = [[], []]
     operand: list[str] = []
@@ -61,7 +61,7 @@ def negated(value: Truth) -> Truth:
 
 
 def _add(terms: Terms, value: Truth) -> None:
-    """Add a value, which a `not` before it turns round."""
+    """Add a value, negated by each `not` before it."""
     while terms and terms[-1] == "not":
         terms.pop()
         value = negated(value)
@@ -69,7 +69,7 @@ def _add(terms: Terms, value: Truth) -> None:
 
 
 def _checked(terms: Terms, grammar: Grammar) -> Truth:
-    """Return the value of terms, None unless there is one `and` or `or` between any two values."""
+    """Return the value of terms, None unless values and the operators `and` and `or` alternate."""
     values, operators = terms[::2], terms[1::2]
     if len(values) != len(operators) + 1 or any(isinstance(value, str) for value in values):
         return None
@@ -83,7 +83,10 @@ def _joined(left: Truth | str, operator: Truth | str, right: Truth | str) -> Tru
 
 
 def _in_rounds(terms: Terms) -> Truth:
-    """Reduce terms as CMake does, for which AND and OR bind alike: neighbours in pairs, then the pairs, and so on."""
+    """Reduce terms as CMake does, in which AND and OR have the same precedence.
+
+    Neighbouring values are joined in pairs, then neighbouring results in pairs, and so on.
+    """
     while len(terms) > 1:
         pairs = [terms[start : start + 4] for start in range(0, len(terms), 4)]
         terms = []
@@ -94,7 +97,7 @@ def _in_rounds(terms: Terms) -> Truth:
 
 
 def _and_first(terms: Terms) -> Truth:
-    """Reduce terms in which `and` binds more tightly."""
+    """Reduce terms in which `and` has a higher precedence than `or`."""
     result: Truth = False
     group = terms[0]
     for operator, value in zip(terms[1::2], terms[2::2], strict=True):

@@ -1,7 +1,7 @@
-"""Kconfig: which symbols a configuration turns on.
+"""The parser of Kconfig files, and the values of symbols in a board's configuration.
 
-A symbol has the value that a configuration assigns, or else its default, where all that it depends on holds. `select`,
-choices and conditions of prompts are not followed.
+A symbol has the value that the configuration assigns, or else its default. It is off if its dependencies do not hold.
+`select`, choices and conditions of prompts are ignored.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ class Files(Protocol):
     """The files of a tree, by their names in it."""
 
     def is_file(self, name: str) -> bool:
-        """Return whether there is such a file."""
+        """Return whether the file exists."""
 
     def names(self, folder: str) -> Sequence[str]:
-        """Return what a folder has; the name of the folder ends in `/`."""
+        """Return the names in a folder, whose name ends in `/`."""
 
     def read(self, name: str) -> bytes:
         """Return the contents of a file."""
 
 
 class Definition(NamedTuple):
-    """One definition of a symbol, in the file `name`: defaults with their conditions, and all it depends on."""
+    """A definition of a symbol in the file `name`: its defaults with their conditions, and its dependencies."""
 
     name: str
     defaults: tuple[tuple[str, str], ...] = ()
@@ -53,15 +53,15 @@ class Configuration:
         self.definitions = definitions
         self.assigned = assigned
         self.files: dict[str, None] = {}
-        """Every file that defines one of the symbols asked for."""
+        """The files that define the symbols whose values were read, as keys in the order of their first use."""
         self._asked: list[str] = []
 
     def knows(self, symbol: str) -> bool:
-        """Whether the tree defines the symbol, or the board assigns it."""
+        """Return whether the tree defines the symbol or the board assigns it."""
         return symbol in self.definitions or symbol in self.assigned
 
     def value_of(self, symbol: str) -> Truth:
-        """Return whether a symbol is on; None where that cannot be told. One that is not defined is off."""
+        """Return whether a symbol is on, None if that is unknown. An undefined symbol is off unless it is assigned."""
         if symbol in self._asked or len(self._asked) == _MAX_DEPTH:
             return None
         definitions = self.definitions.get(symbol, ())
@@ -103,7 +103,7 @@ class Configuration:
 
 
 def parse_assignments(text: str) -> dict[str, str]:
-    """Return the values that a configuration assigns, "" for symbols that it turns off."""
+    """Return the values that a configuration assigns to symbols, "" for symbols that it turns off."""
     found = {}
     for name, value, unset in _ASSIGNED.findall(text):
         found[name or unset] = value.strip('"')
@@ -111,7 +111,7 @@ def parse_assignments(text: str) -> dict[str, str]:
 
 
 def read_definitions(tree: Files) -> dict[str, list[Definition]]:
-    """Return the symbols that the Kconfig files of a tree define, beginning with the one at its root."""
+    """Return the definitions of symbols in the Kconfig files of a tree: the one at its root and those that it reads."""
     found: dict[str, list[Definition]] = {}
     waiting: list[tuple[str, tuple[str, ...]]] = [(_ROOT, ())]
     seen: set[str] = set()
@@ -129,7 +129,7 @@ def read_definitions(tree: Files) -> dict[str, list[Definition]]:
 def _parse(
     text: str, name: str, outer: tuple[str, ...], found: dict[str, list[Definition]]
 ) -> list[tuple[str, tuple[str, ...]]]:
-    """Add the definitions of one file to `found`; return the files that it reads, and what these depend on."""
+    """Add the definitions in one file to `found`. Return the files that it reads, each with their dependencies."""
     sources: list[tuple[str, tuple[str, ...]]] = []
     blocks = [outer]
     symbol = ""
@@ -161,7 +161,7 @@ def _parse(
 
 
 def _statements(text: str) -> Iterator[tuple[str, str]]:
-    """Yield the keyword of each line, and what follows it; texts of help are left out."""
+    """Yield the keyword and the rest of each line. Help texts are left out."""
     margin: int | None = None
     in_help = False
     for raw in text.splitlines():
@@ -182,7 +182,7 @@ def _statements(text: str) -> Iterator[tuple[str, str]]:
 
 
 def _matching(tree: Files, pattern: str) -> list[str]:
-    """Return the files that a pattern names, in which `*` stands for anything but `/`."""
+    """Return the files that match a pattern, in which `*` matches any characters except `/`."""
     found = [""]
     for part in pattern.split("/"):
         if any(mark in part for mark in "*?["):

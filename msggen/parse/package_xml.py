@@ -1,4 +1,4 @@
-"""What a package.xml says: the name of the ROS package (REP 149)."""
+"""The parser of package.xml, which reads the name of the ROS package (REP 149)."""
 
 import re
 
@@ -6,9 +6,9 @@ from msggen.diagnostics import input_error
 
 
 def package_name(data: bytes, path: str) -> str:
-    """Return the name of the package that the package.xml in `data` describes. Raises InputError.
+    """Return the name of the package in `data`, the bytes of a package.xml. Raises InputError.
 
-    With expat itself: importing ElementTree takes longer than many a build.
+    The parser is expat, because importing ElementTree takes longer than many builds.
     """
     from xml.parsers import expat
 
@@ -33,9 +33,9 @@ def package_name(data: bytes, path: str) -> str:
         parser.Parse(data, True)  # noqa: FBT003 - it takes no keywords
     except expat.ExpatError as error:
         raise input_error(path, "S107", f"not XML: {error}", error.lineno, error.offset + 1) from None
-    except (LookupError, ValueError) as error:  # an encoding that Python does not have
+    except (LookupError, ValueError) as error:  # an encoding that Python does not know
         raise input_error(path, "S107", f"not XML: {error}", 0) from None
     name = names[0].strip() if names else ""
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        raise input_error(path, "S107", f"'{name}' is no name of a ROS package", 0)
+        raise input_error(path, "S107", f"'{name}' is not a ROS package name", 0)
     return name

@@ -1,7 +1,7 @@
-"""The body of a function that sets one message from another, as statements.
+"""The parser of a C++ function that sets one message from another.
 
-Assignments, loops over arrays, conditions and calls of other translations are read. Of every other statement only the
-fields are noted that it may set.
+It reads assignments, loops over arrays, conditions and calls of other translations. For every other statement it
+returns only the fields that the statement may set.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from msggen.translation import (
 )
 
 _MAX_DEPTH = 40
-"""Blocks, parentheses and operators nested in each other."""
+"""Maximum depth of nested blocks, parentheses and operators."""
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _INTEGER = re.compile(r"(0[xX][0-9a-fA-F]+|0[bB][01]+|[0-9]+)[uUlLzZ]*")
@@ -54,17 +54,17 @@ _REPEATING = frozenset({"for", "while", "do", "switch"})
 
 
 class _UnclearError(ValueError):
-    """The statement is not of a form that is read."""
+    """The statement has a form that the parser does not know."""
 
 
 class OpaqueError(ValueError):
-    """Nothing can be said of a function as a whole."""
+    """The function as a whole cannot be read."""
 
 
 class Body:
-    """Reads the statements of a function, whose parameters are `source` and `target`.
+    """A parser of the statements of a function with the parameters `source` and `target`.
 
-    `types` has the names of the two messages, and whether the target is meant.
+    `types` maps the names of the two message types to True for the target, False for the source.
     """
 
     def __init__(self, code: Sequence[str], source: str, target: str, types: Mapping[str, bool]) -> None:
@@ -77,7 +77,7 @@ class Body:
         self.variables: list[str] = []
 
     def statements(self) -> tuple[Statement, ...]:
-        """Return the statements. Raises OpaqueError where any field may be set in a way that is not plain."""
+        """Return the statements. Raises OpaqueError if it is unclear which fields the function sets."""
         try:
             return tuple(self._until(len(self.code)))
         except _UnclearError:
@@ -90,7 +90,7 @@ class Body:
         return found
 
     def _statement(self) -> list[Statement]:
-        """Read one statement; what is not plain leaves the fields that it may set without a value."""
+        """Read one statement. If its form is unknown, the fields that it may set get the value None."""
         start, depth, variables = self.position, self.depth, len(self.variables)
         end = self._end_of_statement(start)
         self._enter()
@@ -126,7 +126,7 @@ class Body:
         return self._simple()
 
     def _block(self) -> tuple[Statement, ...]:
-        """Read a statement, or those in braces."""
+        """Read one statement, or several in braces."""
         if self._peek() != "{":
             return tuple(self._statement())
         end = self.end_of[self.position]
@@ -148,7 +148,7 @@ class Body:
         return Branch(condition, then, otherwise)
 
     def _loop(self) -> Loop:
-        """Read `for (type i = 0; i < stop; ++i)` and what it repeats."""
+        """Read `for (type i = 0; i < stop; ++i)` and its body."""
         self._take("for")
         self._take("(")
         while self._peek(1) != "=":
@@ -177,7 +177,7 @@ class Body:
         return Loop(variable, start, stops, self._block())
 
     def _stops(self) -> tuple[Expression | Size, ...]:
-        """Read what a loop ends before: a number, the size of an array, or the least of some."""
+        """Read the stop of a loop: a number, the size of an array, or the minimum of several of these."""
         if self._peek() in ("std", "min") and "min" in (self._peek(), self._peek(2)):
             self._standard("min")
             if self._peek() == "<":
@@ -200,7 +200,7 @@ class Body:
         return (self._expression(),)
 
     def _simple(self) -> list[Statement]:
-        """Read an assignment, or a call that sets what a message nests."""
+        """Read an assignment, or a call of another translation that sets a nested message."""
         if self._peek() == self.target:
             target = self._place()
             if self._peek() == "." and self._peek(1) == "resize":
@@ -223,7 +223,7 @@ class Body:
         return [Assignment(target, source)]
 
     def _resized(self) -> list[Statement]:
-        """Read a call that makes a sequence as long as the one that it is set from."""
+        """Read a call that gives a sequence the length of the sequence that it is set from."""
         self._take(".")
         self._take("resize")
         self._take("(")
@@ -239,7 +239,7 @@ class Body:
             self._take(word)
 
     def _expression_or_zero(self) -> Expression:
-        """Read a value, or what stands for the zero of any type: `{}`, `decltype(...)()`."""
+        """Read a value, or an expression for the zero of any type: `{}`, `decltype(...)()`."""
         if self._peek() == "decltype":
             self._take("decltype")
             self.position = self.end_of.get(self.position, len(self.code)) + 1
@@ -316,7 +316,7 @@ class Body:
         return self._function()
 
     def _function(self) -> Expression:
-        """Read a call of a function of the standard library."""
+        """Read a call of a standard library function."""
         if self._peek() == "std" and self._peek(2) == "numeric_limits":
             for word in ("std", "::", "numeric_limits", "<"):
                 self._take(word)
@@ -387,7 +387,7 @@ class Body:
         return word
 
     def _peek(self, further: int = 0) -> str:
-        """Return a token to come, `;` after the last."""
+        """Return the token `further` positions ahead, `;` after the last one."""
         return self.code[self.position + further] if self.position + further < len(self.code) else ";"
 
     def _take(self, *expected: str) -> None:
@@ -396,7 +396,7 @@ class Body:
         self.position += 1
 
     def _end_of_statement(self, start: int, depth: int = 0) -> int:
-        """Return where a statement ends. Raises OpaqueError where it does not."""
+        """Return the position after a statement. Raises OpaqueError if its end is missing."""
         if depth > _MAX_DEPTH:
             raise OpaqueError
         first = self.code[start] if start < len(self.code) else ""
@@ -420,15 +420,15 @@ class Body:
         return position + 1
 
     def _after(self, position: int, opening: str) -> int:
-        """Return what follows the bracket that must open at `position`, once it is closed."""
+        """Return the position after the bracket that closes the one at `position`. Raises OpaqueError without one."""
         if self.code[position : position + 1] != [opening] or position not in self.end_of:
             raise OpaqueError
         return self.end_of[position] + 1
 
     def _unclear(self, start: int, end: int) -> list[Statement]:
-        """Return what a statement that is not plain leaves without a value.
+        """Return assignments of None to the fields that a statement of unknown form may set.
 
-        Raises OpaqueError where that may be anything, _UnclearError where more is unclear than this statement.
+        Raises OpaqueError if it may set any field, _UnclearError if the statement around it is unclear too.
         """
         code = self.code[start:end]
         if _LEAVING.intersection(code):
@@ -442,7 +442,7 @@ class Body:
                     raise OpaqueError
                 fields[name] = None
         if any(map(_CAPITALS.fullmatch, code[:1] if fields else code)):
-            raise OpaqueError  # it may be a macro of another file
+            raise OpaqueError  # it may be a macro from another file, which may set any field
         if not fields and self._changes_variable(code):
             raise _UnclearError
         return [Assignment(Place(is_target=True, path=(Step(name),)), None) for name in fields]
@@ -452,7 +452,7 @@ class Body:
 
 
 def _number(word: str) -> int | float:
-    """Return the value of a literal. Raises _UnclearError for everything else."""
+    """Return the value of a literal. Raises _UnclearError if `word` is not a number."""
     text = word.replace("'", "")
     integer = _INTEGER.fullmatch(text)
     if integer:
@@ -463,7 +463,7 @@ def _number(word: str) -> int | float:
         except ValueError:
             raise _UnclearError from None
     real = _REAL.fullmatch(text)
-    if not real or not 0 < len(text) < 100:  # noqa: PLR2004 - no literal has that many digits
+    if not real or not 0 < len(text) < 100:  # noqa: PLR2004 - no real literal has as many digits
         raise _UnclearError
     value = float(real[1])
     if real[2] not in ("f", "F"):

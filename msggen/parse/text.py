@@ -1,4 +1,4 @@
-"""Bytes of a definition to text that is safe to read line by line and to repeat in generated code."""
+"""Decoding of definitions to text that is safe to read line by line and to copy into generated code."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u2
 
 
 def decode_text(data: bytes, path: str) -> tuple[str, list[Diagnostic]]:
-    """Return the text of `data`, and what is wrong with it: not UTF-8, a byte order mark, CRLF, control characters.
+    """Return the text of `data` and its errors: invalid UTF-8, a byte order mark, CRLF, control characters.
 
-    Invalid text is repaired as far as possible, so that the rest of the file can be checked in the same run.
+    Invalid bytes and control characters are replaced, so that the rest of the file can be checked in the same run.
     """
     errors: list[Diagnostic] = []
 

@@ -1,4 +1,4 @@
-"""Translation headers to what they say: the classes, the messages that they translate, and their functions."""
+"""The parser of translation headers: their classes, the messages that these translate, and their functions."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from msggen.parse.statements import Body, OpaqueError
 from msggen.translation import Statement, Translation
 
 FIRST = "all_translations.h"
-"""The header that the firmware's translation node includes, and that includes the others."""
+"""The header that the firmware's translation node includes. It includes the others."""
 
 _MAX_HEAD = 50
-"""Tokens between `class` and the body, base classes among them."""
+"""Maximum number of tokens between `class` and the body, including base classes."""
 
 
 def read_headers(headers: Mapping[str, str]) -> tuple[Translation, ...]:
-    """Return what those of `headers` say, texts by file name, that FIRST includes, itself or through others."""
+    """Return the translations in FIRST and in the headers that it includes, directly or indirectly.
+
+    `headers` has the texts by file name.
+    """
     found: dict[str, None] = {}
     waiting = [FIRST]
     while waiting:
@@ -30,7 +33,7 @@ def read_headers(headers: Mapping[str, str]) -> tuple[Translation, ...]:
 
 
 def read_translations(text: str) -> tuple[Translation, ...]:
-    """Return what the classes of a header say; none where the text is no such header."""
+    """Return the translations of the classes in a header, none if it is not a translation header."""
     try:
         return tuple(_Header(tokens(text)).translations())
     except TooLargeError:
@@ -48,7 +51,7 @@ class _Function(NamedTuple):
 
 
 class _Header:
-    """Finds the classes of a header, and their functions."""
+    """A reader of the classes in a header and their functions."""
 
     def __init__(self, code: Sequence[str]) -> None:
         self.code = code
@@ -64,7 +67,7 @@ class _Header:
         return found
 
     def _body_of_class(self, position: int) -> int | None:
-        """Return where the body of the class begins whose name stands at `position`."""
+        """Return the position of the body of the class whose name is at `position`, None if it has no body."""
         for further, word in enumerate(self.code[position : position + _MAX_HEAD]):
             if word == "{":
                 return position + further
@@ -95,7 +98,10 @@ class _Header:
         return [Translation(older, newer, forth, back)]
 
     def _function(self, start: int, end: int) -> tuple[list[_Function], int]:
-        """Return the function whose parameters begin at `start`, if it has two of them and a body, and its end."""
+        """Return the function whose parameters begin at `start`, and its end.
+
+        The list is empty unless the function has two parameters and a body.
+        """
         stop = self.end_of.get(start, end)
         parameters = _split(self.code[start + 1 : stop], ",")
         if self.code[stop + 1 : stop + 2] != ["{"] or len(parameters) != 2 or not all(parameters):  # noqa: PLR2004
@@ -122,7 +128,7 @@ class _Header:
 def _statements_of(
     functions: list[_Function], source: str, target: str, aliases: dict[str, str]
 ) -> tuple[Statement, ...] | None:
-    """Return the statements of the one function that makes `target` from `source`, None where nothing can be said."""
+    """Return the statements of the function from `source` to `target`, None unless exactly one can be read."""
     fitting = [
         function
         for function in functions
@@ -140,7 +146,7 @@ def _statements_of(
 
 
 def _type_name(code: Sequence[str]) -> str:
-    """Return `px4_msgs_old/EventV0` for `const px4_msgs_old::msg::EventV0 &`, and other names as they are."""
+    """Return `px4_msgs_old/EventV0` for `const px4_msgs_old::msg::EventV0 &`. Other names are not changed."""
     names = [word for word in code if word not in ("const", "&", "::")]
     if len(names) == 3 and names[1] == "msg":  # noqa: PLR2004 - package, folder, name
         return f"{names[0]}/{names[2]}"

@@ -1,4 +1,4 @@
-"""Values of constants and defaults."""
+"""The parser of values of constants and defaults."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _STRING_ITEM = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,\[\]"']
 def parse_value(type_: FieldType, text: str, *, is_constant: bool) -> Value:
     """Return the value that `text` spells for `type_`.
 
-    Raises ValueError, saying what was expected and what was found.
+    Raises ValueError with a message that names what was expected and what was found.
     """
     if not type_.is_primitive:
         raise ValueError(f"a message ('{type_}') takes no value")
@@ -68,7 +68,7 @@ def _scalar(type_: FieldType, text: str) -> Value:
 
 
 def _bool(text: str) -> bool:
-    """Return a constant: the firmware's generator takes numbers too."""
+    """Return the value of a bool constant, for which the firmware's generator accepts any number too."""
     try:
         return bool(int(text, 0))
     except ValueError:

@@ -12,7 +12,8 @@ from msggen.diagnostics import Diagnostic, InputError, Level, input_error, sugge
 from msggen.firmware.path_hint import path_hint
 from msggen.location import Location
 from msggen.model import ArrayKind, Field, Message, snake_case
-from msggen.parse.definition import OTHER_SPELLINGS, parse_message
+from msggen.parse.definition import parse_message
+from msggen.parse.field_type import OTHER_SPELLINGS
 from msggen.parse.text import decode_text
 from msggen.primitives import PRIMITIVES, STRINGS
 

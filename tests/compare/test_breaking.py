@@ -224,7 +224,7 @@ def test_without_git_that_is_the_reason(capsys: Capture, monkeypatch: pytest.Mon
 def test_a_shallow_repository_is_told_as_one(capsys: Capture) -> None:
     git(FIRMWARE, "commit", "-q", "--allow-empty", "-m", "later")
     git(Path(), "clone", "-q", "--depth", "1", FIRMWARE.absolute().as_uri(), "shallow")
-    reason = ": the repository is shallow, `git fetch --unshallow` brings the rest of it"
+    reason = ": the repository is shallow, fetch the rest with `git fetch --unshallow`"
     against = "--against: S108 'HEAD~1' is neither a folder nor a revision of shallow"
     assert told(capsys, "--px4", "shallow", "--against", "HEAD~1") == f"{against}{reason}"
     source = "shallow@v1: S108 the repository has no revision 'v1'"

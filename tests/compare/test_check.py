@@ -142,7 +142,7 @@ def test_what_cannot_be_meant_is_refused(arguments: tuple[str, ...], capsys: Cap
         (("--px4", "firmware", "nowhere"), "nowhere: S101 no such folder"),
         (("--px4", "firmware/src", "px4_msgs"), "firmware/src: S102 no .msg file here or in msg/"),
         (("--px4", "firmware", "empty"), "empty: S102 no .msg file here or in msg/"),
-        (("--px4", "firmware/msg/Rpm.msg", "px4_msgs"), "firmware/msg/Rpm.msg: S101 not a folder, nor an archive"),
+        (("--px4", "firmware/msg/Rpm.msg", "px4_msgs"), "firmware/msg/Rpm.msg: S101 neither a folder nor an archive"),
         (("--px4", "firmware", "px4_msgs@v1.16"), "px4_msgs@v1.16: S108 "),
         (("--px4", "@HEAD", "px4_msgs"), "@HEAD: S101 "),
         (("--px4", "firmware", "px4_msgs", "--release", "v1.71"), "--release: S105 unknown release 'v1.71'"),
@@ -545,7 +545,7 @@ def test_where_nothing_crosses_only_services_count(text: str, capsys: Capture) -
 def test_without_a_bridge_nobody_can_tell_what_crosses_it(capsys: Capture) -> None:
     shutil.rmtree("firmware/src")
     said = told(capsys, *TOPICS_ONLY)
-    assert said == "firmware: S110 no dds_topics.yaml here to say what crosses the bridge: name one with --topics"
+    assert said == "firmware: S110 no dds_topics.yaml here: name one with --topics"
 
 
 @pytest.mark.parametrize(

@@ -236,13 +236,13 @@ def test_boards_that_cannot_be_used_are_refused_with_help(firmware: Path) -> Non
     assert "expected a name such as 'some_vendor_model-v1_1_default'" in refusal(firmware, "xyz")
     assert "did you mean './vendor'" not in refusal(firmware, "./x.px4board")
     assert "'./x.px4board': no such file" in refusal(firmware, "./x.px4board")
-    assert "without --board all messages count" in refusal(firmware, "vendor_model_allyes")
+    assert "omit --board to keep all messages" in refusal(firmware, "vendor_model_allyes")
     shutil.rmtree(firmware / "boards")
-    assert "no boards/ to look for 'vendor_model' in: a board needs a PX4-Autopilot tree" in refusal(
+    assert "no folder boards/ to find 'vendor_model' in: expected a PX4-Autopilot tree" in refusal(
         firmware, "vendor_model"
     )
     (firmware / "msg" / "CMakeLists.txt").unlink()
-    assert "has no msg/CMakeLists.txt to say what a board builds" in refusal(firmware, "vendor_model")
+    assert "has no msg/CMakeLists.txt, which lists what a board builds" in refusal(firmware, "vendor_model")
 
 
 def test_the_messages_of_other_folders_do_not_depend_on_the_board(firmware: Path) -> None:
@@ -264,9 +264,9 @@ def test_what_no_list_names_is_built_for_no_board(firmware: Path) -> None:
 def test_conditional_messages_are_named_in_one_note(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["build", "--px4", "firmware", "-o", "out", "--strict"]) == DONE
     assert capsys.readouterr().err == (
-        "firmware/msg/CMakeLists.txt:4:27: M407 note: 3 messages only in the firmware of some boards: "
+        "firmware/msg/CMakeLists.txt:4:27: M407 note: 3 messages built only for some boards: "
         "Target, TargetPart with CONFIG_MODULES_TARGET; Traffic with CONFIG_TRAFFIC; "
-        "ORB ids and object ids of publications depend on them, name the board with --board\n"
+        "ORB ids and object ids of publications depend on the board, name it with --board\n"
     )
     assert main(["build", "--px4", "firmware", "-o", "out", "--board", "vendor_model"]) == DONE
     assert main(["sync", "-q", "--px4", "firmware", "--create", "px4_msgs"]) == DONE
@@ -466,7 +466,7 @@ def test_the_embedded_set_marks_the_same_messages(
     assert marked == {name: VISION for name in OF_VISION if f"px4_msgs/{name}" in embedded.messages}
     assert {notice.code for notice in embedded.notices}.isdisjoint({"M407", "M408", "M409"})
     assert main(["build", "--board", "px4_sitl", "-o", str(tmp_path)]) == DONE
-    note = "S122 note: the embedded PX4 v1.18 has no boards: all of its messages count, whatever 'px4_sitl' builds"
+    note = "S122 note: the embedded PX4 v1.18 has no boards: all of its messages are kept, whatever 'px4_sitl' builds"
     assert note in capsys.readouterr().err
 
 

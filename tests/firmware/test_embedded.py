@@ -457,10 +457,8 @@ class TestNames:
 
     def test_an_unknown_release_to_compare_with_is_an_error(self, capsys: Capture) -> None:
         assert main(["breaking", "--px4", "v1.18", "--against", "v1.19"]) == 2
-        expected = (
-            "--against: S108 'v1.19' is no folder, no revision of v1.18 and no embedded release, did you mean 'v1.18'?"
-        )
-        assert capsys.readouterr().err.splitlines()[0] == expected
+        text = "'v1.19' is neither a folder, a revision of v1.18 nor an embedded release, did you mean 'v1.18'?"
+        assert capsys.readouterr().err.splitlines()[0] == f"--against: S108 {text}"
 
     def test_a_release_that_is_given_rules_the_conventions(self, capsys: Capture) -> None:
         assert main(["build", "--px4", "v1.18", "--release", "v1.14", "-o", "out"]) == 0

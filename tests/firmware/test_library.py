@@ -117,7 +117,7 @@ def test_an_error_has_all_diagnostics_with_their_places(tmp_path: Path) -> None:
         ({"source": "v1.19"}, "v1.19: S105 "),
         ({"source": "nowhere"}, "nowhere: S101 no such folder"),
         ({"release": "mian"}, "release: S105 unknown release 'mian', did you mean 'main'?"),
-        ({"source": "tree", "archived": True}, "archived: S117 tree has no earlier versions of messages"),
+        ({"source": "tree", "archived": True}, "archived: S117 tree has no archived versions"),
         ({"source": "tree", "board": "px4_sitl"}, "board: S118 tree has no msg/CMakeLists.txt"),
     ],
     ids=lambda value: None if isinstance(value, str) else ",".join(value),

@@ -162,7 +162,7 @@ def test_a_firmware_that_has_more_than_the_newest_release_is_said_to(capsys: pyt
     )
     (note,) = noted(capsys)
     assert note.startswith(
-        "px4: S119 note: has more than PX4 v1.18, the newest release that msggen knows: 'VehicleStatus'"
+        "px4: S119 note: newer than PX4 v1.18, the newest release that msggen knows: 'VehicleStatus'"
     )
     assert note.endswith("; names and ids follow v1.18")
     assert noted(capsys, "--release", "v1.18") == []
@@ -170,6 +170,6 @@ def test_a_firmware_that_has_more_than_the_newest_release_is_said_to(capsys: pyt
 
 def test_unknown_keys_say_so_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert [note.partition(": unknown")[0] for note in noted(capsys)] == [
-        "px4: S119 note: has more than PX4 v1.18, the newest release that msggen knows"
+        "px4: S119 note: newer than PX4 v1.18, the newest release that msggen knows"
     ]
     assert noted(capsys, "--quiet", "-o", "elsewhere") == []

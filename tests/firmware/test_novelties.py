@@ -54,10 +54,10 @@ SAID = {
     "px4/msg/Lamp.msg:13:7: M205": "field name 'new__mode': ROS 2 expects lower_case with single underscores",
     "px4/msg/Lamp.msg:15:1: M406": "the firmware ignores this line",
     "px4/msg/Lamp.msg:16:15: M205": "topic name 'lamp__two': ROS 2 expects a letter first, and single underscores",
-    "px4/msg/experimental: S121": "1 definition here not read, such as 'Torch.msg'",
+    "px4/msg/experimental: S121": "1 definition not read, such as 'Torch.msg'",
     "px4/msg/future_lamp.msg:1:1: M205": "file name 'future_lamp': ROS 2 expects a capital",
     "px4/msg/future_lamp.msg:2:8: M106": "the line ends in CR LF",
-    "px4/msg/versioned/draft: S121": "1 definition here not read, such as 'Torch.msg'",
+    "px4/msg/versioned/draft: S121": "1 definition not read, such as 'Torch.msg'",
 }
 """Place and code of each novelty that is warned of; `lambda`, and `FAST` beside `fast`, are as good as other names."""
 

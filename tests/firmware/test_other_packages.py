@@ -171,13 +171,13 @@ class Wrong(NamedTuple):
 @pytest.mark.parametrize(
     "wrong",
     [
-        Wrong("Std-Msgs=std_msgs", "--msg-dir: S103 'Std-Msgs' is no name of a ROS package"),
-        Wrong("=std_msgs", "--msg-dir: S103 '' is no name of a ROS package"),
-        Wrong("std__msgs=std_msgs", "--msg-dir: S103 'std__msgs' is no name of a ROS package"),
+        Wrong("Std-Msgs=std_msgs", "--msg-dir: S103 'Std-Msgs' is not a ROS package name"),
+        Wrong("=std_msgs", "--msg-dir: S103 '' is not a ROS package name"),
+        Wrong("std__msgs=std_msgs", "--msg-dir: S103 'std__msgs' is not a ROS package name"),
         Wrong("std_msgs=", "--msg-dir: S101 'std_msgs=' names no folder"),
         Wrong("std_msgs=std_mgs", "std_mgs: S101 no such folder, did you mean 'std_msgs'?"),
         Wrong("std_msgs=empty", "empty: S102 no .msg file here"),
-        Wrong("geometry_msgs=std_msgs", "std_msgs/package.xml: S106 this is the package 'std_msgs', called"),
+        Wrong("geometry_msgs=std_msgs", "std_msgs/package.xml: S106 the package is named 'std_msgs', found"),
         Wrong("class=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 no module can be made"),
         Wrong("topics=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 no module can be made"),
         Wrong("stream=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 no module can be made"),
@@ -200,7 +200,7 @@ def test_what_cannot_be_used_is_named_and_nothing_is_written(
 def test_a_setting_that_is_no_package_has_its_place(capsys: Capture) -> None:
     Path("pyproject.toml").write_text('[tool.msggen]\npx4 = "firmware"\nmsg-dir = ["a", "B=b"]\n')
     assert main(["build"]) == FAILED
-    assert capsys.readouterr().err.startswith("pyproject.toml:3:1: S103 'B' is no name of a ROS package")
+    assert capsys.readouterr().err.startswith("pyproject.toml:3:1: S103 'B' is not a ROS package name")
 
 
 # --- Which rules hold
@@ -339,7 +339,7 @@ def test_messages_that_double_at_each_level_are_refused_before_anything_is_made_
 @pytest.mark.parametrize(
     ("type_", "said"),
     [
-        ("my_msgs::msg::Lamp", "'my_msgs::msg::Lamp' is no message of uORB: expected one of the package 'px4_msgs'"),
+        ("my_msgs::msg::Lamp", "'my_msgs::msg::Lamp' is not a uORB message: expected a type of the package 'px4_msgs'"),
         ("my_msgs::msg::Rpm", "'my_msgs::msg::Rpm' is no message of uORB"),
     ],
 )

@@ -593,7 +593,7 @@ def test_an_archive_without_definitions_is_told(kind: str) -> None:
 
 def test_a_file_that_is_no_archive_is_told() -> None:
     Path("firmware.7z").write_bytes(b"7z")
-    assert refused("firmware.7z").startswith("firmware.7z: S101 not a folder, nor an archive (.tar, .tar.gz, ")
+    assert refused("firmware.7z").startswith("firmware.7z: S101 neither a folder nor an archive (.tar, .tar.gz, ")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")

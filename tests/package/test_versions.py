@@ -1040,17 +1040,29 @@ def test_other_commands_leave_archived_versions_out_whatever_the_setting() -> No
         ("LampV1", f"{version(0)}{STAMP}", ":1:1: M404 MESSAGE_VERSION must be 1, as in the name, found 0"),
         ("LampV1", STAMP, ":1:1: M404 MESSAGE_VERSION must be 1, as in the name, found 0"),
         ("LampV0", f"{STAMP}{version(2)}", ":2:1: M404 MESSAGE_VERSION must be 0, as in the name, found 2"),
-        ("Lamp1", STAMP, ":1:1: M201 file name 'Lamp1': archived versions are called as 'VehicleStatusV1'"),
-        ("LampV01", version(1), ":1:1: M201 file name 'LampV01': archived versions are called as 'VehicleStatusV1'"),
+        (
+            "Lamp1",
+            STAMP,
+            ":1:1: M201 file name 'Lamp1': expected the name of an archived version, such as 'VehicleStatusV1'",
+        ),
+        (
+            "LampV01",
+            version(1),
+            ":1:1: M201 file name 'LampV01': expected the name of an archived version, such as 'VehicleStatusV1'",
+        ),
         (
             "LampV0",
             f"{STAMP}Fan fan\n",
-            ":2:1: M301 unknown type 'Fan': archived messages nest archived ones, as 'FanV0'",
+            ":2:1: M301 unknown type 'Fan': archived messages nest archived ones, such as 'FanV0'",
         ),
         ("LampV0", f"{STAMP}LumpV2 x\n", ":2:1: M301 unknown type 'LumpV2', did you mean 'LumPV1'?"),
         ("LampV0", f"{STAMP}LampV0 x\n", ":2:1: M302 messages nest each other: LampV0 > LampV0"),
         ("LampV0", f"{STAMP}uint8 1a\n", ":2:7: M201 field name '1a': expected lower_case"),
-        ("Lump_V1", version(1), ":1:1: M201 file name 'Lump_V1': archived versions are called as 'VehicleStatusV1'"),
+        (
+            "Lump_V1",
+            version(1),
+            ":1:1: M201 file name 'Lump_V1': expected the name of an archived version, such as 'VehicleStatusV1'",
+        ),
     ],
 )
 def test_an_error_in_an_archived_definition_has_its_place(name: str, text: str, said: str, capsys: Capture) -> None:
@@ -1087,7 +1099,7 @@ def test_sources_without_archived_versions_are_refused(arguments: tuple[str, ...
     assert main(["build", "--archived", *arguments]) == FAILED
     label = arguments[-1].replace("v1.15", "the embedded PX4 v1.15")
     first, last = capsys.readouterr().err.splitlines()
-    said = f"{label} has no earlier versions of messages: PX4 v1.16 and later has them in {ARCHIVE}"
+    said = f"{label} has no archived versions: PX4 v1.16 and later have them in {ARCHIVE}"
     assert first == f"--archived: S117 {said}"
     assert last == "1 error, nothing written"
 

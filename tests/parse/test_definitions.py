@@ -530,7 +530,7 @@ def test_other_constants_are_nothing_special(name: str) -> None:
 )
 def test_a_tag_that_is_not_known_is_a_warning_in_its_place(text: str, place: str) -> None:
     _, (found,) = parse_message(f"uint64 timestamp\n{text}", "Foo.msg", "Foo", "px4_msgs")
-    expected = "unknown tag '@unti': PX4 has @range, @enum, @invalid and @frame, and units as '[m]'"
+    expected = "unknown tag '@unti': PX4 has @range, @enum, @invalid and @frame, and units such as '[m]'"
     assert str(found) == f"Foo.msg:{place}: M107 {expected}"
 
 
