@@ -1,6 +1,6 @@
-"""The manual steps for a new version of a message, as PX4's documentation of its translation node lists them.
+"""The `bump` command: the steps that PX4's translation node needs for a new version of a message.
 
-`archived_version` keeps the old definition, `header` translates between old and new, `version_step` is what is known
-of the way from one to the other, `edits` what there is to write, `advice` what is left to people; `write` carries it
-out.
+`version_step` gathers the inputs, `archived_version` archives the old definition, `header` writes the translation
+between old and new, `edits` plans the files to write, `advice` lists the steps that remain, and `write` writes
+the files.
 """

@@ -1,4 +1,4 @@
-"""What a tool cannot do for a new version of a message: said, so that people do."""
+"""The steps for a new version of a message that remain for people."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from msggen.bump.archived_version import read_definition
 from msggen.bump.header import TODO, changed_constants, find_callers, header_name
-from msggen.bump.version_step import AS_IT_STANDS, CONSTANT, VersionStep, fields_of
+from msggen.bump.version_step import CONSTANT, CURRENT_FILE, VersionStep, fields_of
 from msggen.diagnostics import few
 from msggen.firmware.history import TRANSLATIONS, VERSIONED, History, archived_name
 from msggen.model import DEFAULT_PACKAGE, Message, Service
@@ -16,55 +16,56 @@ from msggen.model import DEFAULT_PACKAGE, Message, Service
 _NODE = "msg/translation_node/CMakeLists.txt"
 
 
-def say_what_is_left(step: VersionStep, text: str, headers: dict[str, str]) -> Iterator[str]:
-    """Say what only people can do; `text` is that of the header, "" where another header translates already."""
+def list_remaining(step: VersionStep, text: str, headers: dict[str, str]) -> Iterator[str]:
+    """Yield the steps that only people can do, each as a line.
+
+    `text` is that of the new header, "" if another header has the translation. `headers` has the others by name.
+    """
     version = step.version + 1
     if _is_unchanged(step):
-        yield from _left_where_nothing_changed(step)
+        yield from _advise_on_unchanged(step)
     if text:
-        yield from _left_of_header(step, text)
+        yield from _advise_on_header(step, text)
     changed = changed_constants(step.old.message, step.new)
     if changed:
-        yield f"constants changed: {few(changed)}: translate the fields that hold them"
-    yield from _left_of_nested(step, headers)
-    yield from _left_of_others(step)
+        yield f"constants changed: {few(changed)}: translate the fields that use them"
+    yield from _advise_on_versioned(step, headers)
+    yield from _advise_on_unversioned(step)
     if not step.tree.is_file(_NODE):
-        yield f"{_NODE} is missing: this tree has no translation node to build the header into"
+        yield f"{_NODE} is missing: this tree has no translation node, which compiles the header"
     if step.topics:
-        yield f"applications find it now as {', '.join(f'/{topic}_v{version}' for topic in step.topics)}"
-    if step.previous.label != AS_IT_STANDS:
+        yield f"applications: change the topic to {', '.join(f'/{topic}_v{version}' for topic in step.topics)}"
+    if step.previous.label != CURRENT_FILE:
         option = step.previous.option or " --against HEAD"
-        yield f"`msggen breaking{option}{step.options}` tells whether the change is complete"
+        yield f"run `msggen breaking{option}{step.options}` to check that the change is complete"
 
 
-def _left_where_nothing_changed(step: VersionStep) -> Iterator[str]:
-    """Say how to go on. Without a repository another run would take the changed file for the old one."""
-    path = step.path
-    if step.previous.label == AS_IT_STANDS:
-        yield f"nothing in {step.new.name} has changed yet: change {path}, and what {step.header} does, by hand"
+def _advise_on_unchanged(step: VersionStep) -> Iterator[str]:
+    """Advise how to continue. Without a repository, another run would read the changed file as the old definition."""
+    name, path = step.new.name, step.path
+    if step.previous.label == CURRENT_FILE:
+        yield f"{name} has no changes yet: edit {path}, then {step.header} by hand"
     else:
-        yield (
-            f"nothing in {step.new.name} has changed since {step.previous.label}: change {path}, delete "
-            f"{step.header} and bump again, and the header is written for the new fields"
-        )
+        again = f"delete {step.header} and run bump again to write it for the new fields"
+        yield f"{name} has no changes since {step.previous.label}: edit {path}, {again}"
 
 
-def _left_of_header(step: VersionStep, text: str) -> Iterator[str]:
+def _advise_on_header(step: VersionStep, text: str) -> Iterator[str]:
     path = f"{TRANSLATIONS}/{step.header}"
     todo = [number for number, line in enumerate(text.split("\n"), 1) if TODO in line]
     if todo:
-        yield f"{path}: decide on the lines with TODO: {', '.join(map(str, todo))}"
+        yield f"{path}: complete the lines marked TODO: {', '.join(map(str, todo))}"
     if not History(is_kept=True, archived={}, translations={step.header: text}).translates(step.new.name, step.version):
-        yield f"{path}: was there before, and does not translate {step.new.name} from version {step.version}"
+        yield f"{path}: this header existed before, add the translation from version {step.version}"
         return
     known = set(re.findall(r"\w+", text))
     missing = [field.name for field in step.new.fields if field.name not in known]
     if missing:
-        yield f"{path}: was there before, and does not set {few(missing)}"
+        yield f"{path}: this header existed before, add the fields {few(missing)}"
 
 
 def _is_unchanged(step: VersionStep) -> bool:
-    """Whether the definition is the old one still, but for its version."""
+    """Whether the definition and all that it nests are the old ones, apart from MESSAGE_VERSION."""
     texts = (step.old.text, step.text(step.path))
     before, after = (CONSTANT.sub("", text) for text in texts)
     nested = (step.catalog.messages.get(f"{DEFAULT_PACKAGE}/{name}") for name in step.nested)
@@ -73,8 +74,8 @@ def _is_unchanged(step: VersionStep) -> bool:
     return before == after and all(same)
 
 
-def _left_of_nested(step: VersionStep, headers: dict[str, str]) -> Iterator[str]:
-    """Name the messages that this one's version depends on, and those whose versions depend on it."""
+def _advise_on_versioned(step: VersionStep, headers: dict[str, str]) -> Iterator[str]:
+    """Advise on versioned messages that this one nests, and on those that nest it."""
     versioned = [file.removesuffix(".msg") for file in step.tree.names(VERSIONED)]
     for name in versioned:
         message = step.catalog.messages.get(f"{DEFAULT_PACKAGE}/{name}")
@@ -82,15 +83,15 @@ def _left_of_nested(step: VersionStep, headers: dict[str, str]) -> Iterator[str]
             old = step.nested[name].message
             callers = find_callers(name, archived_name(step.old.message), headers)
             if fields_of(old) != fields_of(message) and old.message_version == message.message_version:
-                yield f"`{_command(step, name)}`: {step.new.name} nests {name}, which changed too"
+                yield f"run `{_command(step, name)}`: {step.new.name} nests {name}, which changed too"
             elif callers:
-                yield f"`{_command(step, name)}`: {', '.join(callers)} takes the nested {name} for the current one"
+                yield f"run `{_command(step, name)}`: {', '.join(callers)} still uses the current version of {name}"
         elif message and any(inner.name == step.new.name for inner in step.catalog.nested_all(message)):
-            yield from _left_of_outer(step, message)
+            yield from _advise_on_outer(step, message)
 
 
-def _left_of_others(step: VersionStep) -> Iterator[str]:
-    """Name what depends on this message, or the other way round, and has no versions."""
+def _advise_on_unversioned(step: VersionStep) -> Iterator[str]:
+    """Advise on messages without versions that this one nests, and on services that nest it."""
     for name, old in step.nested.items():
         message = step.catalog.messages.get(f"{DEFAULT_PACKAGE}/{name}")
         if (
@@ -98,29 +99,28 @@ def _left_of_others(step: VersionStep) -> Iterator[str]:
             and not step.tree.is_file(f"{VERSIONED}/{name}.msg")
             and fields_of(message) != fields_of(old.message)
         ):
-            yield (
-                f"{_name_of(step, message)} changed too and has no versions: it is translated as part of "
-                f"{step.new.name}, and nowhere else"
-            )
+            path = _path_of(step, message)
+            yield f"{path} changed too but has no versions: it is translated only as a part of {step.new.name}"
     for service in step.catalog.services:
         halves = (service.request, service.response)
         if any(inner.name == step.new.name for half in halves for inner in step.catalog.nested_all(half)):
-            nests = "nests it, and services have no versions: its clients must be built anew"
-            yield f"{_name_of(step, service)} {nests}"
+            path = _path_of(step, service)
+            yield f"{path} nests {step.new.name}, and services have no versions: rebuild the clients of the service"
 
 
-def _name_of(step: VersionStep, definition: Message | Service) -> str:
+def _path_of(step: VersionStep, definition: Message | Service) -> str:
     return os.path.relpath(definition.location.path, step.tree.path).replace(os.sep, "/")
 
 
-def _left_of_outer(step: VersionStep, outer: Message) -> Iterator[str]:
+def _advise_on_outer(step: VersionStep, outer: Message) -> Iterator[str]:
+    """Advise on the versioned message `outer`, which nests this one."""
     old = read_definition(step.previous.tree, outer.name)
     header = f"{TRANSLATIONS}/{header_name(outer.name, outer.message_version)}"
     class_name = f"{step.new.name}V{step.version + 1}Translation"
     if old and old.message.message_version == outer.message_version:
-        yield f"`{_command(step, outer.name)}`: it nests {step.new.name}, and needs a new version too"
+        yield f"run `{_command(step, outer.name)}`: {outer.name} nests {step.new.name} and needs a new version too"
     elif old and step.tree.is_file(header) and class_name not in step.text(header):
-        yield f"{header}: let it translate {step.new.name} by {class_name}"
+        yield f"{header}: translate {step.new.name} with {class_name}"
 
 
 def _command(step: VersionStep, name: str) -> str:

@@ -1,7 +1,7 @@
-"""The old definition of a message, as `px4_msgs_old` keeps it: `VehicleStatusV1.msg`.
+"""The archived version of a message, a definition in `px4_msgs_old` such as `VehicleStatusV1.msg`.
 
-That package has no other messages than archived ones, so what an archived definition nests is archived with it, and
-called by its archived name: ArmingCheckReplyV0 nests EventV0.
+That package has only archived versions. The messages that a definition nests are therefore archived with it, and it
+refers to them by their archived names: ArmingCheckReplyV0 nests EventV0.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from msggen.parse.definition import parse_message
 from msggen.parse.text import decode_text
 
 _FOLDERS = ("msg/versioned/", "msg/", "versioned/", "")
-"""Where a tree, a package or a bare folder has its definitions."""
+"""The folders of definitions in a tree, a package or a bare folder."""
 
 
 class Definition(NamedTuple):
-    """A message, and the text that it was read from, line ends as they are."""
+    """A message and the text that it was read from, with its original line ends."""
 
     message: Message
     text: str
 
 
 def read_definition(tree: Tree, name: str) -> Definition | None:
-    """Return the definition of the message `name` in `tree`, None if there is none.
+    """Return the definition of the message `name` in `tree`, or None if it is missing.
 
-    Raises InputError for one that cannot be read.
+    Raises InputError if it has errors.
     """
     path = next((folder + f"{name}.msg" for folder in _FOLDERS if tree.is_file(f"{folder}{name}.msg")), None)
     if path is None:
@@ -39,7 +39,7 @@ def read_definition(tree: Tree, name: str) -> Definition | None:
 
 
 def parse_definition(data: bytes, place: str, name: str, package: str) -> Definition:
-    """Return the definition that `data` holds. Raises InputError; line ends of another system are no error."""
+    """Return the definition in `data`. Raises InputError if it has errors; CR LF line ends are accepted."""
     text, unclean = decode_text(data, place)
     message, wrong = parse_message(text, place, name, package)
     errors = [*(found for found in unclean if found.code != "M106"), *wrong]
@@ -49,7 +49,7 @@ def parse_definition(data: bytes, place: str, name: str, package: str) -> Defini
 
 
 def read_nested(tree: Tree, outer: Message) -> dict[str, Definition]:
-    """Return the definitions of all that `outer` nests in `tree`, at any depth, by name."""
+    """Return by name the definitions in `tree` of all messages that `outer` nests, at any depth."""
     found: dict[str, Definition] = {}
     waiting = [outer]
     while waiting:
@@ -63,10 +63,10 @@ def read_nested(tree: Tree, outer: Message) -> dict[str, Definition]:
 
 
 def archive(outer: Definition, nested: dict[str, Definition]) -> dict[str, str]:
-    """Return the archived text of `outer`, and of all that it nests, by archived name.
+    """Return by archived name the archived texts of `outer` and of all messages that it nests.
 
-    The text is the old one but for the names of nested types. A message that had no version yet is given version 0,
-    as a header has to ask for it.
+    Only the names of nested types differ from the old text. A message without a version gets version 0, because the
+    translation header reads the constant.
     """
     renamed = {name: archived_name(definition.message) for name, definition in nested.items()}
     texts = {archived_name(definition.message): _renamed(definition, renamed) for definition in nested.values()}

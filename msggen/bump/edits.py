@@ -1,4 +1,4 @@
-"""What a new version of a message takes: which files are written, and what is left to people."""
+"""The plan of a bump: the files to write, and the steps that remain for people."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from msggen.bump.advice import say_what_is_left
+from msggen.bump.advice import list_remaining
 from msggen.bump.archived_version import archive, parse_definition, read_definition
 from msggen.bump.header import (
     Side,
@@ -17,7 +17,7 @@ from msggen.bump.header import (
     with_archived,
     with_include,
 )
-from msggen.bump.version_step import AS_IT_STANDS, CONSTANT, Previous, VersionStep, fields_of
+from msggen.bump.version_step import CONSTANT, CURRENT_FILE, Previous, VersionStep, fields_of
 from msggen.diagnostics import input_error, suggestion
 from msggen.disk.git import is_in_repository
 from msggen.firmware.catalog import COMPARABLE, read_catalog
@@ -28,11 +28,11 @@ from msggen.firmware.sources import find_sources, open_tree
 from msggen.firmware.tree import Folder
 from msggen.model import DEFAULT_PACKAGE, VERSION, Catalog, Message
 
-_NEEDED = f"it needs 'uint32 {VERSION} = 0' and a place in {VERSIONED}"
+_NEEDED = f"add 'uint32 {VERSION} = 0' and move the file to {VERSIONED}"
 
 
 class Change(NamedTuple):
-    """A file to write; `name` counts from the firmware's folder, `before` is None for a new file."""
+    """A file to write. `name` is relative to the firmware's folder, `before` is None for a new file."""
 
     name: str
     before: bytes | None
@@ -40,9 +40,10 @@ class Change(NamedTuple):
 
 
 class Edits(NamedTuple):
-    """The files to write, in an order that a killed run can be taken up from, and what is left to people.
+    """The files to write, and the steps that remain for people.
 
-    `against` names where the old definition was read, `version` is its version.
+    The files are in an order that lets another run continue after a kill. `version` is the version of the old
+    definition, and `against` names the place that it was read from.
     """
 
     firmware: str
@@ -50,14 +51,14 @@ class Edits(NamedTuple):
     against: str
     version: int
     changes: tuple[Change, ...]
-    left: tuple[str, ...]
+    remaining: tuple[str, ...]
 
 
 def plan_bump(firmware: str, name: str, against: str | None) -> Edits:
-    """Return what it takes to give the message `name` of the tree `firmware` the version after that of `against`.
+    """Return the edits that give the message `name` of the tree `firmware` its next version.
 
-    `against` is a revision of the tree's repository, or another tree; by default the last commit, and without a
-    repository the tree as it stands. Raises InputError.
+    `against` has the old definition: a revision of the tree's repository, or another tree. None stands for the last
+    commit or, without a repository, for the tree itself. Raises InputError.
     """
     tree = _open_firmware(firmware)
     catalog = read_catalog(find_sources(firmware), tolerated=COMPARABLE)
@@ -65,7 +66,7 @@ def plan_bump(firmware: str, name: str, against: str | None) -> Edits:
     previous = _previous(firmware, against)
     old = read_definition(previous.tree, new.name)
     if old is None:
-        text = f"'{new.name}' is not in {previous.label}: a new message needs no new version before it is released"
+        text = f"'{new.name}' is not in {previous.label}: a message needs a new version only after its release"
         raise input_error(new.location.path, "B103", text, 0)
     _check_versions(old.message, new, previous.label)
     return _plan(VersionStep(tree, catalog, previous=previous, old=old, new=new))
@@ -74,32 +75,29 @@ def plan_bump(firmware: str, name: str, against: str | None) -> Edits:
 def _open_firmware(path: str) -> Folder:
     tree = Folder(path)
     if not os.path.isdir(path):
-        what = "not a folder" if "@" in path or os.path.exists(path) else "no such folder"
-        hint = "" if "@" in path or os.path.exists(path) else path_hint(path)
-        raise input_error(
-            path, "B101", f"{what}: expected that of a PX4-Autopilot tree, for bump writes into it{hint}", 0
-        )
+        is_other = "@" in path or os.path.exists(path)
+        problem, hint = ("not a folder", "") if is_other else ("no such folder", path_hint(path))
+        raise input_error(path, "B101", f"{problem}: expected the folder of a PX4-Autopilot tree{hint}", 0)
     if not tree.is_folder(VERSIONED) or (tree.is_file("package.xml") and not tree.is_folder("src/modules")):
-        text = f"no {VERSIONED} of a firmware here: expected a PX4-Autopilot tree of v1.16 or later; --px4 names it"
+        text = f"no {VERSIONED} here: expected a PX4-Autopilot tree of v1.16 or later, named with --px4"
         raise input_error(path, "B101", text, 0)
     return tree
 
 
 def _find_message(tree: Folder, catalog: Catalog, text: str) -> Message:
-    """Return the versioned message that `text`, a name or a path, stands for."""
+    """Return the versioned message that `text` names, by its name or its path."""
     is_path = "/" in text or os.sep in text or text.endswith((".msg", ".srv"))
     name = os.path.splitext(os.path.basename(text))[0] if is_path else text
     message = catalog.messages.get(f"{DEFAULT_PACKAGE}/{name}")
     if text.endswith(".srv") or (message is None and name in {service.name for service in catalog.services}):
-        raise input_error(text, "B104", f"not yet: the service '{name}' has no versions, nor has any in PX4 so far", 0)
+        raise input_error(text, "B104", f"'{name}' is a service: services have no versions in PX4", 0)
     if message is None:
         versioned = [file.removesuffix(".msg") for file in tree.names(VERSIONED)]
         raise input_error(text, "B102", f"no message '{name}' in {tree.path}{suggestion(name, versioned)}", 0)
     path = message.location.path
     if is_path and os.path.exists(text) and not os.path.samefile(text, path):
-        raise input_error(
-            text, "B102", f"lies elsewhere: the firmware's own is {path}; --px4 names another firmware", 0
-        )
+        hint = f"expected {path}, or another firmware with --px4"
+        raise input_error(text, "B102", f"not a file of this firmware: {hint}", 0)
     in_place = tree.is_file(f"{VERSIONED}/{name}.msg")
     if not in_place or not message.is_versioned:
         raise input_error(path, "B102", f"'{name}' has no versions: {_NEEDED}", 0)
@@ -111,7 +109,7 @@ def _previous(firmware: str, against: str | None) -> Previous:
         return Previous(open_tree(revised(firmware, against)), against, f" --against {shlex.quote(against)}")
     if is_in_repository(firmware):
         return Previous(open_tree(f"{firmware}@HEAD"), "HEAD")
-    return Previous(Folder(firmware), AS_IT_STANDS)
+    return Previous(Folder(firmware), CURRENT_FILE)
 
 
 def _check_versions(old: Message, new: Message, label: str) -> None:
@@ -123,7 +121,7 @@ def _check_versions(old: Message, new: Message, label: str) -> None:
 
 
 def _plan(step: VersionStep) -> Edits:
-    """Return all steps. New files come first and the raised constant last, so that a killed run can go on."""
+    """Return all edits: new files first, the raised constant last, so that another run can continue after a kill."""
     headers = _headers(step)
     older = Side("older", step.old.message, {name: definition.message for name, definition in step.nested.items()})
     newer = Side("newer", step.new, {message.name: message for message in step.catalog.messages.values()})
@@ -131,26 +129,26 @@ def _plan(step: VersionStep) -> Edits:
     if not (text or step.is_translated):
         text = render_header(older, newer, step.topics, headers)
     changes = [*_archive(step), *_translate(step, text, headers), *_raise_version(step)]
-    left = tuple(say_what_is_left(step, text, headers))
+    remaining = tuple(list_remaining(step, text, headers))
     return Edits(
         firmware=step.tree.path,
         message=step.new.name,
         against=step.previous.label,
         version=step.version,
         changes=tuple(changes),
-        left=left,
+        remaining=remaining,
     )
 
 
 def _headers(step: VersionStep) -> dict[str, str]:
-    """Return the texts of all headers, by name, as they will be: those that are not included, too."""
+    """Return by name the new texts of all existing headers, whether `all_translations.h` includes them or not."""
     every = os.path.basename(ALL_TRANSLATIONS)
     names = [name for name in step.tree.names(TRANSLATIONS) if name.endswith(".h") and name != every]
     return {name: with_archived(step.text(f"{TRANSLATIONS}/{name}"), step.old.message) for name in names}
 
 
 def _archive(step: VersionStep) -> Iterator[Change]:
-    """Archive the old definition and what it nests; what is archived already must be the same."""
+    """Yield the archived definitions to write. Raise InputError if a different one is archived already."""
     for name, text in archive(step.old, step.nested).items():
         path = f"{ARCHIVE}/{name}.msg"
         if name not in step.history.archived:
@@ -160,11 +158,11 @@ def _archive(step: VersionStep) -> Iterator[Change]:
         expected = parse_definition(text.encode(), step.tree.place(path), name, found.package).message
         difference = _difference(expected, found)
         if difference:
-            raise input_error(step.tree.place(path), "B105", f"another definition has this name: {difference}", 0)
+            raise input_error(step.tree.place(path), "B105", f"a different definition is archived: {difference}", 0)
 
 
 def _translate(step: VersionStep, text: str, headers: dict[str, str]) -> Iterator[Change]:
-    """Write the new header unless there is one, mend the others, and include the new one."""
+    """Yield the new header unless it exists, the corrected headers, and the file that includes the new one."""
     if step.header not in headers and not step.is_translated:
         yield Change(f"{TRANSLATIONS}/{step.header}", None, text.encode())
     for name, after in headers.items():
@@ -188,15 +186,15 @@ def _changed(step: VersionStep, path: str, text: str) -> Change:
 
 
 def _difference(expected: Message, found: Message) -> str:
-    """Say where an archived definition is not the one expected, "" if it is."""
+    """Return the difference between two definitions for the user, or "" if they have the same fields and version."""
     versions = expected.message_version, found.message_version
     if versions[0] != versions[1]:
         return f"expected {VERSION} = {versions[0]}, found {versions[1]}"
     missing = [f"'{type_} {name}'" for type_, name in fields_of(expected) if (type_, name) not in fields_of(found)]
     surplus = [f"'{type_} {name}'" for type_, name in fields_of(found) if (type_, name) not in fields_of(expected)]
     if missing or surplus:
-        return f"expected {', '.join(missing) or 'nothing more'}; found {', '.join(surplus) or 'nothing of it'}"
+        return f"expected {', '.join(missing) or 'no more fields'}, found {', '.join(surplus) or 'no such field'}"
     for (type_, name), (other_type, other_name) in zip(fields_of(expected), fields_of(found), strict=True):
         if name != other_name:
-            return f"another order, expected '{type_} {name}' before '{other_type} {other_name}'"
+            return f"fields in a different order: expected '{type_} {name}' before '{other_type} {other_name}'"
     return ""

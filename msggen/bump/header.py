@@ -18,21 +18,21 @@ TODO = "// TODO:"
 """Marks a line that needs a decision."""
 
 _NO_VALUES = (VERSION, "ORB_QUEUE_LENGTH")
-"""Constants that are no values of a field."""
+"""Constants that are not values of a field."""
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"(translation_[^"]+)".*\n?', re.MULTILINE)
 _ANY_INCLUDE = re.compile(r"^[ \t]*#[ \t]*include\b.*\n?", re.MULTILINE)
 _CLASS = re.compile(r"\b(?:class|struct)\s+(\w+)\s*\{(.*?)\bfromOlder\b", re.DOTALL)
 
 
 class Translator(NamedTuple):
-    """A class of an existing header, that translates what a message nests."""
+    """A class in an existing header that translates a nested message."""
 
     header: str
     class_name: str
 
 
 class Side(NamedTuple):
-    """One end of a translation: the message, and by name what it nests. `age` is "older" or "newer"."""
+    """One side of a translation: the message, and its nested messages by name. `age` is "older" or "newer"."""
 
     age: str
     message: Message
@@ -47,7 +47,7 @@ class _OtherTopic(NamedTuple):
 def ros_file(name: str) -> str:
     """Return the name of the header that ROS 2 generates for a message.
 
-    rosidl keeps capitals in a row together, where uORB puts an underscore before each.
+    rosidl keeps consecutive capitals together, while uORB puts an underscore before each.
     """
     spaced = re.sub(r"(.)([A-Z][a-z]+)", r"\1_\2", name)
     return re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", spaced).lower()
@@ -59,7 +59,7 @@ def header_name(name: str, version: int) -> str:
 
 
 def topic_of(entry: BridgeEntry) -> str:
-    """Return the topic as a header names it: without the slash, so that a namespace can come before it."""
+    """Return the topic as a header names it: without the leading slash, so that a namespace can be prepended."""
     return entry.topic.lstrip("/") + ("" if entry.instance is None else str(entry.instance))
 
 
@@ -75,9 +75,9 @@ def find_translator(name: str, version: int, headers: Mapping[str, str]) -> Tran
 
 
 def find_callers(inner: str, archived: str, headers: Mapping[str, str]) -> list[str]:
-    """Return the `headers` that set `inner`, nested in a message that is `archived` now, as the current version.
+    """Return the names of `headers` that translate the message `archived` and set its nested `inner` as a current one.
 
-    They no longer compile: an archived message nests archived ones.
+    They no longer compile, because an archived version nests only archived versions.
     """
     newer = re.compile(rf"\bMessageNewer\s*=\s*px4_msgs::msg::{inner}\s*;")
     classes = [name for text in headers.values() for name, body in _CLASS.findall(text) if newer.search(body)]
@@ -87,7 +87,7 @@ def find_callers(inner: str, archived: str, headers: Mapping[str, str]) -> list[
 
 
 def changed_constants(older: Message, newer: Message, prefix: str = "") -> list[str]:
-    """Return the constants that begin with `prefix` and have another value in `newer`, or are not in it."""
+    """Return a description of each constant with `prefix` that has another value in `newer`, or is missing there."""
     known = {constant.name: constant.value for constant in newer.constants}
     own = [each for each in older.constants if each.name not in _NO_VALUES and each.name.startswith(prefix)]
     return [
@@ -98,7 +98,7 @@ def changed_constants(older: Message, newer: Message, prefix: str = "") -> list[
 
 
 def render_header(older: Side, newer: Side, topics: tuple[str, ...], headers: Mapping[str, str]) -> str:
-    """Return the text of the header. `headers` has the texts of those that exist, by name: they may help."""
+    """Return the text of the header. `headers` has the existing ones by name: they may translate nested messages."""
     from msggen.text.environment import make_environment
 
     name, version = newer.message.name, older.message.message_version + 1
@@ -147,7 +147,7 @@ def includes(text: str, header: str) -> bool:
 
 
 def with_include(text: str, header: str) -> str:
-    """Return `text` with one include more, after the last of its kind that comes before it by name."""
+    """Return `text` with an include of `header`, sorted by name and version among those of its kind."""
     found = list(_INCLUDE.finditer(text))
     before = [include.end() for include in found if _by_version(include[1]) < _by_version(header)]
     others = [include.end() for include in _ANY_INCLUDE.finditer(text)]
@@ -162,9 +162,9 @@ def with_include(text: str, header: str) -> str:
 
 
 def with_archived(text: str, message: Message) -> str:
-    """Return the text of a header with `message`, the current version so far, replaced by its archived form.
+    """Return the text of a header with the current version of `message` replaced by its archived version.
 
-    A header that knows both forms translates between them, and stays as it is.
+    A header that names the archived version already translates from it to the current one, and is returned unchanged.
     """
     old = archived_name(message)
     if re.search(rf"\bpx4_msgs_old::msg::{old}\b", text):
@@ -176,7 +176,7 @@ def with_archived(text: str, message: Message) -> str:
 
 
 def _by_version(header: str) -> tuple[str, int]:
-    """Version 10 comes after version 9."""
+    """Return a sort key by which version 10 comes after version 9."""
     name, _, version = header.removesuffix(".h").rpartition("_v")
     return (name, int(version)) if version.isdecimal() else (header, 0)
 
@@ -186,7 +186,7 @@ def _camel_case(topic: str) -> str:
 
 
 class _Copy:
-    """Writes the statements that set one message from another. `used` has the translators that they call."""
+    """A writer of the statements that set one message from another. `used` has the translators that they call."""
 
     def __init__(self, source: Side, target: Side, translators: Mapping[str, Translator], function: str) -> None:
         self.source, self.target = source, target
@@ -195,7 +195,7 @@ class _Copy:
         self.used: set[Translator] = set()
 
     def lines(self, source: Message, target: Message, at: str, to: str, depth: int = 0) -> Iterator[str]:
-        """Yield the statements that set the message called `to` from the one called `at`: every field of it."""
+        """Yield the statements that set every field of the message called `to` from the one called `at`."""
         known = {field.name: field for field in source.fields}
         renamed = _renamed(source.fields, target.fields)
         versions = (source, target) if self.source.age == "older" else (target, source)
@@ -233,10 +233,10 @@ class _Copy:
             yield "}"
 
     def _set_nested(self, name: str, at: str, to: str, depth: int) -> Iterator[str]:
-        """Leave it to the translation of the nested message if there is one; else set it field by field.
+        """Yield a call of the translator of the nested message if there is one, else set it field by field.
 
-        An archived message and a current one are different types in C++, whatever their fields; a message of another
-        package is the same in both.
+        An archived and a current version are different types in C++, even with the same fields. A message of another
+        package has the same type on both sides.
         """
         if name in self.translators:
             self.used.add(self.translators[name])
@@ -248,9 +248,9 @@ class _Copy:
 
 
 def _default(type_: FieldType, place: str) -> str:
-    """Return what a field is set to that nothing is known about.
+    """Return the C++ expression for the zero value of a field.
 
-    ROS 2 makes the constructors of messages explicit, so that braces alone are no message.
+    It names the type of a message, because ROS 2 makes the constructors of messages explicit.
     """
     zero = PRIMITIVES[type_.name].cpp_zero if type_.is_primitive else ""
     if not zero:
@@ -259,7 +259,7 @@ def _default(type_: FieldType, place: str) -> str:
 
 
 def _renamed(source: tuple[Field, ...], target: tuple[Field, ...]) -> dict[str, str]:
-    """Return what new fields may have been called: one of the same type that is gone, after the same neighbour."""
+    """Return the probable old name of new fields: a removed field of the same type after the same neighbour."""
     gone = _between(source, {field.name for field in target})
     found: dict[str, str] = {}
     for neighbour, fields in _between(target, {field.name for field in source}).items():
@@ -272,7 +272,7 @@ def _renamed(source: tuple[Field, ...], target: tuple[Field, ...]) -> dict[str, 
 
 
 def _between(fields: Iterable[Field], carried: set[str]) -> dict[str, list[Field]]:
-    """Return the fields that are not `carried` over, by the last one before them that is."""
+    """Group the fields that are not in `carried` by the last field before them that is."""
     found: dict[str, list[Field]] = {}
     neighbour = ""
     for field in fields:

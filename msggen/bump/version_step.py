@@ -1,4 +1,4 @@
-"""What is known before a message gets a new version: both definitions, and what the tree has of earlier ones."""
+"""The inputs for a new version of a message: the old and the new definition, and the archive of the tree."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from msggen.firmware.history import VERSIONED, read_history
 from msggen.firmware.tree import Folder, Tree
 from msggen.model import VERSION, Catalog, Message
 
-AS_IT_STANDS = "the file as it stands, for there is no git repository"
-"""Where the old definition is read without a repository."""
+CURRENT_FILE = "the current file (no git repository)"
+"""The label of the old definitions if there is no repository: the files in their current state."""
 
 CONSTANT = re.compile(rf"^([ \t]*\w+[ \t]+{VERSION}[ \t]*=[ \t]*)([^\s#]+)", re.MULTILINE)
-"""The line of MESSAGE_VERSION, up to its value."""
+"""The line of MESSAGE_VERSION: in two groups, the text before its value, and the value."""
 
 
 class Previous(NamedTuple):
-    """Where the old definitions are, what to call it, and the option that names it."""
+    """The tree of the old definitions, its name for the user, and the option that selects it."""
 
     tree: Tree
     label: str
@@ -28,7 +28,11 @@ class Previous(NamedTuple):
 
 
 class VersionStep:
-    """The step from the message `old`, as it was in the tree `previous`, to `new`, and what there is to know for it."""
+    """The step from the message `old`, of the tree `previous`, to the message `new`, of the tree `tree`.
+
+    `nested` has the old definitions of all messages that `old` nests, by name. `options` are the options that a command
+    on the same tree needs.
+    """
 
     def __init__(self, tree: Folder, catalog: Catalog, previous: Previous, old: Definition, new: Message) -> None:
         self.tree = tree
@@ -48,14 +52,14 @@ class VersionStep:
 
     @property
     def path(self) -> str:
-        """The file of the message."""
+        """The path of the message in the tree."""
         return f"{VERSIONED}/{self.new.name}.msg"
 
     def text(self, path: str) -> str:
-        """Return a text as it stands, whatever its encoding: it is written back so."""
+        """Return the text of a file. Bytes that are not UTF-8 are kept when the text is written back."""
         return self.tree.read(path).decode("utf-8", "surrogateescape")
 
 
 def fields_of(message: Message) -> list[tuple[str, str]]:
-    """Return type and name of each field."""
+    """Return the type and the name of each field."""
     return [(str(field.type), field.name) for field in message.fields]

@@ -1,4 +1,4 @@
-"""Carries out a bump: writes the files of the plan, each whole or not at all, in its order."""
+"""The writing of a bump: the files of the plan, in its order, each whole or not at all."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from msggen.location import Location
 
 
 def bump(firmware: str, name: str, against: str | None) -> Edits:
-    """Bump the version of the message `name` in the tree `firmware`. Return what was done.
+    """Bump the version of the message `name` in the tree `firmware`. Return the edits that were made.
 
-    Runs on the same tree wait for each other. Raises InputError, or OSError if a file cannot be written: nothing is
-    changed then.
+    `against` is as for `plan_bump`. Runs on the same tree wait for each other. Raises InputError, or OSError if a file
+    cannot be written; nothing is changed then.
     """
     with locked(firmware) if os.path.isdir(firmware) else nullcontext():
         plan = plan_bump(firmware, name, against)
@@ -31,11 +31,11 @@ def bump(firmware: str, name: str, against: str | None) -> Edits:
 
 
 def _target(firmware: str, change: Change) -> str:
-    """Return the file to write, with symbolic links resolved. Raises InputError if it is outside of the firmware."""
+    """Return the path to write to, with symbolic links resolved. Raises InputError if it is outside the firmware."""
     path = Folder(firmware).place(change.name)
     target, root = os.path.realpath(path), os.path.realpath(firmware)
     if os.path.commonpath([target, root]) != root:
-        raise input_error(path, "B106", f"leads to {target}, outside of the firmware: nothing is written there", 0)
+        raise input_error(path, "B106", f"leads to {target}, outside of the firmware: replace the symbolic link", 0)
     return target
 
 
@@ -44,10 +44,9 @@ def _read_only(firmware: str, targets: Collection[str]) -> Iterator[Diagnostic]:
     root = os.path.realpath(firmware)
     for path in {*filter(os.path.lexists, targets), *map(_existing_folder, targets)}:
         if not is_writable(path):
-            what = "folder" if os.path.isdir(path) else "file"
+            kind = "folder" if os.path.isdir(path) else "file"
             name = os.path.normpath(Folder(firmware).place(os.path.relpath(path, root)))
-            text = f"the {what} is read-only, and is to be changed: make it writable"
-            yield Diagnostic(Location(name, 0), "S114", text)
+            yield Diagnostic(Location(name, 0), "S114", f"the {kind} is read-only: make it writable")
 
 
 def _existing_folder(path: str) -> str:

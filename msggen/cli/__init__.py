@@ -38,10 +38,10 @@ _MODULES = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line, by default that of this process; return the exit code."""
+    """Run msggen with `arguments`, by default those of this process, and return the exit code."""
     if arguments is None:
-        gc.disable()  # there are few cycles, and collecting them takes longer than it is worth
-        atexit.register(gc.freeze)  # so that Python does not collect when it ends either
+        gc.disable()  # there are few cycles, and collecting them costs more than it frees
+        atexit.register(gc.freeze)  # so that Python does not collect at exit either
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # the terminal may not be able to show every name
@@ -56,14 +56,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as error:
         with suppress(BrokenPipeError):
             print_notices(error.notices)
-            print_errors(error.diagnostics, "nothing written" if options.writes else "cannot tell")
+            print_errors(error.diagnostics, ", nothing written" if options.writes else "")
             print_annotations(error.diagnostics, options)
             return FAILED
-        _say_no_more()
+        _discard_output()
         return FAILED
     except BrokenPipeError:
-        _say_no_more()
-        return DONE if writes(options) else FINDINGS  # a command that writes has done so before it prints
+        _discard_output()
+        return DONE if writes(options) else FINDINGS  # commands that write do so before they print
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         print(f"msggen: {place}{error.strerror or error}", file=sys.stderr)
@@ -79,8 +79,8 @@ def _run(options: argparse.Namespace) -> int:
     return code
 
 
-def _say_no_more() -> None:
-    """Discard what is left to print: the reader has closed the pipe."""
+def _discard_output() -> None:
+    """Discard the remaining output, because the reader has closed the pipe."""
     sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - it is open until the process ends
 
 
@@ -90,11 +90,11 @@ class _Formatter(argparse.HelpFormatter):
     def add_argument(self, action: argparse.Action) -> None:
         super().add_argument(action)
         if action.nargs == argparse.PARSER:
-            self._action_max_length += 2  # argparse forgets that commands are indented
+            self._action_max_length += 2  # argparse ignores the indentation of commands
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that suggests the nearest choice, also among commands."""
+    """A parser that suggests the nearest choice of an option or a command."""
 
     def __init__(self, **about: Any) -> None:
         width = terminal_width(80) - 2  # once, because argparse makes a formatter for each option
@@ -112,7 +112,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Return the parser of the command that `words` begin with, or else of all: each takes time to make."""
+    """Return a parser of the command that `words` start with, or else of all commands.
+
+    Each command takes time to add.
+    """
     parser = _Parser(
         prog="msggen",
         description="Generate Python types, CDR codecs and a topic registry from PX4's message definitions, and keep "

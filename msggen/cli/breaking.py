@@ -15,7 +15,7 @@ from msggen.cli.options import (
     add_output_format,
     add_shared,
     add_sources,
-    given,
+    non_empty,
 )
 from msggen.cli.printing import print_report
 from msggen.cli.sources import board_of, sources_of
@@ -52,7 +52,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _list(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in given(text).split(","))
+    return tuple(name.strip() for name in non_empty(text).split(","))
 
 
 def _breaking(options: argparse.Namespace) -> int:
@@ -74,7 +74,7 @@ def _breaking(options: argparse.Namespace) -> int:
 
 
 def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
-    """Return the sources as they were at --against; folders outside of that repository are read as they are."""
+    """Return the sources at the revision --against. Folders outside of that repository are read as they are."""
     from msggen.firmware.revision import kept_or_revised, revised, split_revision
 
     previous = revised(options.px4, options.against)
@@ -127,6 +127,6 @@ def _named(name: str, place: Location) -> tuple[Rule, ...]:
     found = tuple(rule for rule in named(name) if rule in BREAKING)
     if not found:
         known = [*(category.name for category in Category), *(rule.id for rule in BREAKING)]
-        text = f"only check asks '{name}'" if named(name) else f"unknown rule '{name}'{suggestion(name, known)}"
+        text = f"'{name}' is a rule of check only" if named(name) else f"unknown rule '{name}'{suggestion(name, known)}"
         raise input_error(place.path, "C104", text, *place[1:])
     return found

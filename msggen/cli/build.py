@@ -17,7 +17,7 @@ from msggen.cli.options import (
     add_command,
     add_shared,
     add_sources,
-    given,
+    non_empty,
     writes,
 )
 from msggen.cli.printing import print_change, print_notices
@@ -31,7 +31,7 @@ from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
 _FEW = 10
-"""The most stale files that are named without `--verbose`."""
+"""The largest number of stale files that are listed without `--verbose`."""
 
 
 def add_to(commands: Commands) -> None:
@@ -54,7 +54,9 @@ def add_to(commands: Commands) -> None:
     )
     output = build.add_argument_group("output")
     add_shared(output, "-o, --output")
-    output.add_argument("--package", metavar="NAME", type=given, help="name of the Python package (default: px4_types)")
+    output.add_argument(
+        "--package", metavar="NAME", type=non_empty, help="name of the Python package (default: px4_types)"
+    )
     add_shared(output, "--check", "--diff", "--depfile", "--list-outputs")
     verbosity = build.add_mutually_exclusive_group()
     add_shared(verbosity, "-q, --quiet")
@@ -84,7 +86,7 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _prepare(options: argparse.Namespace, settings: Settings) -> tuple[Build, Sources]:
-    """Merge the command line with the settings; the command line wins."""
+    """Return the build and its sources. Options take precedence over settings."""
     package = settings.package or "px4_types" if options.package is None else options.package
     if not (package.isidentifier() and package.isascii()) or keyword.iskeyword(package):
         place = settings.place("package") if options.package is None else Location("--package", 0)
@@ -99,7 +101,7 @@ def _prepare(options: argparse.Namespace, settings: Settings) -> tuple[Build, So
 
 
 def _report(outcome: Outcome, label: str, seconds: float, *, write: bool, verbose: bool) -> Iterator[str]:
-    """Yield lines that say what was done, or without `write` what would be done."""
+    """Yield lines that report the changes made, or without `write` the changes to make."""
     plan = outcome.plan
     if plan is None or not plan.is_stale:
         yield f"{os.path.basename(outcome.folder)} from {label}: {outcome.summary}"

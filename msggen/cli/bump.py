@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from msggen.cli.options import DONE, FINDINGS, WRITING_CODES, Commands, add_command, add_shared, given, writes
+from msggen.cli.options import DONE, FINDINGS, WRITING_CODES, Commands, add_command, add_shared, non_empty, writes
 from msggen.cli.printing import print_diff
 from msggen.cli.sources import check_setting
 from msggen.settings import read_settings
@@ -31,7 +31,7 @@ def add_to(commands: Commands) -> None:
         epilog=WRITING_CODES,
     )
     parser.add_argument(
-        "message", metavar="MSG", type=given, help="name of the message, such as VehicleStatus, or its file"
+        "message", metavar="MSG", type=non_empty, help="name of the message, such as VehicleStatus, or its file"
     )
     add_shared(parser, "--px4", "--against", "--check", "--diff", "-q, --quiet")
 
@@ -55,10 +55,10 @@ def _bump(options: argparse.Namespace) -> int:
 
 def _report(plan: Edits, *, write: bool) -> Iterator[str]:
     verbs = ("created", "changed") if write else ("to create:", "to change:")
-    yield f"{plan.message}: version {plan.version} to {plan.version + 1}, the old one from {plan.against}"
+    yield f"{plan.message}: version {plan.version} to {plan.version + 1}, old definition from {plan.against}"
     for change in plan.changes:
         yield f"  {verbs[change.before is not None]} {change.name}"
     if not plan.changes:
-        yield "  nothing to do, all files are there"
-    yield "what is left:"
-    yield from (f"  {line}" for line in plan.left)
+        yield "  up to date, all files exist"
+    yield "left to do:"
+    yield from (f"  {line}" for line in plan.remaining)

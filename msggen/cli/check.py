@@ -12,7 +12,7 @@ from msggen.cli.options import (
     add_output_format,
     add_shared,
     add_sources,
-    given,
+    non_empty,
 )
 from msggen.cli.printing import print_report
 from msggen.cli.sources import board_of, firmware_of, is_strict
@@ -33,8 +33,8 @@ def add_to(commands: Commands) -> None:
         epilog="Exit codes: 0 no findings, 1 findings, 2 usage, input or I/O error. Sources can be set in "
         "[tool.msggen] of pyproject.toml.",
     )
-    parser.add_argument("side", metavar="PKG", type=given, help="source to check, such as a px4_msgs package")
-    parser.add_argument("other", metavar="B", type=given, nargs="?", help="source to check against the first one")
+    parser.add_argument("side", metavar="PKG", type=non_empty, help="source to check, such as a px4_msgs package")
+    parser.add_argument("other", metavar="B", type=non_empty, nargs="?", help="source to check against the first one")
     add_sources(parser, "--board")
     add_shared(parser, "--topics-only")
     add_output_format(parser)
@@ -56,12 +56,11 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _first_of_two(options: argparse.Namespace) -> Sources:
-    """Return the side that the other is compared with; --msg-dir may name further packages, which both nest."""
+    """Return the first side. `--msg-dir` may only name other packages, which both sides nest."""
     sources = find_sources(options.side, tuple(options.msg_dir or ()), options.topics, options.release)
     sources = with_board(sources, board_of(options, Settings()))
     sources = sources._replace(strict=is_strict(options, read_settings(".")))
     files = (*sources.messages, *sources.services)
     if options.px4 or any(file.tree is not sources.root and not file.package for file in files):
-        text = "two sides need no --px4, and --msg-dir only for other packages"
-        options.parser.error(f"{text}: the first is what the second is judged by")
+        options.parser.error("with two sides, --px4 is not allowed and --msg-dir may only name other packages")
     return sources

@@ -1,4 +1,4 @@
-"""Commands and their options. Options that several commands share are declared here, once."""
+"""Helpers that declare commands and options, and the options that several commands share."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 from msggen.firmware.embedded import EMBEDDED
 
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001 - argparse names no other
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001 - argparse has no public name
 Group: TypeAlias = "argparse._ActionsContainer"  # noqa: SLF001 - likewise, for parsers and groups of options
 
 DONE, FINDINGS, FAILED = 0, 1, 2
@@ -23,47 +23,47 @@ SOURCE_KINDS = (
 )
 
 
-def given(text: str) -> str:
-    """Refuse an empty value: an unset variable in a script must not mean the default."""
+def non_empty(text: str) -> str:
+    """Return `text`. Raise ArgumentTypeError if it is empty, as an unset variable in a script is."""
     if not text:
-        raise argparse.ArgumentTypeError("expected a value, found an empty text")
+        raise argparse.ArgumentTypeError("expected a value, found an empty string")
     return text
 
 
 SHARED: Mapping[str, Mapping[str, Any]] = {
-    "--px4": {"metavar": "PATH", "type": given, "help": "firmware, such as a PX4-Autopilot tree"},
+    "--px4": {"metavar": "PATH", "type": non_empty, "help": "firmware, such as a PX4-Autopilot tree"},
     "--msg-dir": {
         "metavar": "[PKG=]DIR",
-        "type": given,
+        "type": non_empty,
         "action": "append",
-        "help": "folder of further messages: of external modules, or of another ROS package; repeatable",
+        "help": "folder of more messages: of external modules, or of another ROS package; repeatable",
     },
     "--topics": {
         "metavar": "FILE",
-        "type": given,
+        "type": non_empty,
         "help": "dds_topics.yaml (default: the one of the firmware)",
     },
     "--release": {
         "metavar": "RELEASE",
-        "type": given,
-        "help": f"release whose conventions hold: {EMBEDDED[-1]} to {EMBEDDED[0]}, main (default: the firmware's own)",
+        "type": non_empty,
+        "help": f"release whose conventions apply: {EMBEDDED[-1]} to {EMBEDDED[0]}, main (default: the firmware's own)",
     },
     "--strict": {"action": argparse.BooleanOptionalAction, "help": "treat warnings as errors"},
     "--board": {
         "metavar": "NAME|FILE",
-        "type": given,
+        "type": non_empty,
         "help": "board, such as px4_sitl_default, or .px4board file: leave out messages that it does not build",
     },
     "--against": {
         "metavar": "REF|DIR",
-        "type": given,
+        "type": non_empty,
         "help": "previous definitions: a revision of the firmware's repository, or another source",
     },
     "--topics-only": {
         "action": "store_true",
         "help": "take only the messages that cross the bridge, the messages that they nest, and the services",
     },
-    "-o, --output": {"metavar": "DIR", "type": given, "help": "folder to write to"},
+    "-o, --output": {"metavar": "DIR", "type": non_empty, "help": "folder to write to"},
     "--check": {
         "old": "--dry-run",
         "action": "store_true",
@@ -75,7 +75,7 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
     },
     "--depfile": {
         "metavar": "FILE",
-        "type": given,
+        "type": non_empty,
         "help": "write a Makefile rule that lists all inputs, for CMake and Ninja",
     },
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
@@ -87,21 +87,21 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
 def add_command(
     commands: Commands, name: str, run: Callable[[argparse.Namespace], int], *, writes: bool = False, **about: Any
 ) -> argparse.ArgumentParser:
-    """Return the parser of a new command `name`, which calls `run`; `writes` tells whether it may write files."""
+    """Return the parser of a new command `name`, which calls `run`. `writes` is True if it may write files."""
     parser = commands.add_parser(name, **about)
-    known = parser._option_string_actions  # noqa: SLF001 - no other way
+    known = parser._option_string_actions  # noqa: SLF001 - argparse has no public name
     parser.set_defaults(run=run, parser=parser, known=known, writes=writes)
     return parser
 
 
 def add_shared(group: Group, *names: str, **more: Any) -> None:
-    """Add options of `SHARED` by their keys; `more` is what this command alone asks of them."""
+    """Add options of `SHARED` by their keys, with further arguments of this command in `more`."""
     for name in names:
         add_option(group, *name.split(", "), **SHARED[name], **more)
 
 
 def add_option(group: Group, *names: str, old: str = "", **about: Any) -> None:
-    """Add an option, and its `old` spelling, which the help does not show."""
+    """Add an option, and its `old` spelling, which the help does not list."""
     action = group.add_argument(*names, **about)
     if old:
         hidden = {"dest": action.dest, "default": argparse.SUPPRESS, "help": argparse.SUPPRESS}
@@ -109,14 +109,14 @@ def add_option(group: Group, *names: str, old: str = "", **about: Any) -> None:
 
 
 def add_sources(parser: argparse.ArgumentParser, *further: str) -> argparse._ArgumentGroup:
-    """Add the options that name definitions, and `further` ones of `SHARED`; return their group."""
+    """Add the options that name sources, and `further` options of `SHARED`. Return their group."""
     group = parser.add_argument_group("sources", f"A source is {SOURCE_KINDS}.")
     add_shared(group, "--px4", "--msg-dir", "--topics", "--release", "--strict", *further)
     return group
 
 
 def add_output_format(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of how findings are shown."""
+    """Add the option that selects the format of findings."""
     from msggen.report import FORMATS
 
     text = f"{', '.join(FORMATS)} (default: {FORMATS[0]})"
@@ -124,5 +124,5 @@ def add_output_format(parser: argparse.ArgumentParser) -> None:
 
 
 def writes(options: argparse.Namespace) -> bool:
-    """Whether the command is to write, not only to tell what would change."""
+    """Whether the command writes files: not if --check or --diff is given."""
     return options.writes and not any(getattr(options, name, False) for name in ("check", "diff"))

@@ -1,4 +1,4 @@
-"""What the commands print: reports, patches, errors, warnings and notes."""
+"""Output of the commands: reports, patches, errors, warnings and notes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WIDTH_OF_A_LOG = 120
 
 
 def print_report(report: Report, options: argparse.Namespace) -> None:
-    """Print `report` in the format that the options name, and its warnings and notes to stderr."""
+    """Print `report` in the format of the options, and its warnings and notes to stderr."""
     from msggen.report import render
 
     print_notices(report.notices)
@@ -26,7 +26,7 @@ def print_report(report: Report, options: argparse.Namespace) -> None:
 
 
 def print_annotations(errors: Sequence[Diagnostic], options: argparse.Namespace) -> None:
-    """Print `errors` to stdout as annotations if the options ask for the format of GitHub."""
+    """Print `errors` to stdout as annotations if the output format is that of GitHub."""
     if getattr(options, "output_format", None) == "github":
         from msggen.report.github import write_errors
 
@@ -34,19 +34,19 @@ def print_annotations(errors: Sequence[Diagnostic], options: argparse.Namespace)
 
 
 def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:
-    """Print the change of a file as a patch; None stands for no file."""
+    """Print the change of a file as a patch. None stands for a missing file."""
     from difflib import unified_diff
     from io import StringIO
 
     old, new = (StringIO((data or b"").decode(errors="replace"), newline="\n").readlines() for data in (before, after))
     source, target = ("/dev/null" if data is None else path for data in (before, after))
     for line in unified_diff(old, new, source, target):
-        whole = line if line.endswith("\n") else f"{line}\n\\ no line end here\n"
+        whole = line if line.endswith("\n") else f"{line}\n\\ no newline at end of file\n"
         sys.stdout.write(whole)
 
 
 def print_change(path: str, text: str | None) -> None:
-    """Print the change of the file at `path` to `text` as a patch; None removes the file."""
+    """Print the change of the file at `path` to `text` as a patch. None stands for a removed file."""
     before = None
     with suppress(OSError), open(path, "rb") as stream:
         before = stream.read()
@@ -54,10 +54,10 @@ def print_change(path: str, text: str | None) -> None:
 
 
 def print_errors(errors: Sequence[Diagnostic], outcome: str) -> None:
-    """Print `errors`, their number and the `outcome` of the run to stderr."""
+    """Print `errors` to stderr, then their number followed by `outcome`."""
     for found in errors:
         _print_diagnostic(found, "", 31)
-    print(f"{counted(len(errors), 'error')}, {outcome}", file=sys.stderr)
+    print(f"{counted(len(errors), 'error')}{outcome}", file=sys.stderr)
 
 
 def print_notices(notices: Iterable[Diagnostic], *, quiet: bool = False) -> None:
@@ -70,7 +70,7 @@ def print_notices(notices: Iterable[Diagnostic], *, quiet: bool = False) -> None
 
 
 def _print_diagnostic(found: Diagnostic, word: str, colour: int) -> None:
-    """Print a line to stderr, `word` before its message, its code in a `colour` of the terminal."""
+    """Print a line to stderr, with `word` before its message, and its code in `colour` in a terminal."""
     place, code, message = found
     if sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
         print(f"\033[1m{place}\033[0m: \033[{colour}m{code}\033[0m {word}{message}", file=sys.stderr)
@@ -84,7 +84,7 @@ def width() -> int:
 
 
 def terminal_width(otherwise: int) -> int:
-    """Return the columns of the terminal as shutil finds them; importing shutil takes longer than asking."""
+    """Return the columns of the terminal, or `otherwise`, as shutil does. Importing shutil is slow."""
     with suppress(KeyError, ValueError):
         columns = int(os.environ["COLUMNS"])
         if columns > 0:

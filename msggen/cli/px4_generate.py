@@ -1,11 +1,11 @@
-"""`msggen px4-generate`: do what the firmware's generator scripts do, with its own templates."""
+"""`msggen px4-generate`: run the firmware's own templates in place of its generator scripts."""
 
 from __future__ import annotations
 
 import argparse
 import os
 
-from msggen.cli.options import DONE, Commands, add_command, given
+from msggen.cli.options import DONE, Commands, add_command, non_empty
 
 
 def add_to(commands: Commands) -> None:
@@ -34,30 +34,39 @@ def _add_messages(parser: argparse.ArgumentParser) -> None:
         ("--uorb-idl-header", "headers for Cyclone DDS"),
     ):
         kind.add_argument(option, dest="kind", action="store_const", const=option, help=text)
-    messages.add_argument("-f", dest="file", metavar="FILE", type=given, nargs="+", help=".msg files")
+    messages.add_argument("-f", dest="file", metavar="FILE", type=non_empty, nargs="+", help=".msg files")
     messages.add_argument(
-        "-i", dest="include_paths", metavar="DIR", type=given, nargs="*", help="folders of the messages that they nest"
+        "-i",
+        dest="include_paths",
+        metavar="DIR",
+        type=non_empty,
+        nargs="*",
+        help="folders of the messages that they nest",
     )
-    messages.add_argument("-o", dest="outputdir", metavar="DIR", type=given, help="folder to write to")
-    messages.add_argument("-e", dest="templatedir", metavar="DIR", type=given, help="folder of templates")
+    messages.add_argument("-o", dest="outputdir", metavar="DIR", type=non_empty, help="folder to write to")
+    messages.add_argument("-e", dest="templatedir", metavar="DIR", type=non_empty, help="folder of templates")
     messages.add_argument(
-        "-k", dest="package", metavar="NAME", type=given, default="px4", help="package name (default: px4)"
+        "-k", dest="package", metavar="NAME", type=non_empty, default="px4", help="package name (default: px4)"
     )
     messages.add_argument("-p", dest="prefix", metavar="PREFIX", help="accepted and ignored, as by the script")
 
 
 def _add_bridge(parser: argparse.ArgumentParser) -> None:
     bridge = parser.add_argument_group("bridge (generate_dds_topics.py)")
-    bridge.add_argument("-y", "--dds-topics-file", dest="yaml_file", metavar="FILE", type=given, help="dds_topics.yaml")
-    bridge.add_argument("-t", "--template_file", metavar="FILE", type=given, help="template file")
-    bridge.add_argument("-u", "--client-outdir", dest="clientdir", metavar="DIR", type=given, help="folder to write to")
+    bridge.add_argument(
+        "-y", "--dds-topics-file", dest="yaml_file", metavar="FILE", type=non_empty, help="dds_topics.yaml"
+    )
+    bridge.add_argument("-t", "--template_file", metavar="FILE", type=non_empty, help="template file")
+    bridge.add_argument(
+        "-u", "--client-outdir", dest="clientdir", metavar="DIR", type=non_empty, help="folder to write to"
+    )
     bridge.add_argument("-m", "--topic-msg-dir", metavar="DIR", help="accepted and ignored: an option of older scripts")
 
 
 def _generate(options: argparse.Namespace) -> int:
     wants_bridge = any((options.yaml_file, options.template_file, options.clientdir))
     if wants_bridge and (options.kind or options.file):
-        options.parser.error("messages and the bridge are made by two runs: give the options of one of them")
+        options.parser.error("options for messages and for the bridge cannot be combined: use two runs")
     folder, files = _bridge(options) if wants_bridge else _messages(options)
     from msggen.disk.staging import write_if_changed
 

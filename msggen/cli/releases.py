@@ -32,7 +32,7 @@ def _releases(_: argparse.Namespace) -> int:
 
 
 def _counts(release: str) -> tuple[int, ...]:
-    """Return the numbers below the headings."""
+    """Return the numbers of messages, services, topics and endpoints of a release."""
     from msggen.firmware.catalog import read_catalog
     from msggen.firmware.embedded import PREFIX
     from msggen.firmware.sources import find_sources

@@ -14,7 +14,7 @@ from msggen.cli.options import (
     add_command,
     add_shared,
     add_sources,
-    given,
+    non_empty,
     writes,
 )
 from msggen.cli.printing import print_change, print_notices
@@ -27,7 +27,7 @@ from msggen.render import THINGS
 from msggen.settings import read_settings
 
 _FEW = 10
-"""The most stale files that are named."""
+"""The largest number of stale files that are listed."""
 
 
 def add_to(commands: Commands) -> None:
@@ -43,7 +43,9 @@ def add_to(commands: Commands) -> None:
         epilog=f"{WRITING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
     )
     template = parser.add_argument_group("template")
-    template.add_argument("--template", metavar="FILE", type=given, required=True, help="template file, *.j2 or *.em")
+    template.add_argument(
+        "--template", metavar="FILE", type=non_empty, required=True, help="template file, *.j2 or *.em"
+    )
     template.add_argument(
         "--each", choices=THINGS, default="message", metavar="THING", help=f"{', '.join(THINGS)} (default: message)"
     )
@@ -53,7 +55,7 @@ def add_to(commands: Commands) -> None:
     output.add_argument(
         "--name",
         metavar="PATTERN",
-        type=given,
+        type=non_empty,
         help="name of each file, in Jinja2, such as '{{ message.name }}.h' (default: "
         "'{{ message.name | snake_case }}' and the suffix of the template before .j2 or .em)",
     )
@@ -91,15 +93,15 @@ def _render(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace, stale: Sequence[str], number: int, label: str) -> Iterator[str]:
-    """Yield lines that say what was done, or with `--check` or `--diff` what would be done."""
+    """Yield lines that report the changes made, or with `--check` or `--diff` the changes to make."""
     write = writes(options)
     if not write:
         yield from (f"to write: {os.path.join(options.output, name)}" for name in stale[:_FEW])
         if len(stale) > _FEW:
             yield f"... and {len(stale) - _FEW} more"
     else:
-        what = "" if options.each == "catalog" else f": {counted(number, options.each)}"
-        yield f"{os.path.basename(options.template)} from {label}{what}"
+        count = "" if options.each == "catalog" else f": {counted(number, options.each)}"
+        yield f"{os.path.basename(options.template)} from {label}{count}"
     if not stale:
         yield f"{options.output} is up to date, {counted(number, 'file')}"
     elif write:

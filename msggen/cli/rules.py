@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from msggen.cli.options import DONE, Commands, add_command, given
+from msggen.cli.options import DONE, Commands, add_command, non_empty
 from msggen.cli.printing import colour, width
 from msggen.diagnostics import CODES, input_error, suggestion
 
@@ -26,7 +26,7 @@ def add_to(commands: Commands) -> None:
         description="Explain a rule with its purpose and an example, or a category of rules, or an error code.",
     )
     explain.add_argument(
-        "rule", metavar="RULE", type=given, help="rule, category or error code, such as FIELD_MOVED, WIRE or M301"
+        "rule", metavar="RULE", type=non_empty, help="rule, category or error code, such as FIELD_MOVED, WIRE or M301"
     )
 
 

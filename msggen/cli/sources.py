@@ -1,4 +1,4 @@
-"""Definitions that a command reads, named by its options or by the settings."""
+"""The sources of a command, named by its options or by the settings."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from msggen.settings import Settings
 
 
 def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
-    """Return the sources that the options name, or else the settings, or else the newest embedded release.
+    """Return the sources that the options or else the settings name, by default the newest embedded release.
 
-    Raises InputError for paths that do not exist; a path of the settings is reported at its setting.
+    Raises InputError for paths that do not exist. A path in the settings is reported with the location of its setting.
     """
     errors = [*_missing(options, settings)]
     if errors:
@@ -34,17 +34,17 @@ def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
 
 
 def firmware_of(options: argparse.Namespace, settings: Settings) -> Sources:
-    """Return the sources as `sources_of` does. Raises InputError also where none of them has messages of uORB."""
+    """Return the sources as `sources_of` does. Also raises InputError if none of them has messages of uORB."""
     sources = sources_of(options, settings)
     if not sources.has_own:
         place = Location("--msg-dir", 0) if options.msg_dir else settings.place("msg-dir")
-        text = "only other packages than the firmware's are named: name the firmware with --px4 or the setting px4"
+        text = "no definitions of the firmware, only of other packages: name the firmware with --px4 or the setting px4"
         raise input_error(place.path, "S102", text, *place[1:])
     return sources
 
 
 def board_of(options: argparse.Namespace, settings: Settings, *, optional: bool = False) -> BoardOption | None:
-    """Return the board that the options name, or else the settings; None for a command without `--board`."""
+    """Return the board that the options or else the settings name, or None for a command without `--board`."""
     if "board" not in options:
         return None
     if options.board:
@@ -59,7 +59,7 @@ def is_strict(options: argparse.Namespace, settings: Settings) -> bool:
 
 
 def check_setting(options: argparse.Namespace, settings: Settings) -> None:
-    """Raise InputError where the setting px4 is used and its path does not exist."""
+    """Raise InputError if the setting px4 is used and its path does not exist."""
     errors = [*_missing_folder(settings.px4, settings, "px4")] if settings.px4 and not options.px4 else ()
     if errors:
         raise InputError(errors)
@@ -68,7 +68,7 @@ def check_setting(options: argparse.Namespace, settings: Settings) -> None:
 def _missing(options: argparse.Namespace, settings: Settings) -> Iterator[Diagnostic]:
     """Yield an error for each path that does not exist.
 
-    `breaking` sets the option px4 from the setting, so the values are compared to find the place.
+    `breaking` copies the setting px4 into the option, so the values are compared to find the location.
     """
     for path in filter(None, [options.px4 or settings.px4]):
         yield from _missing_folder(path, settings, "px4" if path == settings.px4 else None)
@@ -83,7 +83,7 @@ def _missing(options: argparse.Namespace, settings: Settings) -> Iterator[Diagno
 
 
 def _missing_folder(path: str, settings: Settings, key: str | None) -> Iterator[Diagnostic]:
-    """Yield an error where `path`, of the setting `key` if any, is neither a path nor a revision of a folder."""
+    """Yield an error if `path` is neither a path nor a revision of a folder. `key` is its setting, or None."""
     if os.path.exists(path):
         return
     if names_release(path):

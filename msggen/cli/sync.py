@@ -1,4 +1,4 @@
-"""`msggen sync`: bring a ROS 2 package in step with the firmware."""
+"""`msggen sync`: update a ROS 2 package from the firmware."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from msggen.cli.options import (
     add_option,
     add_shared,
     add_sources,
-    given,
+    non_empty,
     writes,
 )
 from msggen.cli.printing import print_diff, print_notices
@@ -32,7 +32,7 @@ _VERBS = {True: ("added", "changed", "removed"), False: ("to add", "to change", 
 """Verbs for changes, by whether they were written."""
 
 _MANY = 20
-"""The most changes of comments alone that are listed one by one."""
+"""The largest number of changes of only comments, or only white space, that are listed one by one."""
 
 
 def add_to(commands: Commands) -> None:
@@ -43,21 +43,21 @@ def add_to(commands: Commands) -> None:
         _sync,
         writes=True,
         help="bring a ROS 2 package such as px4_msgs up to date",
-        description="Copy the definitions of the firmware into msg/ and srv/ of a ROS 2 package. Definitions of your "
-        "own, and all other files of the package, stay as they are. Without a source, only a new package can be made, "
-        "from the newest embedded release.",
+        description="Copy the definitions of the firmware into msg/ and srv/ of a ROS 2 package. Your own definitions "
+        "and all other files of the package are not changed. Without a source, only a new package can be created, from "
+        "the newest embedded release.",
         epilog=f"{WRITING_CODES} Sources and ros-package can be set in [tool.msggen] of pyproject.toml.",
     )
-    parser.add_argument("target", metavar="PKG", type=given, help="folder of the package")
+    parser.add_argument("target", metavar="PKG", type=non_empty, help="folder of the package")
     add_sources(parser)
     package = parser.add_argument_group("package")
-    package.add_argument("--create", action="store_true", help="create the package if there is none")
+    package.add_argument("--create", action="store_true", help="create the package if it does not exist")
     add_option(
         package,
         "--ros-package",
         old="--package",
         metavar="NAME",
-        type=given,
+        type=non_empty,
         help="name of the ROS package (default: px4_msgs)",
     )
     add_shared(package, "--topics-only", "--check", "--diff")
@@ -68,8 +68,8 @@ def _sync(options: argparse.Namespace) -> int:
     settings = read_settings(".")
     is_named = options.px4 or options.msg_dir or settings.px4 or settings.msg_dir
     if not is_named and os.path.lexists(os.path.join(options.target, "package.xml")):
-        text = "name the firmware with --px4 or the setting px4"
-        options.parser.error(f"{text}: '{options.target}' exists, the embedded set is for a new package only")
+        text = "the embedded definitions are only for a new package"
+        options.parser.error(f"'{options.target}' exists, and {text}: name the firmware with --px4 or the setting px4")
     sources = firmware_of(options, settings)
     from msggen.sync.contents import read_contents
     from msggen.sync.run import sync
@@ -89,7 +89,7 @@ def _sync(options: argparse.Namespace) -> int:
 
 
 def _request(options: argparse.Namespace, settings: Settings) -> Request:
-    """Return the package that the options name, or else the settings."""
+    """Return the package that the options or else the settings name."""
     from msggen.model import DEFAULT_PACKAGE
     from msggen.sync.target import Request
 
@@ -99,39 +99,39 @@ def _request(options: argparse.Namespace, settings: Settings) -> Request:
 
 
 def _summary(plan: SyncPlan, label: str, *, write: bool) -> str:
-    """Return a line that says what was done, or without `write` what would be done."""
+    """Return the line that summarizes the changes made, or without `write` the changes to make."""
     target = plan.target
     path = target.name if os.path.normpath(target.path) == os.curdir else target.path
     if not plan.is_stale:
-        return f"{path} is in step with {label}: {len(plan.unchanged)} definitions"
+        return f"{path} is up to date with {label}: {len(plan.unchanged)} definitions"
     if target.is_new:
         name = "" if os.path.basename(target.folder) == target.name else f"package {target.name}, "
-        return f"{path} {'made' if write else 'would be made'} from {label}: {name}{len(plan.files)} definitions"
+        return f"{path} {'created' if write else 'would be created'} from {label}: {name}{len(plan.files)} definitions"
     names = (plan.added, (*plan.changed, *plan.scaffold), plan.removed, plan.unchanged, plan.left_alone)
-    verbs = (*_VERBS[write], "unchanged", "left alone")
+    verbs = (*_VERBS[write], "unchanged", "kept")
     counts = ", ".join(f"{len(each)} {verb}" for each, verb in zip(names, verbs, strict=True) if each)
-    return f"{path} {'from' if write else 'is out of step with'} {label}: {counts}"
+    return f"{path} {'updated from' if write else 'differs from'} {label}: {counts}"
 
 
 def _print_list(plan: SyncPlan, definitions: PackageContents, *, write: bool) -> None:
-    """Print the changes one by one, each with the topics that carry the message."""
+    """Print each change, with the topics that carry the message."""
     from msggen.sync.change import COMMENTS, WHITE_SPACE, describe_change
 
     added, changed, removed = (verb.ljust(len(_VERBS[write][1])) for verb in _VERBS[write])
     how = {name: describe_change(name, plan.before[name], plan.files[name]) for name in plan.changed}
-    numbers = {what: list(how.values()).count(what) for what in (COMMENTS, WHITE_SPACE)}
-    folded = {what: number for what, number in numbers.items() if number > _MANY}
+    numbers = {change: list(how.values()).count(change) for change in (COMMENTS, WHITE_SPACE)}
+    folded = {change: number for change, number in numbers.items() if number > _MANY}
     listed = [(added, name) for name in plan.added]
     listed += [(changed, name) for name in plan.changed if how[name] not in folded]
     listed += [(changed, name) for name in plan.scaffold]
-    for what, number in folded.items():
-        listed.append((changed, f"{number} definitions: {what}"))
+    for change, number in folded.items():
+        listed.append((changed, f"{number} definitions: {change}"))
     listed += [(removed, name) for name in plan.removed]
     for verb, name in listed:
         about = "; ".join(filter(None, (how.get(name), " ".join(definitions.topics.get(name, ())))))
         print(f"{verb} {name}{': ' if about else ''}{about}")
     if plan.left_alone:
-        print(f"left alone, not the firmware's: {', '.join(plan.left_alone)}")
+        print(f"kept, not in the firmware: {', '.join(plan.left_alone)}")
 
 
 def _print_diffs(plan: SyncPlan) -> None:

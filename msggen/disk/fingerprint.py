@@ -1,4 +1,4 @@
-"""The fingerprint of the last build of a package, by which the next one finds that there is nothing to do.
+"""The fingerprint of the last build of a package. If it matches, the next build has nothing to do.
 
 It is in `.msggen_cache`, which git ignores: it changes with every input, so it would conflict in every merge. A package
 without it, such as a fresh clone, is rendered once and compared with the files on disk.
@@ -19,7 +19,7 @@ _NAME = "fingerprint.json"
 class Fingerprint(NamedTuple):
     """The inputs and outputs of a build, as digests, and its summary.
 
-    With `has_warnings` the definitions are read again even if there is nothing to do, to repeat the warnings.
+    If `has_warnings` is set, the next build reads the definitions again to repeat the warnings.
     """
 
     inputs: str
@@ -28,9 +28,9 @@ class Fingerprint(NamedTuple):
     has_warnings: bool = False
 
     def matches(self, folder: str, record: Record, inputs: str) -> bool:
-        """Whether `folder` has what was built from `inputs`: the files of `record`, as they were written.
+        """Whether `folder` has the files of `record` unchanged, and they were built from `inputs`.
 
-        The record counts too: it is another one after a merge, and while a run that may be killed replaces files.
+        The record itself must match too: it differs after a merge, and after a kill while files were being replaced.
         """
         if (self.inputs, self.outputs) != (inputs, digest_record(record)):
             return False
@@ -46,7 +46,7 @@ def digest_record(record: Record) -> str:
 
 
 def read_fingerprint(folder: str) -> Fingerprint:
-    """Return the fingerprint in `folder`, or NO_FINGERPRINT if there is none that can be read."""
+    """Return the fingerprint in `folder`, or NO_FINGERPRINT if it is missing or invalid."""
     try:
         with open(os.path.join(folder, CACHE, _NAME), "rb") as stream:
             stored = json.loads(stream.read())
@@ -57,7 +57,7 @@ def read_fingerprint(folder: str) -> Fingerprint:
 
 
 def write_fingerprint(folder: str, fingerprint: Fingerprint) -> None:
-    """Write the fingerprint into `folder` if possible: a package that cannot be written may still be up to date."""
+    """Write the fingerprint into `folder`, or do nothing if the folder is read-only."""
     cache = os.path.join(folder, CACHE)
     if os.path.islink(cache):
         return

@@ -1,4 +1,4 @@
-"""Calls of git. The program is called, because it knows every format of a repository."""
+"""Calls of the program git, which knows every format of a repository."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _OWN_REPOSITORY = {
     "GIT_SHALLOW_FILE",
     "GIT_WORK_TREE",
 }
-"""Variables that git sets for a hook (`git rev-parse --local-env-vars`); each call would use its repository."""
+"""Variables that git sets for a hook (`git rev-parse --local-env-vars`). With them, git would use that repository."""
 
 
 class GitError(Exception):
@@ -41,7 +41,7 @@ def git(folder: str, *arguments: str, stdin: bytes = b"") -> bytes:
 
 
 def is_in_repository(folder: str) -> bool:
-    """Whether the folder is in a repository. Git is not called, because it may fail for other reasons."""
+    """Whether the folder is in a repository. This does not call git, which may fail for other reasons."""
     here = os.path.realpath(folder)
     while not os.path.lexists(os.path.join(here, ".git")):
         here, below = os.path.dirname(here), here
@@ -62,7 +62,7 @@ def is_revision(folder: str, revision: str) -> bool:
 def commit_of(folder: str, revision: str) -> str:
     """Return the full hash of the commit that `revision` names. Raises GitError."""
     if not revision or revision.startswith("-") or "\0" in revision:
-        raise GitError(f"{revision!r} is no name of a revision")
+        raise GitError(f"{revision!r} is not a valid name of a revision")
     try:
         found = git(folder, "rev-parse", "--verify", "--quiet", revision).decode().strip()
         return git(folder, "rev-parse", "--verify", "--quiet", f"{found}^{{commit}}").decode().strip()
@@ -72,7 +72,7 @@ def commit_of(folder: str, revision: str) -> str:
 
 
 def revisions(folder: str) -> list[str]:
-    """Return the names of branches and tags, or none if there is no repository."""
+    """Return the names of branches and tags, or [] if there is no repository."""
     try:
         return git(folder, "for-each-ref", "--format=%(refname:short)").decode(errors="replace").split()
     except GitError:

@@ -1,4 +1,4 @@
-"""Bringing the files in a folder up to date: only those that differ, and none that msggen did not write."""
+"""The update of the files in a folder: only files that differ are written, and only files of msggen are replaced."""
 
 import os
 from collections.abc import Collection, Mapping
@@ -10,7 +10,7 @@ from msggen.disk.staging import STAGE, clear, locked, make_folder, written_aside
 
 
 class OutputPlan(NamedTuple):
-    """The changes that a run would make in a folder. `edited` are obsolete files that someone edited: they stay."""
+    """The changes that a run makes in a folder. `edited` are obsolete files that the user edited, which are kept."""
 
     folder: str
     files: Mapping[str, str]
@@ -20,12 +20,12 @@ class OutputPlan(NamedTuple):
 
     @property
     def is_stale(self) -> bool:
-        """Whether a file is to be written or removed."""
+        """Whether the plan writes or removes a file."""
         return bool(self.written or self.removed)
 
 
 class ForeignFileError(Exception):
-    """A file that msggen did not write is in the place of one that it is to write."""
+    """A file to write exists already, and msggen did not write it."""
 
     def __init__(self, path: str) -> None:
         super().__init__(path)
@@ -33,7 +33,7 @@ class ForeignFileError(Exception):
 
 
 def plan_output(folder: str, files: Mapping[str, str], record: Record) -> OutputPlan:
-    """Compare `files`, texts by name, with those in `folder`.
+    """Return the changes that make `folder` contain `files`, texts by name.
 
     Raises ForeignFileError if a file to be replaced is not in `record`.
     """
@@ -48,11 +48,13 @@ def plan_output(folder: str, files: Mapping[str, str], record: Record) -> Output
 
 
 def write_output(folder: str, files: Mapping[str, str]) -> tuple[OutputPlan, Record]:
-    """Write `files`, and remove those that only an earlier run wrote. Return what was done, and the new record.
+    """Write `files`, and remove the other files of earlier runs. Return the changes and the new record.
 
-    All files are written aside first, then a record of old and new files, then they are moved into place: a run that
-    is killed leaves only whole files, and the next one recognises them and finishes. Runs on the same folder wait for
-    each other. Raises ForeignFileError, or OSError if the folder cannot be written; nothing is changed then.
+    All files are written to a staging folder, then a record of old and new files is written, then the files are moved
+    into place. After a kill all files are therefore whole, and the next run recognises them and finishes. Runs on the
+    same folder wait for each other.
+
+    Raises ForeignFileError, or OSError if the folder cannot be written; nothing is changed then.
     """
     os.makedirs(folder, exist_ok=True)
     with locked(folder):
@@ -73,15 +75,15 @@ def write_output(folder: str, files: Mapping[str, str]) -> tuple[OutputPlan, Rec
 
 
 def stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the names of those `files`, texts by name, that are missing in `folder` or differ there."""
+    """Return the names of the `files`, texts by name, that are missing in `folder` or differ there."""
     return tuple(name for name, text in files.items() if digest_of(folder, name) != digest(text.encode()))
 
 
 def write_stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
-    """Write those `files` that are missing in `folder` or differ there, whoever wrote them. Return their names.
+    """Write the `files` that are missing in `folder` or differ there, whoever wrote those. Return their names.
 
-    All are written aside before the first is moved into place. Runs on the same folder wait for each other.
-    Raises OSError if the folder cannot be written; nothing is changed then.
+    All are written to a staging folder before the first is moved into place. Runs on the same folder wait for each
+    other. Raises OSError if the folder cannot be written; nothing is changed then.
     """
     os.makedirs(folder, exist_ok=True)
     with locked(folder):
@@ -92,7 +94,7 @@ def write_stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _write(folder: str, texts: Mapping[str, str], during: Record | None = None) -> None:
-    """Write files aside, then the record `during`, then move the files into place."""
+    """Write files to a staging folder, then the record `during`, then move the files into place."""
     files = {os.path.join(folder, name): text.encode() for name, text in texts.items()}
     with written_aside(files, os.path.join(folder, STAGE)) as move_into_place:
         if during:
@@ -101,14 +103,14 @@ def _write(folder: str, texts: Mapping[str, str], during: Record | None = None) 
 
 
 def _obsolete(folder: str, files: Collection[str], record: Record) -> list[str]:
-    """Return the names of the recorded files that are none of `files`, without those in folders that are links."""
+    """Return the names of recorded files that are not in `files`, except in folders that are symbolic links."""
     root = os.path.realpath(folder)
     homes = {name: os.path.dirname(os.path.join(root, name)) for name in record.files if name not in files}
     return [name for name, home in homes.items() if os.path.realpath(home) == home]
 
 
 def _remove(folder: str, names: Collection[str]) -> None:
-    """Remove files, including those that a killed run has removed already, and folders that become empty."""
+    """Remove files and the folders that become empty. A killed run may have removed some already."""
     for name in names:
         with suppress(FileNotFoundError):
             os.unlink(os.path.join(folder, name))

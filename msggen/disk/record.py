@@ -1,8 +1,8 @@
 """The record of the files that msggen wrote into a folder: `.msggen.json`, with a digest of each file.
 
-A later run recognises its own files by it. It is committed with the files, so it holds nothing that would conflict when
-two branches are merged: only digests, each on a line of its own between the names of files. Records of earlier releases
-of msggen hold more, which is ignored.
+A later run uses it to recognise msggen's files. It is committed with the files, so it holds nothing that conflicts when
+two branches are merged: only digests, each on its own line between the names of files. Further keys, as in records of
+earlier releases of msggen, are ignored.
 """
 
 import json
@@ -19,14 +19,14 @@ RECORD_NAME = ".msggen.json"
 _SAFE_NAME = re.compile(r"(?:[A-Za-z0-9_]+/)*[A-Za-z0-9_.]*[A-Za-z0-9_]")
 _CONFLICT = b"\n<<<<<<< "
 _LAYOUT = (",", ":\n   ")
-"""Puts each digest on a line of its own, so that changes of two neighbouring files never touch in a merge."""
+"""Separators that put each digest on its own line, so that changes of neighbouring files do not conflict in a merge."""
 
 
 class Record(NamedTuple):
     """Digests by file name. While files are being replaced, a name may have two, separated by a space.
 
-    `scaffold` is a digest of the inputs of package.xml and the like, in a ROS package. It changes only if the README
-    does, which names the firmware's commit.
+    `scaffold` is a digest of the inputs of package.xml, CMakeLists.txt and README.md in a ROS package. It changes only
+    with the README, which names the firmware's commit.
     """
 
     files: Mapping[str, str]
@@ -51,7 +51,7 @@ def digest_of(folder: str, name: str) -> str | None:
 
 
 def read_record(folder: str) -> Record:
-    """Return the record in `folder`, or an empty one if there is none that can be read."""
+    """Return the record in `folder`, or an empty one if it is missing or invalid."""
     try:
         with open(os.path.join(folder, RECORD_NAME), "rb") as stream:
             return parse_record(stream.read())
@@ -60,7 +60,7 @@ def read_record(folder: str) -> Record:
 
 
 def parse_record(data: bytes) -> Record:
-    """Return the record that `data` is the text of, or an empty one if it cannot be read."""
+    """Return the record in `data`, or an empty one if it is invalid."""
     try:
         stored = json.loads(_first_side(data) if _CONFLICT in data else data)
         files = {name: str(value) for name, value in stored["files"].items() if _SAFE_NAME.fullmatch(name)}
@@ -75,7 +75,7 @@ def _first_side(data: bytes) -> bytes:
 
 
 def write_record(folder: str, record: Record) -> None:
-    """Replace the record in `folder`, unless it is the same already. Raises OSError."""
+    """Write the record into `folder` if it differs. Raises OSError."""
     scaffold = {"scaffold": record.scaffold} if record.scaffold else {}
     stored = {**scaffold, "files": dict(sorted(record.files.items()))}
     write_if_changed(os.path.join(folder, RECORD_NAME), json.dumps(stored, indent=1, separators=_LAYOUT) + "\n")

@@ -13,7 +13,7 @@ def resource(name: str) -> str:
 
 
 def embedded_root() -> str:
-    """Return the folder with the newest embedded release, and the others in `releases/`."""
+    """Return the folder of the newest embedded release. The others are in its `releases/`."""
     root = _root("embedded")
     return os.path.join(root, "embedded") if root == _PACKAGE else root
 

@@ -1,6 +1,6 @@
-"""Writing files: aside first, then moved into place, so that each file is replaced whole or not at all.
+"""Atomic writing: a file is written under another name first and then renamed, so it is replaced whole or not at all.
 
-Whatever happens, what was written aside is removed. After a kill, the next run removes it.
+Temporary files and folders are always removed; after a kill, the next run removes them.
 """
 
 import errno
@@ -10,10 +10,10 @@ from contextlib import contextmanager, suppress
 from functools import partial
 
 STAGE = ".msggen-stage"
-"""The name of a folder in which files are written aside."""
+"""The name of a staging folder, in which files are written first."""
 
 _ASIDE = ".msggen-new"
-"""The suffix of a file that is written aside without a folder. No build system picks up files of this name."""
+"""The suffix of a temporary file next to its place. No build system picks up files with it."""
 
 _WRITE_BITS = 0o222
 
@@ -22,12 +22,13 @@ _WRITE_BITS = 0o222
 def written_aside(
     files: Mapping[str, bytes], stage: str = "", *, keep_modes: bool = False
 ) -> Iterator[Callable[[], None]]:
-    """Write `files`, bytes by path, aside, and yield a function that moves them into place in this order.
+    """Write `files`, bytes by path, to temporary files, and yield a function that moves them into place in this order.
 
-    They are written into the folder `stage`, or without one next to their places. A killed run leaves them there: the
-    next run with the same `stage` removes them. With `keep_modes` a file keeps the permissions of the one it replaces.
+    The temporary files are in the folder `stage` or, if it is empty, next to their places. After a kill they remain,
+    and the next run with the same `stage` removes them. With `keep_modes`, a file keeps the permissions of the one that
+    it replaces.
 
-    Raises OSError; PermissionError if a file cannot be created in the folder that it belongs to.
+    Raises OSError, and PermissionError if a file cannot be created in its folder.
     """
     for folder in sorted({os.path.dirname(path) for path in files}):
         make_folder(folder)
@@ -41,7 +42,7 @@ def written_aside(
 
 
 def write_if_changed(path: str, text: str) -> None:
-    """Replace the file at `path`, unless it has this text already. Raises OSError."""
+    """Write `text` to `path` if the file differs. Raises OSError."""
     data = os.fsencode(text)
     with suppress(OSError), open(path, "rb") as stream:
         if stream.read() == data:
@@ -52,7 +53,7 @@ def write_if_changed(path: str, text: str) -> None:
 
 @contextmanager
 def staging_folder(path: str) -> Iterator[None]:
-    """Create an empty folder at `path` to write aside in, and remove it at the end."""
+    """Create an empty staging folder at `path`, and remove it at the end."""
     clear(path)
     os.mkdir(path)
     try:
@@ -62,23 +63,23 @@ def staging_folder(path: str) -> Iterator[None]:
 
 
 def clear(stage: str) -> None:
-    """Remove a folder in which this run, or one that was killed, wrote aside."""
+    """Remove a staging folder, of this run or of one that was killed."""
     if os.path.isdir(stage) and not os.path.islink(stage):
         import shutil
 
         for folder, _, _ in os.walk(stage):
-            os.chmod(folder, 0o700)  # a folder built after a read-only one of the user's has its mode
+            os.chmod(folder, 0o700)  # a copy of a read-only folder is read-only too
         shutil.rmtree(stage)
 
 
 def write_file(path: str, data: bytes) -> None:
-    """Write `data` to `path`, which is in a staging folder or is itself aside."""
+    """Write `data` to the temporary file `path`."""
     with open(path, "wb") as stream:
         stream.write(data)
 
 
 def make_folder(path: str) -> None:
-    """Create the folder `path` unless it exists. Raises PermissionError if no file can be created in it."""
+    """Create the folder `path` if it is missing. Raises PermissionError if no file can be created in it."""
     path = path or os.curdir
     os.makedirs(path, exist_ok=True)
     if not os.access(path, os.W_OK | os.X_OK):
@@ -86,14 +87,14 @@ def make_folder(path: str) -> None:
 
 
 def is_writable(path: str) -> bool:
-    """Whether the file or folder may be changed. Without a write bit it may not, even by root."""
+    """Whether the file or folder may be changed: never without a write bit, even by root."""
     needed = os.W_OK | os.X_OK if os.path.isdir(path) else os.W_OK
     return bool(os.stat(path).st_mode & _WRITE_BITS) and os.access(path, needed)
 
 
 @contextmanager
 def locked(folder: str) -> Iterator[None]:
-    """Hold an exclusive lock on the folder, where the system has `flock`. The lock ends with the process."""
+    """Hold an exclusive lock on the folder if the system has `flock`. The lock ends with the process."""
     try:
         from fcntl import LOCK_EX, flock
     except ImportError:

@@ -1,4 +1,4 @@
-"""Replacing whole folders: each in a single step, with hard links to the files that stay."""
+"""The replacement of whole folders, each in a single step, with hard links to the files that do not change."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
 
 def mirror(source: str, copy: str, without: Collection[str] = ()) -> None:
-    """Create the folder `copy` with everything that is in `source`, except some of its files.
+    """Create the folder `copy` with everything in the folder `source` except the names in `without`.
 
-    The files are hard links where the system allows it, so they keep their inode and date.
+    The files are hard links if the system allows it, so they keep their inode and date.
     """
     import shutil
 
@@ -35,12 +35,12 @@ def mirror(source: str, copy: str, without: Collection[str] = ()) -> None:
 
 
 def swap_folders(folders: Mapping[str, str]) -> list[str]:
-    """Put new folders, by the path of the current one, in place: all or none.
+    """Replace current folders by new ones, all or none. `folders` has the new folders by the path of the current one.
 
-    Return the current folders that the system cannot swap. A current folder is removed if the new one is empty, and
-    need not exist. Raises OSError.
+    Return the current folders that the system cannot swap. A current folder may be missing, and is removed if the new
+    one is empty. Raises OSError.
 
-    Nothing is done between two swaps, so that a kill between them is unlikely.
+    Two swaps follow each other directly, so that a kill between them is unlikely.
     """
     steps = {current: _step(built, current) for current, built in folders.items()}
     remaining = list(steps)
@@ -63,7 +63,7 @@ class _FolderSwap(NamedTuple):
 
 
 def _step(built: str, current: str) -> _FolderSwap:
-    """Return the step that puts the folder `built` in the place of `current`."""
+    """Return the step that replaces the folder `current` by `built`."""
     if not os.listdir(built):
         return _FolderSwap(partial(os.rename, current, f"{built}.old"), partial(os.rename, f"{built}.old", current))
     if not os.path.lexists(current):
@@ -94,7 +94,7 @@ def _exchange(renameat2: Any, one: bytes, other: bytes) -> None:
 
 
 def _renameat2() -> Any:
-    """Return the function of the C library, or None on systems without it."""
+    """Return the C function renameat2, or None on systems without it."""
     if sys.platform != "linux":
         return None
     import ctypes

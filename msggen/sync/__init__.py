@@ -1,5 +1,6 @@
-"""A ROS 2 package of the firmware's definitions, such as px4_msgs, kept in step with the firmware.
+"""The `sync` command: updates a ROS 2 package of definitions, such as px4_msgs, from the firmware.
 
-`contents` says what belongs into it, `scaffold` what else a package needs, `plan` what there is to do,
-`guard` why it must not be done, and `write` does it, all or nothing; `run` goes through them.
+`target` finds the package, `contents` reads the firmware's definitions, `scaffold` renders the other files of a
+package, `plan` computes the changes, `guard` checks that they are safe, and `write` makes them, all or none.
+`run` calls these steps in order; `change` describes a change to the user.
 """

@@ -1,4 +1,4 @@
-"""In what two texts of a definition differ, said in a word or two."""
+"""Short descriptions of the difference between two texts of a definition."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from msggen.parse.definition import parse_message, parse_service
 from msggen.parse.text import decode_text
 
 COMMENTS, WHITE_SPACE = "only comments", "only white space"
-"""What is said where the code of a definition stays the same."""
+"""Descriptions of a change that affects no field, constant, topic or tag."""
 
 
 def describe_change(name: str, before: bytes | None, after: bytes) -> str:
-    """Return what changed in the definition `name`: "fields", say, or COMMENTS; "" where that cannot be told.
+    """Return what changed in the definition `name`, such as "fields, topics" or COMMENTS.
 
-    A tag that means something else now, such as a unit, is no mere comment: it is named, with both texts.
+    A tag whose meaning changed, such as a unit, is named with its old and its new text. Return "" if there is no old
+    text, or if one of the texts has errors.
     """
     if before is None:
         return ""
@@ -47,7 +48,7 @@ def _tag_changes(old: Message, new: Message) -> Iterator[str]:
 
 
 def read_halves(path: str, data: bytes, package: str) -> list[Message]:
-    """Return the message of a file, or request and response of a service; nothing where it is not clear."""
+    """Return the message in a file, or the request and response of a service. Return [] if the text has errors."""
     text, unclean = decode_text(data, path)
     stem, suffix = os.path.splitext(os.path.basename(path))
     if suffix == ".msg":

@@ -1,4 +1,4 @@
-"""What belongs into a package: the firmware's definitions byte for byte, and which topics of the bridge carry them."""
+"""The contents of a package: the firmware's definitions, byte for byte, and the endpoints that carry them."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from msggen.location import Location
 from msggen.model import Catalog, Field, Message
 
 _OF_BOARDS = ("M407",)
-"""Notes that do not matter here: a package has the messages of all boards."""
+"""Notes about boards. They are left out, because a package has the messages of all boards."""
 
 
 class PackageContents(NamedTuple):
-    """`files` by their name in the package, such as `msg/VehicleStatus.msg`.
+    """The `files` of a package, by their names in it, such as `msg/VehicleStatus.msg`.
 
-    `topics` has the ROS names of the endpoints that carry each of them, by itself or nested at any depth;
-    `topics_only` says whether there are no others. `dependencies` are the packages whose messages they nest, each with
-    the first place where they do.
+    `topics` has, by file, the ROS names of the endpoints that carry the message, directly or nested at any depth.
+    `topics_only` is True if messages that no endpoint carries are left out. `dependencies` are the packages whose
+    messages the files nest, each with the location of the first such field.
     """
 
     files: Mapping[str, bytes]
@@ -35,10 +35,10 @@ class PackageContents(NamedTuple):
 
 
 def read_contents(sources: Sources, package: str, *, topics_only: bool) -> PackageContents:
-    """Return the definitions of `sources` as the ROS package `package` has them: `versioned/` goes, all lie flat.
+    """Return the definitions of `sources` for the ROS package `package`, those of `versioned/` among the others.
 
-    With `topics_only` those that cross the bridge, the services, and what they nest. Raises InputError with
-    everything that is wrong in the files.
+    With `topics_only`, return only the messages that cross the bridge, the services, and the messages that these nest.
+    Raises InputError with all errors in the files.
     """
     contents = read_files(sources)
     catalog = read_catalog(sources, contents, bridged_names(sources) if topics_only else None)
@@ -68,7 +68,7 @@ def _flat(folder: str, file: File) -> str:
 
 
 def _spelled_types(messages: Iterable[Message]) -> Iterator[tuple[str, Field]]:
-    """Yield the fields whose types are spelled with a package, each with that."""
+    """Yield each field whose type is spelled with a package, and the name of that package."""
     for message in messages:
         for field in message.fields:
             if field.type.package:
@@ -76,13 +76,16 @@ def _spelled_types(messages: Iterable[Message]) -> Iterator[tuple[str, Field]]:
 
 
 def _misnamed(spelled: Iterable[tuple[str, Field]], catalog: Catalog, package: str) -> Iterator[Diagnostic]:
-    """Spelled with its package, a type is found only in a package of that name."""
+    """Yield an error for each type spelled with a package that is not the one of the message in ROS.
+
+    The firmware's own messages are in `catalog.package` here, but in `package` in ROS.
+    """
     for name, field in spelled:
         if name != package and name == catalog.package:
             text = f"unknown type '{field.type.base}': the package is named '{package}', write '{field.type.name}'"
             yield Diagnostic(field.location, "M301", text)
         elif name == package and name != catalog.package:
-            text = f"unknown type '{field.type.base}': '{package}' is the package to be written, and has none"
+            text = f"unknown type '{field.type.base}': the package to write, '{package}', does not have it"
             yield Diagnostic(field.location, "M301", text)
 
 

@@ -1,4 +1,4 @@
-"""Checks that a plan can be carried out, before anything is written."""
+"""Checks of a plan, before anything is written."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _IGNORED = "!!"
 def find_errors(plan: SyncPlan, dependencies: Mapping[str, Location]) -> list[Diagnostic]:
     """Return the errors of `plan`, whose definitions nest messages of the packages `dependencies`.
 
-    Raises InputError if git cannot say what is committed.
+    Raises InputError if the git status cannot be read.
     """
     if plan.target.is_new:
         return [*_no_place(plan)]
@@ -40,40 +40,41 @@ def _no_place(plan: SyncPlan) -> Iterator[Diagnostic]:
         parent = os.path.dirname(parent)
     for name, path in ((".", target.folder), ("..", parent)):
         if os.path.exists(path) and not is_writable(path):
-            yield _error(plan, name, "S114", "the folder is read-only, and is to have a new package: make it writable")
+            yield _error(plan, name, "S114", "the folder is read-only: make it writable to create the package")
 
 
 def _bad_links(plan: SyncPlan) -> Iterator[Diagnostic]:
-    """Yield an error for each symbolic link that leads out of the package: sync changes nothing outside."""
+    """Yield an error for each symbolic link out of the package, because sync changes nothing outside of it."""
     target = plan.target
     inside = os.path.join(target.folder, "")
     names = [kind for kind in KINDS if os.path.islink(os.path.join(target.folder, kind))]
     outside = [name for name in names if not os.path.realpath(os.path.join(target.folder, name)).startswith(inside)]
     for name in (*plan.changed, *plan.removed, *plan.unchanged):
         path = os.path.join(target.folder, name)
-        is_in_such_a_folder = name.split("/")[0] in outside
-        if os.path.islink(path) and not is_in_such_a_folder and not os.path.realpath(path).startswith(inside):
+        is_reported = name.split("/")[0] in outside
+        if os.path.islink(path) and not is_reported and not os.path.realpath(path).startswith(inside):
             outside.append(name)
     for name in outside:
-        leads = os.readlink(os.path.join(target.folder, name))
-        yield _error(plan, name, "S115", f"a symbolic link out of the package, to {leads}: put a real one in its place")
+        aim = os.readlink(os.path.join(target.folder, name))
+        kind = "folder" if name in KINDS else "file"
+        yield _error(plan, name, "S115", f"symbolic link out of the package, to {aim}: replace it with a {kind}")
 
 
 def _no_folders(plan: SyncPlan) -> Iterator[Diagnostic]:
     for kind in KINDS:
         path = os.path.join(plan.target.folder, kind)
         if os.path.lexists(path) and not os.path.isdir(path):
-            yield _error(plan, kind, "S104", "not a folder: move it, definitions are to be put there")
+            yield _error(plan, kind, "S104", "expected a folder for definitions, found something else: move it")
 
 
 def _no_files(plan: SyncPlan) -> Iterator[Diagnostic]:
     for name in (*plan.changed, *plan.removed):
         if os.path.isdir(os.path.join(plan.target.folder, name)):
-            yield _error(plan, name, "S104", "a folder, where a definition is to be: move it")
+            yield _error(plan, name, "S104", "expected a definition, found a folder: move it")
 
 
 def _other_cases(plan: SyncPlan) -> Iterator[Diagnostic]:
-    """Yield an error for each name that differs from a new one only in case: ROS takes them as one."""
+    """Yield an error for each name that differs from a new one only in case, because ROS cannot tell them apart."""
     wanted = {name.lower(): name for name in plan.files}
     for kind in KINDS:
         for base in entries(plan.target.folder, kind):
@@ -86,12 +87,12 @@ def _other_cases(plan: SyncPlan) -> Iterator[Diagnostic]:
 
 
 def _read_only(plan: SyncPlan) -> list[Diagnostic]:
-    """Return an error for each read-only file and folder to be changed, even for root; one error if they are many."""
+    """Return an error for each read-only file or folder that would change, even for root, or one error for many."""
     found = [*_each_read_only(plan)]
     if len(found) <= _FEW:
         return found
     text = (
-        f"{len(found)} files and folders are read-only, and are to be changed: chmod -R u+w {quote(plan.target.path)}"
+        f"{len(found)} files and folders are read-only: make them writable with chmod -R u+w {quote(plan.target.path)}"
     )
     return [_error(plan, ".", "S114", text)]
 
@@ -103,8 +104,8 @@ def _each_read_only(plan: SyncPlan) -> Iterator[Diagnostic]:
         if not os.path.exists(path) or (os.path.islink(path) and not os.path.isdir(path)):
             continue
         if not is_writable(path):
-            what = "the folder" if os.path.isdir(path) else "the file"
-            yield _error(plan, name, "S114", f"{what} is read-only, and is to be changed: make it writable")
+            kind = "folder" if os.path.isdir(path) else "file"
+            yield _error(plan, name, "S114", f"the {kind} is read-only: make it writable")
 
 
 def _losses(plan: SyncPlan) -> Iterator[Diagnostic]:
@@ -117,32 +118,30 @@ def _losses(plan: SyncPlan) -> Iterator[Diagnostic]:
         real = os.path.relpath(os.path.realpath(os.path.join(plan.target.folder, name)), plan.target.folder)
         state = states.get(real) if states is not None else None
         if state == _IGNORED and plan.known.files:
-            text = "is not as msggen wrote it, and git ignores it, so nothing has it: move it, or delete it"
+            text = "git ignores this file, and msggen did not write its content, which would be lost: move or delete it"
             yield _error(plan, name, "S113", text)
         elif state not in (None, _IGNORED):
-            yield _error(plan, name, "S113", "has changes that are not committed: commit or stash them")
+            yield _error(plan, name, "S113", "has uncommitted changes: commit or stash them")
         elif states is None and plan.known.files and name not in plan.known.files:
             yield _error(
-                plan, name, "S104", "msggen did not write this file, and the firmware has one of this name: move it"
+                plan, name, "S104", "the firmware has a definition of this name, msggen did not write this one: move it"
             )
 
 
 def _orphans(plan: SyncPlan) -> Iterator[Diagnostic]:
-    """Yield an error for each definition that stays and nests one to be removed."""
+    """Yield an error for each definition of the user that nests a message to be removed."""
     for name in plan.left_alone:
         path = os.path.normpath(plan.target.place(name))
         for half in read_halves(path, plan.before[name] or b"", plan.target.name):
             for field in half.fields:
                 package = field.type.package or plan.target.name
                 if package == plan.target.name and f"msg/{field.type.name}.msg" in plan.removed:
-                    text = (
-                        f"the firmware's '{field.type.name}' would be removed, so that the package could not be built"
-                    )
-                    yield Diagnostic(field.location, "M301", f"{text}: change or remove this definition first")
+                    text = f"'{field.type.name}' would be removed, and this definition nests it"
+                    yield Diagnostic(field.location, "M301", f"{text}: change or remove the definition first")
 
 
 def _missing_dependencies(plan: SyncPlan, dependencies: Mapping[str, Location]) -> Iterator[Diagnostic]:
-    """Yield an error for each nested package that a package.xml or CMakeLists.txt of the user does not name."""
+    """Yield an error for each package in `dependencies` that package.xml or CMakeLists.txt does not name."""
     remedies = {"package.xml": "<depend>{0}</depend>", "CMakeLists.txt": "find_package({0} REQUIRED), and DEPENDENCIES"}
     for name, remedy in remedies.items():
         data = plan.scaffold.get(name) or read_if_file(os.path.join(plan.target.folder, name)) or b""
@@ -154,9 +153,9 @@ def _missing_dependencies(plan: SyncPlan, dependencies: Mapping[str, Location]) 
 
 
 def _uncommitted(target: Target) -> dict[str, str] | None:
-    """Return git's status of the files of the package that differ from the last commit, such as _IGNORED.
+    """Return the git status, such as _IGNORED, of each file of the package that differs from the last commit.
 
-    Return None if no repository has the package.
+    Return None if the package is not in a repository.
     """
     from msggen.disk.git import GitError, git, is_in_repository
 
@@ -169,7 +168,7 @@ def _uncommitted(target: Target) -> dict[str, str] | None:
     except GitError as error:
         if not is_in_repository(target.folder):
             return None
-        raise input_error(target.path, "S113", f"git cannot say what is committed here: {error}", 0) from None
+        raise input_error(target.path, "S113", f"cannot read the git status: {error}", 0) from None
     return {os.fsdecode(row[3:].removeprefix(prefix)): row[:2].decode() for row in rows.split(b"\0") if row}
 
 

@@ -1,4 +1,4 @@
-"""Compares a package with the firmware and plans the changes."""
+"""The plan of a sync: the changes that make a package match the firmware."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from msggen.sync.target import KINDS, Target
 class SyncPlan(NamedTuple):
     """The changes that a sync makes. Names are relative to the package.
 
-    `files` are the definitions of the firmware, `before` those of the package, None where they cannot be read.
+    `files` are the definitions of the firmware, `before` those of the package, None for a name that is not a file.
     `left_alone` are definitions that the firmware does not have and msggen did not write. `scaffold` has the other
     files to write. `known` is the record that was found, `record` the new one.
     """
@@ -33,23 +33,23 @@ class SyncPlan(NamedTuple):
 
     @property
     def is_stale(self) -> bool:
-        """Whether anything is to be changed."""
+        """Whether the plan changes any file."""
         return bool(self.added or self.changed or self.removed or self.scaffold)
 
     @property
     def is_unfinished(self) -> bool:
-        """Whether there is a record, and it differs from the new one, as after a run that was killed."""
+        """Whether there is a record that differs from the new one, as after a run that was killed."""
         return bool(self.known.files) and self.known.files != self.record.files
 
     @property
     def folders(self) -> tuple[str, ...]:
-        """Those of the folders `msg` and `srv` in which something changes."""
+        """The folders among `msg` and `srv` in which definitions change."""
         names = (*self.added, *self.changed, *self.removed)
         return tuple(kind for kind in KINDS if any(name.startswith(f"{kind}/") for name in names))
 
     @property
     def during(self) -> Record:
-        """The record while files are replaced: each has its digest before and after."""
+        """The record while files are replaced, with the old and the new digest of each file."""
         old, new = self.known.files, self.record.files
         names = {*old, *new, *self.removed}
         digests = {name: [*old.get(name, "").split(), *new.get(name, "").split()] for name in names}
@@ -57,9 +57,9 @@ class SyncPlan(NamedTuple):
 
 
 def make_plan(target: Target, files: Mapping[str, bytes], known: Record, scaffold: Scaffold) -> SyncPlan:
-    """Compare the package with `files`, the definitions that it is to have.
+    """Return the changes that make the package contain `files`.
 
-    A package without a record is adopted: definitions with a name that PX4 has, or once had, count as PX4's.
+    In a package without a record, definitions count as PX4's if PX4 has, or ever had, one of that name.
     """
     before = read_package(target.folder)
     owned = known.files.keys() or _names_of_px4()
@@ -81,7 +81,7 @@ def make_plan(target: Target, files: Mapping[str, bytes], known: Record, scaffol
 
 
 def read_package(folder: str) -> dict[str, bytes | None]:
-    """Return the definitions of the package in `folder`, None for those that are no files."""
+    """Return the definitions of the package in `folder`, with None for each name that is not a file."""
     found: dict[str, bytes | None] = {}
     for kind in KINDS:
         for base in entries(folder, kind):
@@ -91,7 +91,7 @@ def read_package(folder: str) -> dict[str, bytes | None]:
 
 
 def entries(folder: str, kind: str) -> list[str]:
-    """Return the names in one of the folders of the package, sorted; none if there is no such folder."""
+    """Return the sorted names in the folder `kind` of a package, or [] if it does not exist."""
     try:
         return sorted(os.listdir(os.path.join(folder, kind)))
     except (FileNotFoundError, NotADirectoryError):
@@ -99,7 +99,7 @@ def entries(folder: str, kind: str) -> list[str]:
 
 
 def read_if_file(path: str) -> bytes | None:
-    """Return the bytes of `path`, or None if it is no file."""
+    """Return the bytes of `path`, or None if it is not a file."""
     if not os.path.isfile(path):
         return None
     with open(path, "rb") as stream:
@@ -107,6 +107,6 @@ def read_if_file(path: str) -> bytes | None:
 
 
 def _names_of_px4() -> frozenset[str]:
-    """Return the name of every definition that PX4 has or once had, as in px4_msgs."""
+    """Return the name in px4_msgs of every definition that PX4 has or ever had."""
     with open(os.path.join(os.path.dirname(__file__), "names.txt"), encoding="ascii") as stream:
         return frozenset(stream.read().split())

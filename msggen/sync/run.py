@@ -1,4 +1,4 @@
-"""One sync: a ROS 2 package is brought in step with the firmware, or it is only said what that would take."""
+"""One sync of a ROS 2 package, or its plan."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from msggen.sync.write import create_package, update_package
 
 
 def sync(sources: Sources, definitions: PackageContents, request: Request, *, write: bool) -> SyncPlan:
-    """Make a package hold `definitions`, or with `write` False only return what that would take.
+    """Update a package to `definitions`, read from `sources`, and return the plan. If `write` is False, only plan.
 
-    Runs on the same package wait for each other. Raises InputError for everything that stands against it, and OSError
-    where the package cannot be written.
+    Runs on the same package wait for each other. Raises InputError with all reasons why the package must not be
+    changed, and OSError if it cannot be written.
     """
     target = open_target(request, sources)
     if target.is_new:

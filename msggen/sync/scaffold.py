@@ -1,6 +1,6 @@
 """The files of a package besides definitions: package.xml, CMakeLists.txt, and a README that names the firmware.
 
-msggen keeps them up to date until someone edits them.
+msggen updates each of them until the user edits it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NAMES = ("CMakeLists.txt", "README.md", "package.xml")
 
 
 class Scaffold(NamedTuple):
-    """The files to write, the digests to record, and one digest of what they are made from."""
+    """The files to write, the digests to record, and one digest of all inputs."""
 
     inputs: str
     digests: Mapping[str, str]
@@ -33,7 +33,8 @@ class Scaffold(NamedTuple):
 class Origin(NamedTuple):
     """The origin of the definitions, without a path of this machine.
 
-    `commit` is empty if no repository has them. `described` is the output of `git describe`, if there is a tag.
+    `commit` is empty if they are in no repository. `described` is the output of `git describe`, or empty if there is no
+    tag. `further` are the names of the other sources.
     """
 
     name: str
@@ -44,7 +45,7 @@ class Origin(NamedTuple):
 
 
 def plan_scaffold(target: Target, sources: Sources, known: Record, definitions: PackageContents) -> Scaffold:
-    """Return the changes of the files that an earlier run wrote and nobody edited, or of all in a new package."""
+    """Return the changes of all files in a new package, else of those that a run wrote and nobody edited."""
     recorded = {name: value for name, value in known.files.items() if name in NAMES}
     found = {name: digest_of(target.folder, name) or "" for name in recorded}
     own = {name: value for name, value in found.items() if value in recorded[name].split()}
@@ -65,7 +66,7 @@ def plan_scaffold(target: Target, sources: Sources, known: Record, definitions: 
 
 
 def origin_of(sources: Sources) -> Origin:
-    """Return the origin of the first of `sources`, with the names of the others that have uORB messages."""
+    """Return the origin of the first source, with the names of the others that have uORB messages or services."""
     root = sources.root
     trees = dict.fromkeys(file.tree for file in (*sources.messages, *sources.services) if not file.package)
     further = tuple(_base(tree.path) for tree in trees if tree is not None and tree is not root)
@@ -78,7 +79,7 @@ def origin_of(sources: Sources) -> Origin:
 
 
 def _origin_in_git(folder: str, revision: str | None) -> Origin:
-    """Return the commit that `folder` is at, or that `revision` names; none if git does not have the files."""
+    """Return the commit that `revision` names, by default the last one; an empty origin if git lacks the files."""
     from msggen.disk.git import GitError, commit_of, git
 
     paths = [kind for kind in KINDS if os.path.isdir(os.path.join(folder, kind))] or ["."]
@@ -104,14 +105,14 @@ def _base(path: str) -> str:
 
 
 def _options(package: str, dependencies: tuple[str, ...], *, topics_only: bool) -> str:
-    """Return the options that the next sync needs too, each followed by a space."""
+    """Return the options that the next sync has to repeat, each followed by a space."""
     folders = "".join(f"--msg-dir {dependency}={dependency} " for dependency in dependencies)
     name = "" if package == DEFAULT_PACKAGE else f"--ros-package {package} "
     return folders + name + ("--topics-only " if topics_only else "")
 
 
 def _digest_inputs(state: tuple[object, ...], digests: Mapping[str, str]) -> str:
-    """Return a digest of what the files are made from, and of the files: in a merge, both must be of one side."""
+    """Return one digest of the inputs and of the rendered files, so that a merge that mixes two sides is noticed."""
     parts = [__version__, repr(state), repr(sorted(digests.items()))]
     for name in NAMES:
         with open(os.path.join(resource("templates"), *_template(name).split("/")), encoding="utf-8") as stream:

@@ -1,4 +1,4 @@
-"""Where a package is, or is to be, and whether it can be there."""
+"""The package that a sync updates or creates, and checks of its location."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from msggen.model import DEFAULT_PACKAGE
 from msggen.parse.package_xml import package_name
 
 KINDS = ("msg", "srv")
-"""The folders of a package, and the suffixes of the definitions in them."""
+"""The folders of a package. Each is also the suffix of the definitions in it."""
 
 
 class Request(NamedTuple):
-    """The package that a user asks for: `name`, asked for at `name_place`, at `path`; with `create` it may be new."""
+    """The package that the user names: its `path`, its `name` and where that was given, and whether it may be new."""
 
     path: str
     name: str = DEFAULT_PACKAGE
@@ -35,15 +35,15 @@ class Target(NamedTuple):
     is_new: bool = False
 
     def place(self, name: str) -> str:
-        """Return what names a file of the package to the user."""
+        """Return the path of a file in the package, for messages to the user."""
         return os.path.join(self.path, *name.split("/"))
 
 
 def open_target(request: Request, sources: Sources) -> Target:
-    """Return the package that is asked for. Raises InputError where something else lies at its place."""
+    """Return the package that `request` names. Raises InputError if it is not that package, or cannot be created."""
     path, name, create, place = request
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        text = f"'{name}' is no name of a ROS package: expected lower case, digits and underscores"
+        text = f"'{name}' is not a valid name of a ROS package: expected lower case, digits and underscores"
         raise input_error(place.path, "S112", text, *place[1:])
     folder = os.path.realpath(path)
     _check_sources(path, folder, sources)
@@ -61,17 +61,17 @@ def open_target(request: Request, sources: Sources) -> Target:
 
 
 def _check_sources(path: str, folder: str, sources: Sources) -> None:
-    """The firmware is no target, nor is any folder that definitions are read from."""
+    """Raise InputError if the target is a tree of the firmware, or one of the sources."""
     if os.path.isdir(os.path.join(folder, "src", "modules")):
-        raise input_error(path, "S111", "this is a tree of the firmware: name the package that is to follow it", 0)
+        raise input_error(path, "S111", "this is a PX4-Autopilot tree: expected a ROS package such as px4_msgs", 0)
     own = tuple(os.path.join(folder, kind, "") for kind in KINDS)
     for file in (*sources.messages, *sources.services):
         if isinstance(file.tree, Folder) and os.path.realpath(file.path).startswith(own):
-            raise input_error(path, "S111", f"the package is among its own sources: {file.path}", 0)
+            raise input_error(path, "S111", f"the package is also a source: it has {file.path}", 0)
 
 
 def _check_outside(path: str, folder: str, sources: Sources) -> None:
-    """A new package has no place among definitions, in the `msg` or `srv` of a source."""
+    """Raise InputError if a new package would be inside the `msg` or `srv` of a source."""
     for file in (*sources.messages, *sources.services):
         if not isinstance(file.tree, Folder):
             continue
@@ -79,21 +79,22 @@ def _check_outside(path: str, folder: str, sources: Sources) -> None:
         home = os.path.dirname(home) if os.path.basename(home) == "versioned" else home
         real = os.path.realpath(home)
         if os.path.basename(real) in KINDS and folder.startswith(os.path.join(real, "")):
-            raise input_error(
-                path, "S111", f"this is among the definitions of a source, in {home}: choose another place", 0
-            )
+            raise input_error(path, "S111", f"this is inside {home}, a folder of a source: choose another folder", 0)
 
 
 def _check_free(path: str, folder: str, *, create: bool) -> None:
-    """Where there is no package, one can be made only in a new or empty folder, and only if that is asked for."""
+    """Raise InputError unless `create` is set and the folder is new, or empty and not the current one."""
     if os.path.lexists(folder) and not os.path.isdir(folder):
         raise input_error(path, "S111", "not a folder: expected a ROS package such as px4_msgs", 0)
     exists = os.path.isdir(folder)
     if not create:
-        what = "no package.xml here" if exists else "no such folder"
-        raise input_error(path, "S111", f"{what}: expected a ROS package such as px4_msgs, or --create to make one", 0)
+        problem = "no package.xml here" if exists else "no such folder"
+        text = f"{problem}: expected a ROS package such as px4_msgs, or --create to create one"
+        raise input_error(path, "S111", text, 0)
     if exists and os.listdir(folder):
-        raise input_error(path, "S111", "the folder is neither empty nor a ROS package: --create leaves it alone", 0)
+        raise input_error(
+            path, "S111", "--create needs a new or an empty folder: this one has files but no package.xml", 0
+        )
     if exists and os.path.samefile(folder, os.curdir):
-        text = "--create replaces an empty folder, and this is the current one: call it from outside, by its name"
+        text = "--create cannot replace the current folder: run it from another folder, with the path of this one"
         raise input_error(path, "S111", text, 0)

@@ -1,7 +1,7 @@
-"""Carries out a plan, all or nothing.
+"""The writing of a plan: all changes are made, or none.
 
-The new `msg` folder is built aside and swapped with the old one in a single step; `srv` likewise. A new package is
-built next to its place and moved there. Where a system cannot swap folders, files are replaced one by one, each whole.
+A new `msg` folder is built in a staging folder and swapped with the old one in a single step; so is `srv`. A new
+package is built next to its place and then renamed. On systems that cannot swap folders, files are replaced one by one.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ def create_package(plan: SyncPlan) -> None:
             os.makedirs(os.path.dirname(os.path.join(stage, name)), exist_ok=True)
             write_file(os.path.join(stage, name), data)
         write_record(stage, plan.record)
-        if os.name == "nt" and os.path.isdir(folder):  # elsewhere an empty folder is replaced
+        if os.name == "nt" and os.path.isdir(folder):  # other systems replace an empty folder
             os.rmdir(folder)
         os.rename(stage, folder)
 
 
 def update_package(plan: SyncPlan) -> None:
-    """Bring an existing package in step. If there is nothing to do, nothing is written.
+    """Update an existing package. Write nothing if it is up to date.
 
-    Before anything moves, the record names each file with its digest before and after: a run that is killed leaves
-    files that the next one recognises. Raises OSError; all definitions are then old, or all new.
+    Before any file is replaced, a record with the old and the new digest of each file is written, so that after a kill
+    the next run recognises them. Raises OSError; all definitions are then old, or all are new.
     """
     folder = plan.target.folder
     stage = os.path.join(folder, STAGE)
@@ -53,7 +53,7 @@ def update_package(plan: SyncPlan) -> None:
 
 
 def _build(plan: SyncPlan, kind: str, stage: str) -> None:
-    """Build the new folder `kind` in `stage`, with links to the files that stay."""
+    """Build the new folder `kind` in `stage`, with hard links to the files that do not change."""
     current, built = os.path.join(plan.target.folder, kind), os.path.join(stage, kind)
     replaced = {name.removeprefix(f"{kind}/") for name in (*plan.changed, *plan.removed)}
     if os.path.isdir(current):
@@ -78,7 +78,7 @@ def _move_into_place(plan: SyncPlan, stage: str) -> None:
 
 
 def _replace_files(plan: SyncPlan, kind: str, stage: str) -> None:
-    """Replace files one by one, without a swap: first those that are added or changed, then remove the others."""
+    """Replace the added and changed files one by one, then remove the others, on systems that cannot swap folders."""
     folder = plan.target.folder
     os.makedirs(os.path.join(folder, kind), exist_ok=True)
     for name in (*plan.added, *plan.changed):

@@ -239,7 +239,7 @@ def test_without_a_repository_the_file_as_it_stands_is_the_old_one(
     old = STATUS.read_text()
     assert bump("VehicleStatus") == DONE
     assert STATUS_V1.read_text() == old
-    assert "version 1 to 2, the old one from the file as it stands" in capsys.readouterr().out
+    assert "version 1 to 2, old definition from the current file" in capsys.readouterr().out
 
 
 def test_a_message_versioned_just_now_is_archived_with_version_0() -> None:
@@ -293,7 +293,7 @@ def test_a_second_run_changes_nothing(firmware: Path, name: str, line: str, caps
     capsys.readouterr()
     assert bump(name) == DONE
     assert {path: path.stat().st_mtime_ns for path in firmware.rglob("*") if ".git" not in path.parts} == before
-    assert "nothing to do" in capsys.readouterr().out
+    assert "up to date" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -333,7 +333,7 @@ def test_a_header_written_by_hand_stays(capsys: pytest.CaptureFixture[str]) -> N
     assert bump("VehicleStatus") == DONE
     assert STATUS_V2_HEADER.read_text() == mine
     assert f'#include "{STATUS_V2_HEADER.name}"' in ALL.read_text()
-    assert "was there before, and does not set" in capsys.readouterr().out
+    assert "this header existed before, add the fields" in capsys.readouterr().out
 
 
 def test_a_translation_in_a_header_of_another_name_counts() -> None:
@@ -421,7 +421,7 @@ def test_fields_whose_constants_changed_are_marked(firmware: Path, capsys: pytes
         "newer.kind = older.kind;  // TODO: other constants: KIND_A is 2, was 1, KIND_B is gone",
         "older.kind = newer.kind;  // TODO: other constants: KIND_A is 2, was 1, KIND_B is gone",
     ]
-    said = "constants changed: KIND_A is 2, was 1, KIND_B is gone: translate the fields that hold them"
+    said = "constants changed: KIND_A is 2, was 1, KIND_B is gone: translate the fields that use them"
     assert said in left(capsys)
     assert main(["breaking", "--against", "HEAD", "--output-format", "concise"]) == DONE
     shown = capsys.readouterr().out
@@ -482,7 +482,7 @@ def test_a_nested_message_with_a_new_version_is_translated_by_its_own_header(
 ) -> None:
     append(VERSIONED / "Event.msg", "uint8 severity")
     assert bump("Event") == DONE
-    assert "`msggen bump ArmingCheckReply`: it nests Event" in capsys.readouterr().out
+    assert "run `msggen bump ArmingCheckReply`: ArmingCheckReply nests Event" in capsys.readouterr().out
     assert bump("ArmingCheckReply") == DONE
     text = (TRANSLATIONS / "translation_arming_check_reply_v2.h").read_text()
     assert '#include "translation_event_v2.h"\n' in text
@@ -498,7 +498,7 @@ def test_a_message_that_nests_a_changed_one_says_so(firmware: Path, capsys: pyte
     text = (TRANSLATIONS / "translation_arming_check_reply_v2.h").read_text()
     assert "newer.events[i].severity = 0;  // TODO: not in the older version\n" in text
     assert bump("Event") == DONE
-    expected = "translation_arming_check_reply_v2.h: let it translate Event by EventV2Translation"
+    expected = "translation_arming_check_reply_v2.h: translate Event with EventV2Translation"
     assert expected in capsys.readouterr().out
 
 
@@ -508,7 +508,7 @@ def test_a_header_that_no_longer_fits_is_named(firmware: Path, capsys: pytest.Ca
     commit(firmware)
     capsys.readouterr()
     bump("ArmingCheckReply")
-    told = "`msggen bump Event`: translation_arming_check_reply_v2.h takes the nested Event for the current one"
+    told = "`msggen bump Event`: translation_arming_check_reply_v2.h still uses the current version of Event"
     assert told in capsys.readouterr().out
     bump("Event")
     capsys.readouterr()
@@ -517,9 +517,9 @@ def test_a_header_that_no_longer_fits_is_named(firmware: Path, capsys: pytest.Ca
 
 
 def left(capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """Return what the last bump said that is left."""
+    """Return the remaining steps that the last bump printed."""
     lines = capsys.readouterr().out.splitlines()
-    return [line.strip() for line in lines[lines.index("what is left:") + 1 :]]
+    return [line.strip() for line in lines[lines.index("left to do:") + 1 :]]
 
 
 @pytest.mark.parametrize("is_nested_deeper", [False, True])
@@ -531,7 +531,9 @@ def test_services_that_nest_the_message_are_named(
         (firmware / "srv" / "VehicleCommand.srv").write_text("uint8 a\n---\nOrder order\n")
     append(VERSIONED / "VehicleCommand.msg", "uint8 more")
     assert bump("VehicleCommand", "--px4", str(firmware)) == DONE
-    told = "srv/VehicleCommand.srv nests it, and services have no versions: its clients must be built anew"
+    told = (
+        "srv/VehicleCommand.srv nests VehicleCommand, and services have no versions: rebuild the clients of the service"
+    )
     assert told in left(capsys)
     assert bump("VehicleStatus") == DONE
     assert ".srv" not in "".join(left(capsys))
@@ -545,7 +547,7 @@ def test_a_nested_message_without_versions_that_changed_is_named(
     append(Path("msg/Rpm.msg"), "float32 slip")
     assert bump("Wheel") == DONE
     said = left(capsys)
-    assert "msg/Rpm.msg changed too and has no versions: it is translated as part of Wheel, and nowhere else" in said
+    assert "msg/Rpm.msg changed too but has no versions: it is translated only as a part of Wheel" in said
     assert "EscReport" not in "".join(said)
 
 
@@ -556,14 +558,14 @@ def test_a_bump_of_what_has_not_changed_says_so_first(
     if not has_git:
         shutil.rmtree(firmware / ".git")
     assert bump("VehicleStatus") == DONE
-    since, how = ("since HEAD", "delete trans") if has_git else ("yet", "and what trans")
-    assert left(capsys)[0].startswith(f"nothing in VehicleStatus has changed {since}: change {STATUS}, {how}")
+    since, how = ("since HEAD", "delete trans") if has_git else ("yet", "then trans")
+    assert left(capsys)[0].startswith(f"VehicleStatus has no changes {since}: edit {STATUS}, {how}")
 
 
 def test_a_bump_of_what_has_changed_does_not_say_so(capsys: pytest.CaptureFixture[str]) -> None:
     append(STATUS, "uint8 battery_count")
     assert bump("VehicleStatus") == DONE
-    assert "nothing in" not in "".join(left(capsys))
+    assert "no changes" not in "".join(left(capsys))
 
 
 # --- It is complete
@@ -594,8 +596,8 @@ RAISED = {
 """The messages that PX4 itself gave a new version, and by hand."""
 
 MISARCHIVED = {
-    "BatteryStatus": "another order, expected 'uint16 faults' before 'uint8 warning'",
-    "VehicleLocalPosition": "expected 'float32 hagl_max_z', 'float32 hagl_max_xy'; found 'float32 hagl_max'",
+    "BatteryStatus": "fields in a different order: expected 'uint16 faults' before 'uint8 warning'",
+    "VehicleLocalPosition": "expected 'float32 hagl_max_z', 'float32 hagl_max_xy', found 'float32 hagl_max'",
 }
 """Those whose version 0 is archived in v1.17 as v1.16 did not have it: applications of v1.16 read wrong values."""
 
@@ -635,7 +637,7 @@ def test_what_px4_archived_wrongly_is_found(
 ) -> None:
     older, _, tree = releases_of(tmp_path, ("v1.16", "v1.17"))
     assert bump(name, "--px4", str(tree), "--against", str(older)) == FAILED
-    assert f"{name}V0.msg: B105 another definition has this name: {told}\n" in capsys.readouterr().err
+    assert f"{name}V0.msg: B105 a different definition is archived: {told}\n" in capsys.readouterr().err
 
 
 def releases_of(folder: Path, names: tuple[str, str]) -> tuple[Path, Path, Path]:
@@ -819,22 +821,22 @@ def test_every_versioned_message_of_a_release_can_be_bumped(tmp_path: Path) -> N
         ("VehicleStatusV0", "VehicleStatusV0: B102 no message 'VehicleStatusV0' in ., did you mean 'VehicleStatus'?"),
         (
             "SensorCombined",
-            "msg/SensorCombined.msg: B102 'SensorCombined' has no versions: it needs 'uint32 MESSAGE_",
+            "msg/SensorCombined.msg: B102 'SensorCombined' has no versions: add 'uint32 MESSAGE_",
         ),
-        ("../other/VehicleStatus.msg", "../other/VehicleStatus.msg: B102 lies elsewhere: the firmware's own is msg/"),
+        ("../other/VehicleStatus.msg", "../other/VehicleStatus.msg: B102 not a file of this firmware: expected msg/"),
         (
             "srv/VehicleCommand.srv",
-            "srv/VehicleCommand.srv: B104 not yet: the service 'VehicleCommand' has no versions",
+            "srv/VehicleCommand.srv: B104 'VehicleCommand' is a service: services have no versions",
         ),
-        ("Wind --px4 nowhere", "nowhere: B101 no such folder: expected that of a PX4-Autopilot tree"),
+        ("Wind --px4 nowhere", "nowhere: B101 no such folder: expected the folder of a PX4-Autopilot tree"),
         (
             "Wind --px4 mgs",
-            "mgs: B101 no such folder: expected that of a PX4-Autopilot tree, for bump writes into it, did",
+            "mgs: B101 no such folder: expected the folder of a PX4-Autopilot tree, did",
         ),
-        ("Wind --px4 .@HEAD", ".@HEAD: B101 not a folder: expected that of a PX4-Autopilot tree"),
-        ("Wind --px4 ../px4.zip", "../px4.zip: B101 not a folder: expected that of a PX4-Autopilot tree"),
-        ("Wind --px4 ../other", "../other: B101 no msg/versioned of a firmware here"),
-        ("Wind --px4 ../package", "../package: B101 no msg/versioned of a firmware here"),
+        ("Wind --px4 .@HEAD", ".@HEAD: B101 not a folder: expected the folder of a PX4-Autopilot tree"),
+        ("Wind --px4 ../px4.zip", "../px4.zip: B101 not a folder: expected the folder of a PX4-Autopilot tree"),
+        ("Wind --px4 ../other", "../other: B101 no msg/versioned here"),
+        ("Wind --px4 ../package", "../package: B101 no msg/versioned here"),
         ("Wind --against nothing", "--against: S108 'nothing' is neither"),
         ("Wind --against ../other", "msg/versioned/Wind.msg: B103 'Wind' is not in ../other"),
     ],
@@ -872,7 +874,7 @@ def test_a_versioned_file_without_its_constant_is_told(firmware: Path, capsys: p
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("uint8 nav_state ", "uint16 nav_state ", "expected 'uint8 nav_state'; found 'uint16 nav_state'"),
+        ("uint8 nav_state ", "uint16 nav_state ", "expected 'uint8 nav_state', found 'uint16 nav_state'"),
         ("MESSAGE_VERSION = 1", "MESSAGE_VERSION = 7", "expected MESSAGE_VERSION = 1, found 7"),
     ],
 )
@@ -883,7 +885,7 @@ def test_another_definition_in_the_archive_is_told(
     edit(STATUS_V1, old, new)
     before = files_of(firmware)
     assert bump("VehicleStatus") == FAILED
-    assert f"{STATUS_V1}: B105 another definition has this name: {told}\n" in capsys.readouterr().err
+    assert f"{STATUS_V1}: B105 a different definition is archived: {told}\n" in capsys.readouterr().err
     assert files_of(firmware) == before
 
 
@@ -904,7 +906,7 @@ def test_a_tree_that_cannot_be_written_is_told_before_anything_is(
     monkeypatch.setattr(os, "access", lambda path, _: not path.endswith("versioned"))
     before = files_of(firmware)
     assert bump("VehicleStatus") == FAILED
-    told = "msg/versioned: S114 the folder is read-only, and is to be changed: make it writable\n"
+    told = "msg/versioned: S114 the folder is read-only: make it writable\n"
     assert capsys.readouterr().err == f"{told}1 error, nothing written\n"
     assert files_of(firmware) == before
 
@@ -914,7 +916,7 @@ def test_a_file_without_a_write_bit_is_not_replaced(firmware: Path, capsys: pyte
     ALL.chmod(0o444)
     before = files_of(firmware)
     assert bump("VehicleStatus") == FAILED
-    told = "S114 the file is read-only, and is to be changed: make it writable"
+    told = "S114 the file is read-only: make it writable"
     assert capsys.readouterr().err == f"{ALL}: {told}\n{STATUS}: {told}\n2 errors, nothing written\n"
     assert files_of(firmware) == before
 

@@ -466,7 +466,7 @@ def test_two_sides_take_other_packages_and_nothing_else(capsys: Capture) -> None
     assert "matches" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(["check", "firmware", "px4_msgs", *options, "--msg-dir", "px4_msgs=std_msgs/msg"])
-    assert "--msg-dir only for other packages" in capsys.readouterr().err
+    assert "--msg-dir may only name other packages" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", [("check", "px4_msgs"), ("sync", "px4_msgs"), ("sync", "--create", "new")])
@@ -477,7 +477,7 @@ def test_other_packages_alone_are_no_firmware(command: tuple[str, ...], capsys: 
     before = content(PACKAGE)
     options = ros_packages("builtin_interfaces")
     assert main([*command, *options]) == FAILED
-    assert capsys.readouterr().err.startswith("--msg-dir: S102 only other packages than the firmware's are named")
+    assert capsys.readouterr().err.startswith("--msg-dir: S102 no definitions of the firmware")
     Path("pyproject.toml").write_text('[tool.msggen]\nmsg-dir = ["builtin_interfaces"]\n')
     assert main([*command]) == FAILED
     assert capsys.readouterr().err.startswith("pyproject.toml:2:1: S102 ")
@@ -501,7 +501,7 @@ def test_a_nested_message_of_another_package_is_compared_with_what_it_was(capsys
 def test_sync_brings_only_the_messages_of_uorb(capsys: Capture) -> None:
     options = nesting_firmware()
     assert sync("--px4", "firmware", *options, "--create", PACKAGE) == DONE
-    assert capsys.readouterr().out == "px4_msgs made from firmware: 8 definitions\n"
+    assert capsys.readouterr().out == "px4_msgs created from firmware: 8 definitions\n"
     assert sorted(path.name for path in (PACKAGE / "msg").iterdir()) == sorted(
         path.name for path in Path("firmware").rglob("*.msg")
     )
@@ -538,7 +538,7 @@ def test_a_new_package_depends_on_what_its_messages_nest(capsys: Capture) -> Non
     assert "msggen sync --px4 PX4-Autopilot --msg-dir geometry_msgs=geometry_msgs px4_msgs" in readme
     assert "Further definitions" not in readme
     assert sync("--px4", "firmware", *options, "--dry-run", PACKAGE) == DONE
-    assert "is in step" in capsys.readouterr().out
+    assert "is up to date with" in capsys.readouterr().out
 
 
 def test_a_dependency_comes_and_goes_with_the_message_that_needs_it() -> None:
@@ -574,4 +574,7 @@ def test_a_package_of_ones_own_is_asked_for_the_dependency(capsys: Capture) -> N
 def test_a_package_cannot_depend_on_itself(capsys: Capture) -> None:
     options = nesting_firmware()
     assert sync("--px4", "firmware", *options, "--create", "--package", "geometry_msgs", "new") == FAILED
-    assert "M301 unknown type 'geometry_msgs/Pose': 'geometry_msgs' is the package" in capsys.readouterr().err
+    assert (
+        "M301 unknown type 'geometry_msgs/Pose': the package to write, 'geometry_msgs', does not"
+        in capsys.readouterr().err
+    )

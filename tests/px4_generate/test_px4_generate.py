@@ -419,9 +419,9 @@ def test_all_folders_that_have_the_template_are_named(capsys: pytest.CaptureFixt
         (["--headers", "-f", "a.msg", "-o", "out"], "expected -e too"),
         (["-y", "dds_topics.yaml"], "expected -t, -u too"),
         (["--headers", "--json", "-f", "a.msg"], "not allowed with argument --headers"),
-        (["--headers", "-u", "out"], "messages and the bridge are made by two runs"),
+        (["--headers", "-u", "out"], "options for messages and for the bridge cannot be combined"),
         (["--header"], "unknown argument '--header', did you mean '--headers'?"),
-        (["--headers", "-f", "a.msg", "-o", "", "-e", "x"], "expected a value, found an empty text"),
+        (["--headers", "-f", "a.msg", "-o", "", "-e", "x"], "expected a value, found an empty string"),
         (["--headers", "-f", "a.msg", "-o", "out", "-e", "x", "-k", "a/b"], "-k 'a/b': expected a name such as 'px4'"),
     ],
 )

@@ -21,7 +21,7 @@ from support.repository import ROOT
 
 TEXTS = error_texts()
 STEP = re.compile(r"^\$ (.+)\n((?:(?!\$ ).*\n)*)", re.MULTILINE)
-SUMMARY = re.compile(r"\d+ errors?, (nothing written|cannot tell)")
+SUMMARY = re.compile(r"\d+ errors?(, nothing written)?")
 
 needs_git = pytest.mark.skipif(not shutil.which("git"), reason="the example is in a git repository")
 

@@ -161,7 +161,7 @@ def test_a_second_sync_writes_nothing(capsys: pytest.CaptureFixture[str]) -> Non
     before = identity(PACKAGE)
     assert sync("--px4", "firmware", PACKAGE) == 0
     assert identity(PACKAGE) == before
-    assert capsys.readouterr().out == "px4_msgs is in step with firmware: 7 definitions\n"
+    assert capsys.readouterr().out == "px4_msgs is up to date with firmware: 7 definitions\n"
 
 
 def test_a_second_create_is_an_ordinary_sync() -> None:
@@ -460,8 +460,8 @@ changed msg/EscReport.msg: fields; /fmu/out/esc_status
 changed msg/VehicleStatus.msg: only comments; /fmu/out/vehicle_status_v4
 changed srv/VehicleCommand.srv: constants
 removed msg/Rpm.msg
-left alone, not the firmware's: msg/Mine.msg
-px4_msgs from firmware: 1 added, 3 changed, 1 removed, 3 unchanged, 1 left alone
+kept, not in the firmware: msg/Mine.msg
+px4_msgs updated from firmware: 1 added, 3 changed, 1 removed, 3 unchanged, 1 kept
 """
 
 
@@ -495,8 +495,8 @@ def test_looking_writes_nothing_and_exits_with_1_when_something_would_change(
     assert sync("--px4", "firmware", option, PACKAGE) == 1
     assert identity(Path()) == before
     last = capsys.readouterr().out.splitlines()[-1]
-    counts = "1 to add, 3 to change, 1 to remove, 3 unchanged, 1 left alone"
-    assert last == f"px4_msgs is out of step with firmware: {counts}"
+    counts = "1 to add, 3 to change, 1 to remove, 3 unchanged, 1 kept"
+    assert last == f"px4_msgs differs from firmware: {counts}"
     sync("-q", "--px4", "firmware", PACKAGE)
     assert sync("--px4", "firmware", option, PACKAGE) == 0
 
@@ -506,13 +506,13 @@ def test_looking_at_a_package_to_come_creates_nothing(capsys: pytest.CaptureFixt
     before = identity(Path())
     assert sync("--px4", "firmware", "--dry-run", "--create", "a/px4_msgs") == 1
     assert identity(Path()) == before
-    assert capsys.readouterr().out == "a/px4_msgs would be made from firmware: 7 definitions\n"
+    assert capsys.readouterr().out == "a/px4_msgs would be created from firmware: 7 definitions\n"
 
 
 def test_a_new_package_in_a_folder_of_another_name_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     firmware()
     assert sync("--px4", "firmware", "--create", "ws/acme") == 0
-    assert capsys.readouterr().out == "ws/acme made from firmware: package px4_msgs, 7 definitions\n"
+    assert capsys.readouterr().out == "ws/acme created from firmware: package px4_msgs, 7 definitions\n"
 
 
 def test_the_current_folder_is_called_by_its_package(
@@ -521,7 +521,7 @@ def test_the_current_folder_is_called_by_its_package(
     firmware()
     monkeypatch.chdir(package())
     assert sync("--px4", "../firmware", ".") == 0
-    assert capsys.readouterr().out == "px4_msgs is in step with ../firmware: 7 definitions\n"
+    assert capsys.readouterr().out == "px4_msgs is up to date with ../firmware: 7 definitions\n"
 
 
 TWO_TAGS = "unit of 'a' from 'A' to 'V', frame of 'a' from 'X' to 'Y'"
@@ -571,7 +571,7 @@ def test_many_changes_of_comments_are_told_by_their_number(number: int, capsys: 
         path.write_text(f"# More.\n{path.read_text()}")
     assert sync("--px4", "firmware", PACKAGE) == 0
     *changes, last = capsys.readouterr().out.splitlines()
-    assert last == f"px4_msgs from firmware: {number} changed, {259 - number} unchanged"
+    assert last == f"px4_msgs updated from firmware: {number} changed, {259 - number} unchanged"
     assert len(changes) == (20 if number == 20 else 1)
     assert changes[0] == "changed 21 definitions: only comments" or changes[0].startswith("changed msg/")
 
@@ -582,7 +582,7 @@ def test_the_diff_does_not_tell_each_change_again(capsys: pytest.CaptureFixture[
     patch = capsys.readouterr().out
     assert sync("--px4", "firmware", "--diff", PACKAGE) == 1
     assert capsys.readouterr().out.removeprefix(patch).splitlines() == [
-        "px4_msgs is out of step with firmware: 1 to add, 3 to change, 1 to remove, 3 unchanged, 1 left alone"
+        "px4_msgs differs from firmware: 1 to add, 3 to change, 1 to remove, 3 unchanged, 1 kept"
     ]
 
 

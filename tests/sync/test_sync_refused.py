@@ -225,23 +225,23 @@ REFUSALS = [
         ("--px4", "firmware@v9", "px4_msgs"),
     ),
     # a target that is none
-    Refusal("S111", "nowhere", "or --create to make one", nothing, ("--px4", "firmware", "nowhere")),
+    Refusal("S111", "nowhere", "or --create to create one", nothing, ("--px4", "firmware", "nowhere")),
     Refusal("S111", "folder", "no package.xml here", make_folder, ("--px4", "firmware", "folder")),
-    Refusal("S111", "folder", "neither empty nor", make_folder, ("--px4", "firmware", "--create", "folder")),
+    Refusal("S111", "folder", "this one has files", make_folder, ("--px4", "firmware", "--create", "folder")),
     Refusal("S111", "file", "not a folder", make_file, ("--px4", "firmware", "file")),
     Refusal("S111", "file", "not a folder", make_file, ("--px4", "firmware", "--create", "file")),
-    Refusal("S111", "firmware", "a tree of the firmware", nothing, ("--px4", "firmware", "firmware")),
-    Refusal("S111", "firmware", "a tree of the firmware", nothing, ("--px4", "firmware", "--create", "firmware")),
-    Refusal("S111", "bare", "among its own sources", make_bare_source, ("--px4", "bare", "bare")),
-    Refusal("S111", "bare", "among its own sources", make_bare_source, ("--msg-dir", "bare/msg", "bare")),
+    Refusal("S111", "firmware", "a PX4-Autopilot tree", nothing, ("--px4", "firmware", "firmware")),
+    Refusal("S111", "firmware", "a PX4-Autopilot tree", nothing, ("--px4", "firmware", "--create", "firmware")),
+    Refusal("S111", "bare", "is also a source", make_bare_source, ("--px4", "bare", "bare")),
+    Refusal("S111", "bare", "is also a source", make_bare_source, ("--msg-dir", "bare/msg", "bare")),
     *(
-        Refusal("S111", place, "in firmware/msg: choose", nothing, ("--px4", "firmware", "--create", place))
+        Refusal("S111", place, "inside firmware/msg,", nothing, ("--px4", "firmware", "--create", place))
         for place in ("firmware/msg/new", "firmware/msg/versioned/new")
     ),
     Refusal(
         "S111",
         "firmware/srv/new",
-        "in firmware/srv",
+        "inside firmware/srv,",
         nothing,
         ("--px4", "firmware", "--create", "firmware/srv/new"),
     ),
@@ -249,7 +249,7 @@ REFUSALS = [
     # a package of another name
     Refusal("S112", "px4_msgs/package.xml", "'my_msgs', not 'px4_msgs'", rename_package),
     Refusal("S112", "px4_msgs/package.xml", "not 'my_msgs'", nothing, (*SYNC, "--package", "my_msgs")),
-    Refusal("S112", "--ros-package", "'my-msgs' is no name", nothing, (*SYNC, "--package", "my-msgs")),
+    Refusal("S112", "--ros-package", "'my-msgs' is not a valid name", nothing, (*SYNC, "--package", "my-msgs")),
     Refusal(
         "M301",
         "firmware/msg/EscStatus.msg:",
@@ -263,12 +263,12 @@ REFUSALS = [
     Refusal("S113", str(RPM), "commit or stash", uncommitted_and_obsolete),
     Refusal("S113", str(RPM), "commit or stash", uncommitted_in_a_workspace),
     Refusal("S113", "px4_msgs/msg/Wheel.msg", "commit or stash", untracked_in_the_way),
-    Refusal("S113", str(RPM), "git ignores it", ignored_edit),
-    Refusal("S113", "px4_msgs/msg/Wheel.msg", "git ignores it", ignored_in_the_way),
-    Refusal("S113", "px4_msgs", "git cannot say", broken_repository),
-    Refusal("S104", "px4_msgs/msg/Wheel.msg", "did not write this file", hand_made),
-    Refusal("S104", str(RPM), "a folder, where", replace_by_folder),
-    Refusal("S104", "px4_msgs/msg", "not a folder", replace_folder_by_file),
+    Refusal("S113", str(RPM), "git ignores this file", ignored_edit),
+    Refusal("S113", "px4_msgs/msg/Wheel.msg", "git ignores this file", ignored_in_the_way),
+    Refusal("S113", "px4_msgs", "cannot read the git status", broken_repository),
+    Refusal("S104", "px4_msgs/msg/Wheel.msg", "msggen did not write this one", hand_made),
+    Refusal("S104", str(RPM), "found a folder", replace_by_folder),
+    Refusal("S104", "px4_msgs/msg", "expected a folder", replace_folder_by_file),
     # a read-only target
     Refusal("S114", str(RPM), "the file is read-only", chmod(0o444, "msg/Rpm.msg")),
     Refusal("S114", "px4_msgs/msg", "the folder is read-only", chmod(0o555, "msg")),
@@ -276,9 +276,11 @@ REFUSALS = [
     Refusal("S114", "px4_msgs/.msggen.json", "the file is read-only", chmod(0o444, RECORD)),
     Refusal("S114", "px4_msgs", "4 files and folders are read-only", all_read_only),
     Refusal("S114", "px4_msgs", "chmod -R u+w px4_msgs", all_read_only),
-    Refusal("S114", "folder", "new package", read_only_folder, ("--px4", "firmware", "--create", "folder")),
-    Refusal("S114", "folder", "new package", read_only_folder, ("--px4", "firmware", "--create", "folder/new")),
-    Refusal("S114", "folder/a", "new package", read_only_folder, ("--px4", "firmware", "--create", "folder/a/new")),
+    Refusal("S114", "folder", "create the package", read_only_folder, ("--px4", "firmware", "--create", "folder")),
+    Refusal("S114", "folder", "create the package", read_only_folder, ("--px4", "firmware", "--create", "folder/new")),
+    Refusal(
+        "S114", "folder/a", "create the package", read_only_folder, ("--px4", "firmware", "--create", "folder/a/new")
+    ),
     # symbolic links that lead out of the package
     Refusal("S115", "px4_msgs/msg", "out of the package", replace_by_link("msg", "../moved")),
     Refusal("S115", "px4_msgs/srv", "out of the package", replace_by_link("srv", "../moved")),
@@ -393,7 +395,7 @@ def test_the_current_folder_is_not_replaced(
     Path("empty").mkdir()
     monkeypatch.chdir("empty")
     assert sync("--px4", "../firmware", "--create", ".") == 2
-    assert "this is the current one" in capsys.readouterr().err
+    assert "cannot replace the current folder" in capsys.readouterr().err
     assert os.listdir() == []
 
 
