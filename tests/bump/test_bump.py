@@ -64,10 +64,10 @@ V1_ALL = """#pragma once
 """
 
 
-@pytest.fixture(autouse=True)
-def firmware(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder: a committed PX4 tree of the embedded v1.17, with an earlier version of VehicleStatus."""
-    tree = tmp_path / "PX4-Autopilot"
+@pytest.fixture(scope="module")
+def committed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A committed PX4 tree of the embedded v1.17, with an earlier version of VehicleStatus."""
+    tree = tmp_path_factory.mktemp("committed")
     release = embedded_tree("v1.17")
     files = {name: text for folder in ("msg/", "msg/versioned/", "srv/") for name, text in texts_in(release, folder)}
     files |= {
@@ -79,6 +79,13 @@ def firmware(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     files[str(ARCHIVE / "VehicleStatusV0.msg")] = "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\nuint8 nav_state\n"
     write_definitions(tree, files)
     commit(tree)
+    return tree
+
+
+@pytest.fixture(autouse=True)
+def firmware(committed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder: a copy of that tree."""
+    tree = shutil.copytree(committed, tmp_path / "PX4-Autopilot")
     monkeypatch.chdir(tree)
     return tree
 

@@ -425,6 +425,7 @@ def made_of(words: list[str]) -> st.SearchStrategy[bytes]:
     return st.lists(st.sampled_from(words), max_size=25).map(lambda chosen: "".join(chosen).encode())
 
 
+@pytest.mark.slow
 @given(st.one_of(ANY_TEXT, made_of(WORDS)))
 def test_any_message_is_read_or_refused(data: bytes) -> None:
     for error in errors_in(data):

@@ -48,18 +48,25 @@ NONE: set[tuple[str, str]] = set()
 Capture = pytest.CaptureFixture[str]
 
 
-@pytest.fixture(autouse=True)
-def committed_firmware(working_folder: Path) -> None:
-    """The current folder: a committed tree of real definitions, named v1 and main, whose work tree is to be changed."""
+@pytest.fixture(scope="module")
+def committed_firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A committed tree of real definitions, named v1 and main."""
     names = {f"msg/{name}.msg": name for name in ("Rpm", "EscReport", "EscStatus")}
     names |= {f"msg/versioned/{name}.msg": name for name in ("HomePosition", "ArmingCheckReply", "Event")}
     names |= {f"msg/versioned/{name}.msg": name for name in ("VehicleCommand", "VehicleCommandAck")}
     files = {file: definition(name) for file, name in names.items()}
     files["srv/VehicleCommand.srv"] = (ROOT / "srv" / "VehicleCommand.srv").read_text()
     files[f"{ARCHIVE}/HomePositionV0.msg"] = f"uint32 MESSAGE_VERSION = 0\n{STAMP}"
-    committed(write_definitions(working_folder / FIRMWARE, {**files, YAML: BRIDGE}))
-    git(FIRMWARE, "branch", "-M", "main")
-    git(FIRMWARE, "tag", "v1")
+    tree = committed(write_definitions(tmp_path_factory.mktemp("committed"), {**files, YAML: BRIDGE}))
+    git(tree, "branch", "-M", "main")
+    git(tree, "tag", "v1")
+    return tree
+
+
+@pytest.fixture(autouse=True)
+def firmware(committed_firmware: Path, working_folder: Path) -> None:
+    """The current folder: it has a copy of that tree, whose work tree is to be changed."""
+    shutil.copytree(committed_firmware, working_folder / FIRMWARE)
 
 
 def breaking(*arguments: str) -> int:

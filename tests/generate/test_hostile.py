@@ -196,6 +196,7 @@ def test_a_comment_stays_a_comment_wherever_it_stands(comment: str, tmp_path: Pa
     assert service.Request.decode(service.Request(a=1).encode()) == service.Request(a=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("comment", NASTY.values(), ids=NASTY.keys())
 def test_comments_give_code_without_warnings(comment: str) -> None:
     """An unknown escape is a SyntaxWarning on Python 3.12, and an error some day."""

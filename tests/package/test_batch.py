@@ -193,6 +193,7 @@ def test_elements_are_what_decode_gives(name: str, vectors: dict[str, Samples], 
         check_decoding(getattr(px4_types, name), samples)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_arrays_encode_as_their_messages_do(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     check_encoding(getattr(px4_types, name), vectors[name][USUAL])

@@ -68,6 +68,7 @@ def check_views(cls: Any, samples: Samples) -> None:
             assert view == cls.lazy(sample)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_views_equal_what_decode_gives(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     check_views(getattr(px4_types, name), vectors[name])

@@ -1175,6 +1175,7 @@ def test_mypy_is_content_with_a_package_of_versions(typed: Path) -> None:
     assert checked(typed, *MYPY, "lamps", "application.py")[0] == 0, checked(typed, *MYPY, "lamps", "application.py")[1]
 
 
+@pytest.mark.slow
 def test_the_types_of_versions_catch_mistakes(typed: Path) -> None:
     lines = checked(typed, *MYPY, "--no-error-summary", "mistakes.py")[1].splitlines()
     assert {int(line.split(":")[1]) for line in lines if "error:" in line} == {5, 6, 7, 8, 9}

@@ -568,6 +568,7 @@ def speed(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
     return catalog_of(tmp_path_factory.mktemp("speed"), tree(LONG, ""))
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(data=st.data())
 def test_a_header_that_is_cut_or_garbled_gives_rules_that_python_reads(data: st.DataObject, speed: Catalog) -> None:

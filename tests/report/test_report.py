@@ -416,6 +416,7 @@ def test_the_nearest_command_is_suggested(
     assert last.endswith(f"), did you mean '{meant}'?")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "code"),
     [
