@@ -31,12 +31,10 @@ from hypothesis import strategies as st
 from msggen.model import FLOATS, INTEGER_RANGES, SIZES, Catalog
 from support.catalogs import catalog_of, import_package
 from support.reference import HEADERS, serialize, to_values
-from support.repository import NAMES, ROOT
+from support.repository import NAMES, ROOT, SOME, every_message
 
 BYTES = ("uint8", "char", "byte")
 
-SOME = ["SensorCombined", "VehicleStatus", "DebugKeyValue", "DebugArray", "PositionSetpointTriplet", "EscStatus"]
-"""Among them: numbers and tuples, bools, bytes, a large array, nested messages, an array of nested messages."""
 
 ENCODINGS = sorted(HEADERS)
 
@@ -110,7 +108,7 @@ def test_the_committed_package_has_all_messages() -> None:
     assert len(NAMES) == 259
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_every_field_has_a_zero_default(name: str, px4_types: Any) -> None:
     def zero(base: str) -> Any:
         plain = {"bool": False, **dict.fromkeys(FLOATS, 0.0), **dict.fromkeys(INTEGER_RANGES, 0)}
@@ -125,7 +123,7 @@ def test_every_field_has_a_zero_default(name: str, px4_types: Any) -> None:
     assert message.encode() == b"\0\1\0\0" + bytes(message.__msg__.cdr_size)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_what_was_encoded_decodes_to_an_equal_message(name: str, px4_types: Any) -> None:
     message_type = getattr(px4_types, name)
     message = filled(px4_types, message_type)
@@ -137,7 +135,7 @@ def test_what_was_encoded_decodes_to_an_equal_message(name: str, px4_types: Any)
     assert decoded.encode() == message.encode()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_positions_and_keywords_make_the_same_message(name: str, px4_types: Any) -> None:
     message_type = getattr(px4_types, name)
     message = filled(px4_types, message_type)
@@ -146,7 +144,7 @@ def test_positions_and_keywords_make_the_same_message(name: str, px4_types: Any)
     assert list(inspect.signature(message_type).parameters) == [field.name for field in message_type.__msg__.fields]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_the_description_is_that_of_the_definition(name: str, px4_types: Any, embedded: Catalog) -> None:
     definition, info = embedded.messages[f"px4_msgs/{name}"], getattr(px4_types, name).__msg__
     assert (info.name, info.ros_type) == (name, f"px4_msgs/msg/{name}")
@@ -160,7 +158,7 @@ def test_the_description_is_that_of_the_definition(name: str, px4_types: Any, em
         assert tags == (comment.unit, comment.range, comment.enum, comment.invalid, comment.frame)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_constants_are_attributes_of_the_class(name: str, px4_types: Any, embedded: Catalog) -> None:
     message_type = getattr(px4_types, name)
     for constant in embedded.messages[f"px4_msgs/{name}"].constants:
@@ -196,7 +194,7 @@ def test_any_sequence_of_the_right_length_is_taken(px4_types: Any) -> None:
 # Equality and representation
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_messages_differ_when_any_value_does(name: str, px4_types: Any) -> None:
     message_type = getattr(px4_types, name)
     zero = message_type()
@@ -244,7 +242,7 @@ def test_messages_are_unhashable_because_they_change(px4_types: Any) -> None:
         hash(px4_types.SensorCombined())
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_repr_evaluates_back(name: str, px4_types: Any) -> None:
     message = filled(px4_types, getattr(px4_types, name))
     names = {name: getattr(px4_types, name) for name in NAMES}
@@ -303,7 +301,7 @@ def test_a_misspelt_attribute_is_refused(px4_types: Any) -> None:
         message.CLIPPING_X = 2
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_no_message_has_a_dictionary(name: str, px4_types: Any) -> None:
     message_type = getattr(px4_types, name)
     assert not hasattr(message_type(), "__dict__")
@@ -323,7 +321,7 @@ def test_defaults_that_can_change_are_not_shared(name: str, field: str, px4_type
 # Dataclasses
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_the_functions_of_dataclasses_take_every_message(name: str, px4_types: Any) -> None:
     message_type = getattr(px4_types, name)
     names = [field.name for field in message_type.__msg__.fields]

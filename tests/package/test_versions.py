@@ -109,6 +109,7 @@ def test_every_archived_definition_of_a_tree_has_a_type(tree: Tree) -> None:
         assert getattr(tree.package, name).__msg__.name == getattr(tree.package, name).__name__ == name
 
 
+@pytest.mark.slow
 def test_every_archived_version_of_a_tree_decodes_and_encodes(tree: Tree) -> None:
     chance = Random(5)  # noqa: S311 - no secret
     for message in tree.archived:
