@@ -433,6 +433,7 @@ def test_any_message_is_read_or_refused(data: bytes) -> None:
         assert is_one_plain_line(str(error))
 
 
+@pytest.mark.slow
 @given(st.one_of(ANY_TEXT, made_of(KEYS)))
 @example(b'publications:\n- topic: "/a\\n\\e[31m"\n  type: px4_msgs::msg::Foo\n')  # escapes that YAML decodes
 @example(b'"a\\nb": 1')

@@ -56,7 +56,7 @@ CHECKED = sorted(meanings()["--check"])
 
 
 @pytest.mark.parametrize("spelling", SHARED)
-def test_a_spelling_has_the_same_help_type_and_deerror_in_every_command(spelling: str) -> None:
+def test_a_spelling_has_the_same_help_type_and_default_in_every_command(spelling: str) -> None:
     first, *others = meanings()[spelling].items()
     for other in others:
         assert other[1] == first[1], f"{spelling} of {other[0]} and of {first[0]}"

@@ -123,7 +123,7 @@ def values(tmp_path: Path, board: str, **files: str) -> dict[str, bool | None]:
     return {name: configuration.value_of(name) for name in "ABCDEF" if configuration.knows(name)}
 
 
-def test_a_symbol_has_what_is_assigned_or_else_its_deerror(tmp_path: Path) -> None:
+def test_a_symbol_has_what_is_assigned_or_else_its_default(tmp_path: Path) -> None:
     text = "config A\n  bool\n  default y\nconfig B\n  def_bool y\nconfig C\n  default n\nconfig D\n  bool\n"
     assert values(tmp_path, "", main=text) == {"A": True, "B": True, "C": False, "D": False}
     board = '# CONFIG_A is not set\n CONFIG_C=y\n#CONFIG_D=y\nCONFIG_B=n\nCONFIG_E="text"\nCONFIG_F=0\n'
@@ -131,7 +131,7 @@ def test_a_symbol_has_what_is_assigned_or_else_its_deerror(tmp_path: Path) -> No
     assert values(tmp_path, board, main=text) == expected
 
 
-def test_deerrors_have_conditions(tmp_path: Path) -> None:
+def test_defaults_have_conditions(tmp_path: Path) -> None:
     text = "config A\n default n if B\n default y if C # why\nconfig B\nconfig C\nconfig D\n default B || !C && A\n"
     assert values(tmp_path, "", main=text) == {"A": False, "B": False, "C": False, "D": False}
     assert values(tmp_path, "CONFIG_C=y", main=text) == {"A": True, "B": False, "C": True, "D": False}

@@ -292,7 +292,7 @@ def test_any_printable_string_constant_is_one_literal(value: str) -> None:
 
 @pytest.mark.parametrize("text", ["nan", "-nan", "inf", "-inf", "1e-400"])
 @pytest.mark.parametrize("type_", FLOATS)
-def test_odd_floats_are_constants_and_deerrors(type_: str, text: str, tmp_path: Path) -> None:
+def test_odd_floats_are_constants_and_defaults(type_: str, text: str, tmp_path: Path) -> None:
     value = float(text)
     lines = [
         f"{type_} SOME = {text}",
@@ -306,7 +306,7 @@ def test_odd_floats_are_constants_and_deerrors(type_: str, text: str, tmp_path: 
         assert found == value or (math.isnan(found) and math.isnan(value))
 
 
-def test_deerrors_of_every_kind_arrive(tmp_path: Path) -> None:
+def test_defaults_of_every_kind_arrive(tmp_path: Path) -> None:
     lines = ["uint8 a 7", "int16 b -7", "bool c true", "uint8[3] d [1, 2, 3]", "int8[2] e [-1, 2]", "bool[2] f [1, 0]"]
     lines += [f"int32[16] g [{', '.join(['-5'] * 16)}]", "float32 h 1", "char i 255"]
     message = works(tmp_path, {"msg/Foo.msg": STAMP + "\n".join(lines)}).Foo()

@@ -29,12 +29,11 @@ from msggen.firmware.sources import find_sources
 from msggen.model import Catalog
 from support.catalogs import import_package
 from support.reference import HEADERS
-from support.repository import NAMES, ROOT, shared
+from support.repository import ROOT, SOME, every_message, shared
 from support.samples import (
     ENCODINGS,
     HEADER,
     MADE_UP_NAMES,
-    SOME,
     USUAL,
     MadeUp,
     Samples,
@@ -186,15 +185,13 @@ def in_columns(messages: list[Any]) -> dict[str, list[str]]:
 # Every message, every encoding
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_elements_are_what_decode_gives(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     for samples in vectors[name].values():
         check_decoding(getattr(px4_types, name), samples)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_arrays_encode_as_their_messages_do(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     check_encoding(getattr(px4_types, name), vectors[name][USUAL])
 
@@ -351,7 +348,7 @@ def test_memory_maps_of_the_type_encode(name: str, vectors: dict[str, Samples], 
     assert plain(cls.decode_batch(b"".join(cls.encode_batch(read)))) == plain(read)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_zeros_of_the_type_are_messages_of_zeros(name: str, px4_types: Any) -> None:
     cls = getattr(px4_types, name)
     assert cls.encode_batch(np.zeros(2, cls.dtype())) == [cls().encode()] * 2
@@ -651,7 +648,7 @@ def test_columns_take_arrays_of_messages_only(make: Callable[[Any], Any], px4_ty
 # Hostile samples
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_samples_of_every_length_are_read_or_refused(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     cls, usual = getattr(px4_types, name), vectors[name][USUAL][0]
     for sample in cut_and_lengthened(usual):
@@ -700,8 +697,7 @@ def test_random_bytes_are_read_as_decode_does_or_refused(made_up: MadeUp, sample
         assert outcome(cls.decode_batch, samples[0]) == [alone[0]]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_samples_of_other_messages_are_read_as_decode_does_or_refused(
     name: str, vectors: dict[str, Samples], px4_types: Any
 ) -> None:

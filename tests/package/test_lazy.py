@@ -25,10 +25,9 @@ from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources
 from msggen.model import Catalog
 from support.catalogs import catalog_of, import_package
-from support.repository import NAMES, ROOT, shared
+from support.repository import ROOT, SOME, every_message, shared
 from support.samples import (
     MADE_UP_NAMES,
-    SOME,
     USUAL,
     MadeUp,
     Samples,
@@ -68,8 +67,7 @@ def check_views(cls: Any, samples: Samples) -> None:
             assert view == cls.lazy(sample)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_views_equal_what_decode_gives(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     check_views(getattr(px4_types, name), vectors[name])
 
@@ -91,6 +89,7 @@ def test_views_of_the_samples_of_a_release_equal_what_decode_gives(release: str,
             assert plain(cls.lazy(sample)) == plain(cls.decode(sample)), name
 
 
+@pytest.mark.slow
 @settings(max_examples=15, suppress_health_check=list(HealthCheck))
 @given(definitions(), st.data())
 def test_views_of_random_messages_equal_what_decode_gives(files: dict[str, str], data: st.DataObject) -> None:
@@ -136,7 +135,7 @@ def test_dataclasses_take_a_view_before_any_message(first: str, expected: str) -
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_tools_of_the_standard_library_take_views(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     cls, sample = getattr(px4_types, name), vectors[name][USUAL][1]
     view, message = cls.lazy(sample), cls.decode(sample)
@@ -213,7 +212,7 @@ def test_views_cannot_be_changed(name: str, px4_types: Any) -> None:
 # It reads what is asked, when it is asked
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_nothing_is_decoded_before_it_is_read(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     """Bytes that change afterwards are seen: by the view, and by the nested views that were taken from it before."""
     cls, sample = getattr(px4_types, name), vectors[name][USUAL][1]
@@ -249,8 +248,7 @@ def test_reading_one_field_does_not_make_the_others(tmp_path: Path) -> None:
 # What it refuses
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_views_of_every_length_are_made_or_refused_as_decode_does(
     name: str, vectors: dict[str, Samples], px4_types: Any
 ) -> None:

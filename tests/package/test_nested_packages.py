@@ -156,7 +156,7 @@ def test_what_only_uorb_knows_is_left_empty(package: Any) -> None:
     assert package.Rig.__msg__.topics == ("rig",)
 
 
-def test_deerrors_of_definitions_hold_in_every_package(package: Any) -> None:
+def test_defaults_of_definitions_hold_in_every_package(package: Any) -> None:
     assert package.geometry_msgs.msg.Quaternion().w == 1.0
     assert package.Rig().poses[2].orientation.w == 1.0
 

@@ -33,12 +33,10 @@ from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES
 from msggen.tags import ATTRIBUTES
 from support.catalogs import catalog_of, import_package
 from support.reference import HEADERS, serialize, to_values
-from support.repository import NAMES, ROOT
+from support.repository import NAMES, ROOT, SOME, every_message
 
 BYTES = ("uint8", "char", "byte")
 
-SOME = ["SensorCombined", "VehicleStatus", "DebugKeyValue", "DebugArray", "PositionSetpointTriplet", "EscStatus"]
-"""Among them: numbers and tuples, bools, bytes, a large array, nested messages, an array of nested messages."""
 
 ENCODINGS = sorted(HEADERS)
 
@@ -112,8 +110,8 @@ def test_the_committed_package_has_all_messages() -> None:
     assert len(NAMES) == 259
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_every_field_has_a_zero_deerror(name: str, px4_types: Any) -> None:
+@every_message
+def test_every_field_has_a_zero_default(name: str, px4_types: Any) -> None:
     def zero(base: str) -> Any:
         plain = {"bool": False, **dict.fromkeys(FLOATS, 0.0), **dict.fromkeys(INTEGERS, 0)}
         return plain[base] if base in plain else getattr(px4_types, base)()
@@ -127,7 +125,7 @@ def test_every_field_has_a_zero_deerror(name: str, px4_types: Any) -> None:
     assert message.encode() == b"\0\1\0\0" + bytes(message.__msg__.cdr_size)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_what_was_encoded_decodes_to_an_equal_message(name: str, px4_types: Any) -> None:
     message_type = getattr(px4_types, name)
     message = filled(px4_types, message_type)
@@ -139,7 +137,7 @@ def test_what_was_encoded_decodes_to_an_equal_message(name: str, px4_types: Any)
     assert decoded.encode() == message.encode()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_positions_and_keywords_make_the_same_message(name: str, px4_types: Any) -> None:
     message_type = getattr(px4_types, name)
     message = filled(px4_types, message_type)
@@ -148,7 +146,7 @@ def test_positions_and_keywords_make_the_same_message(name: str, px4_types: Any)
     assert list(inspect.signature(message_type).parameters) == [field.name for field in message_type.__msg__.fields]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_the_description_is_that_of_the_definition(name: str, px4_types: Any, embedded: Catalog) -> None:
     definition, info = embedded.messages[f"px4_msgs/{name}"], getattr(px4_types, name).__msg__
     assert (info.name, info.ros_type) == (name, f"px4_msgs/msg/{name}")
@@ -161,7 +159,7 @@ def test_the_description_is_that_of_the_definition(name: str, px4_types: Any, em
             assert getattr(field, tag.name) == defined.comment.tag(tag.name)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_constants_are_attributes_of_the_class(name: str, px4_types: Any, embedded: Catalog) -> None:
     message_type = getattr(px4_types, name)
     for constant in embedded.messages[f"px4_msgs/{name}"].constants:
@@ -197,7 +195,7 @@ def test_any_sequence_of_the_right_length_is_taken(px4_types: Any) -> None:
 # Equality and representation
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_messages_differ_when_any_value_does(name: str, px4_types: Any) -> None:
     message_type = getattr(px4_types, name)
     zero = message_type()
@@ -245,7 +243,7 @@ def test_messages_are_unhashable_because_they_change(px4_types: Any) -> None:
         hash(px4_types.SensorCombined())
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_repr_evaluates_back(name: str, px4_types: Any) -> None:
     message = filled(px4_types, getattr(px4_types, name))
     names = {name: getattr(px4_types, name) for name in NAMES}
@@ -304,7 +302,7 @@ def test_a_misspelt_attribute_is_refused(px4_types: Any) -> None:
         message.CLIPPING_X = 2
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_no_message_has_a_dictionary(name: str, px4_types: Any) -> None:
     message_type = getattr(px4_types, name)
     assert not hasattr(message_type(), "__dict__")
@@ -315,7 +313,7 @@ def test_no_message_has_a_dictionary(name: str, px4_types: Any) -> None:
     ("name", "field"),
     [("EscStatus", "esc"), ("PositionSetpointTriplet", "current"), ("DebugArray", "data")],
 )
-def test_deerrors_that_can_change_are_not_shared(name: str, field: str, px4_types: Any) -> None:
+def test_defaults_that_can_change_are_not_shared(name: str, field: str, px4_types: Any) -> None:
     one, other = (getattr(getattr(px4_types, name)(), field) for _ in range(2))
     assert one is not other
     assert name != "EscStatus" or len({id(report) for report in (*one, *other)}) == 24
@@ -324,7 +322,7 @@ def test_deerrors_that_can_change_are_not_shared(name: str, field: str, px4_type
 # Dataclasses
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_the_functions_of_dataclasses_take_every_message(name: str, px4_types: Any) -> None:
     message_type = getattr(px4_types, name)
     names = [field.name for field in message_type.__msg__.fields]
@@ -346,7 +344,7 @@ def test_asdict_and_astuple_unfold_nested_messages(px4_types: Any) -> None:
     assert dataclasses.astuple(status)[6][1][2] == 9000
 
 
-def test_fields_have_the_deerrors_of_the_class(px4_types: Any) -> None:
+def test_fields_have_the_defaults_of_the_class(px4_types: Any) -> None:
     for name in SOME:
         fields: tuple[Any, ...] = dataclasses.fields(getattr(px4_types, name))
         for field in fields:

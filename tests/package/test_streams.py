@@ -108,7 +108,7 @@ def test_values_come_as_the_documentation_says(scan: Any, msg: Any) -> None:
     assert decoded.header.frame_id == "laser"
 
 
-def test_deerrors_are_those_of_the_definition(msg: Any) -> None:
+def test_defaults_are_those_of_the_definition(msg: Any) -> None:
     status = msg.Status()
     assert (status.level, status.name, status.title, status.raw) == (0, "none", "", b"\1\2")
     assert (status.flags, status.counts, status.pair) == ((True, False), array("h", [-1, 7]), ("a", "b"))

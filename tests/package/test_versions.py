@@ -110,6 +110,7 @@ def test_every_archived_definition_of_a_tree_has_a_type(tree: Tree) -> None:
         assert getattr(tree.package, name).__msg__.name == getattr(tree.package, name).__name__ == name
 
 
+@pytest.mark.slow
 def test_every_archived_version_of_a_tree_decodes_and_encodes(tree: Tree) -> None:
     chance = Random(5)  # noqa: S311 - no secret
     for message in tree.archived:
@@ -451,7 +452,7 @@ def test_sequences_of_nested_messages_are_as_long_as_they_were(tmp_path: Path) -
     assert package.ListV0().upgrade().message.many == ()
 
 
-def test_a_deerror_of_the_definition_is_what_a_field_is_left_at(tmp_path: Path) -> None:
+def test_a_default_of_the_definition_is_what_a_field_is_left_at(tmp_path: Path) -> None:
     package = package_of(
         {
             f"{ARCHIVE}/LampV0.msg": f"{version(0)}{STAMP}",

@@ -205,7 +205,7 @@ def test_an_apostrophe_in_the_comment_of_a_plain_string_stays_in_the_comment() -
         ("string[2] a [x, y]", ("x", "y")),
     ],
 )
-def test_a_field_has_the_deerror_it_is_given(line: str, value: Value | None) -> None:
+def test_a_field_has_the_default_it_is_given(line: str, value: Value | None) -> None:
     assert only_field(line).default == value
 
 
@@ -213,7 +213,7 @@ def test_a_field_has_the_deerror_it_is_given(line: str, value: Value | None) -> 
     "line",
     ["uint8 a 256", "uint8[3] a [1, 2]", "uint8[<=1] a [1, 2]", "uint8[2] a 1", "uint8[2] a [1, x]", "EscReport a 1"],
 )
-def test_a_deerror_that_its_field_cannot_hold_is_an_error(line: str) -> None:
+def test_a_default_that_its_field_cannot_hold_is_an_error(line: str) -> None:
     assert errors_of(line) == ["M305"]
 
 

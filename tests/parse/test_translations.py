@@ -220,7 +220,7 @@ def test_elements_without_a_value_and_elements_that_are_lost_are_listed_as_such(
     assert (converted.dropped, converted.defaulted) == (("x[2:4]",), ("y[2:4]", "y[5]"))
 
 
-def test_elements_that_are_not_set_keep_the_deerror_of_the_definition(tmp_path: Path) -> None:
+def test_elements_that_are_not_set_keep_the_default_of_the_definition(tmp_path: Path) -> None:
     versions = {"Servo": ("uint8 x\n", "uint8[3] y [7, 8, 9]\n")}
     package = package_of(tree(versions, class_of("Servo", "n.y[1] = o.x;")), tmp_path)
     converted = package.ServoV0(x=1).upgrade()

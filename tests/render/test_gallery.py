@@ -31,7 +31,7 @@ from msggen.model import ArrayKind, Catalog, Message, snake_case
 from support.capture import capture
 from support.catalogs import write_definitions
 from support.reference import HEADERS, Values, deserialize, serialize
-from support.repository import NAMES, ROOT, VECTORS
+from support.repository import NAMES, ROOT, VECTORS, every_message
 
 GALLERY = ROOT / "docs" / "gallery"
 PAGE = (ROOT / "docs" / "render.md").read_text(encoding="utf-8")
@@ -502,7 +502,7 @@ def tables(page: Path) -> list[list[list[str]]]:
     return found
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_message
 def test_a_page_has_every_field_and_every_constant_in_its_tables(name: str, pages: Path, embedded: Catalog) -> None:
     message = embedded.messages[f"px4_msgs/{name}"]
     page = pages / f"{snake_case(name)}.md"

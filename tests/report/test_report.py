@@ -645,6 +645,7 @@ def test_documents_are_the_same_in_every_encoding_and_keep_their_letters(format_
     assert "\u00b5m \U0001f681" in read
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format_", FORMATS)
 def test_a_folder_whose_name_is_no_text_breaks_no_format(format_: str, tmp_path: Path) -> None:
     """In a process, whose output is bytes."""

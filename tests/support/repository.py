@@ -17,6 +17,14 @@ DEFINITIONS = sorted(path for folder in ("msg", "msg/versioned") for path in (RO
 NAMES = sorted(path.stem for path in DEFINITIONS)
 """Its messages."""
 
+SOME = ["SensorCombined", "VehicleStatus", "DebugKeyValue", "DebugArray", "PositionSetpointTriplet", "EscStatus"]
+"""Among them: numbers and tuples, bools, bytes, a large array, nested messages, an array of nested messages."""
+
+every_message = pytest.mark.parametrize(
+    "name", [name if name in SOME else pytest.param(name, marks=pytest.mark.slow) for name in NAMES]
+)
+"""Run a test for each of NAMES, where only SOME are not slow."""
+
 
 def shared(path: str) -> Path:
     """Return a path below `../shared`, or skip the test where there is none."""

@@ -26,9 +26,6 @@ ENCODINGS = sorted(HEADERS)
 USUAL = ("little", 1)
 HEADER = HEADERS[USUAL]
 
-SOME = ["SensorCombined", "VehicleStatus", "DebugKeyValue", "DebugArray", "PositionSetpointTriplet", "EscStatus"]
-"""Among them: numbers and tuples, bools, bytes, a large array, nested messages, an array of nested messages."""
-
 Samples = dict[tuple[str, int], list[bytes]]
 """Samples of one message by encoding; the same values in each."""
 

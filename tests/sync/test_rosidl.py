@@ -79,6 +79,7 @@ def test_rosidl_turns_definitions_into_idl(tmp_path: Path) -> None:
         assert f"struct {name}" in Path(idl).read_text()
 
 
+@pytest.mark.slow
 def test_the_manifest_is_that_of_a_package_of_interfaces(package: Path) -> None:
     manifest = parse_package(str(package))
     warnings: list[str] = []
