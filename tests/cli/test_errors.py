@@ -157,7 +157,12 @@ ERRORS = [
     Case("S103", "--package", "'class' cannot be imported", {FOO: STAMP}, (*TREE, "--package", "class")),
     Case("S103", "--package", "'../up' cannot be imported", {FOO: STAMP}, (*TREE, "--package", "../up")),
     Case("S107", "in/package.xml:1:10", "not XML", {FOO: STAMP, "in/package.xml": "<package>"}),
-    Case("S107", "in/package.xml", "'a b' is no name", {FOO: STAMP, "in/package.xml": "<p><name>a b</name></p>"}),
+    Case(
+        "S107",
+        "in/package.xml",
+        "'a b' is not a ROS package name",
+        {FOO: STAMP, "in/package.xml": "<p><name>a b</name></p>"},
+    ),
     Case("S108", "in@v1.16", "not a git repository", {FOO: STAMP}, ("--px4", "in@v1.16")),
     Case("S118", "--board", "in has no msg/CMakeLists.txt", {FOO: STAMP}, (*TREE, "--board", "px4_sitl")),
     Case("S105", "--release", "did you mean 'v1.18'?", {FOO: STAMP}, (*TREE, "--release", "v1.71")),

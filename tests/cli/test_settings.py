@@ -303,7 +303,7 @@ def test_a_setting_with_an_impossible_value_is_refused(
     [
         ('package = "two words"', "pyproject.toml:3:1: S103 'two words' cannot be imported"),
         ('release = "v1.71"', "pyproject.toml:3:1: S105 unknown release 'v1.71', did you mean 'v1.18'?"),
-        ('px4 = "v1.15"\narchived = true', "pyproject.toml:4:1: S117 the embedded PX4 v1.15 has no earlier versions"),
+        ('px4 = "v1.15"\narchived = true', "pyproject.toml:4:1: S117 the embedded PX4 v1.15 has no archived versions"),
     ],
 )
 def test_a_setting_that_cannot_be_is_told_where_it_stands(

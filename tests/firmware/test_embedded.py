@@ -368,7 +368,7 @@ class TestNames:
         assert main(["build", "--px4", "v1.16", "--archived", "-o", "out"]) == 0
         assert "226 messages, 1 archived version, 1 service" in capsys.readouterr().out
         assert main(["build", "--px4", "v1.15", "--archived", "-o", "out"]) == 2
-        assert "S117 the embedded PX4 v1.15 has no earlier versions" in capsys.readouterr().err
+        assert "S117 the embedded PX4 v1.15 has no archived versions" in capsys.readouterr().err
 
     def test_both_sides_of_a_check_are_named(self, capsys: Capture) -> None:
         assert main(["check", "v1.16", "embedded:v1.16"]) == 0

@@ -340,7 +340,7 @@ def test_messages_that_double_at_each_level_are_refused_before_anything_is_made_
     ("type_", "said"),
     [
         ("my_msgs::msg::Lamp", "'my_msgs::msg::Lamp' is not a uORB message: expected a type of the package 'px4_msgs'"),
-        ("my_msgs::msg::Rpm", "'my_msgs::msg::Rpm' is no message of uORB"),
+        ("my_msgs::msg::Rpm", "'my_msgs::msg::Rpm' is not a uORB message"),
     ],
 )
 def test_only_messages_of_uorb_cross_the_bridge(type_: str, said: str) -> None:
