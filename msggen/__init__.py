@@ -1,7 +1,7 @@
-"""msggen: PX4's message definitions in; Python types, CDR codecs and a topic registry out.
+"""Generator of Python types, CDR codecs and a topic registry from PX4's message definitions.
 
-The names of `__all__` are for programs that use msggen as a library (docs/library.md). Each is imported when it is
-first used, because a build with nothing to do needs none of them.
+`__all__` lists the API for programs that use msggen as a library (docs/library.md). Each name is imported on first
+use, because a build with nothing to do needs none of them.
 """
 
 __version__ = "0.1.0"
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
         Message,
         Service,
     )
-else:  # out of sight of type checkers, which would take any name for an attribute
+else:  # hidden from type checkers, which would accept any attribute of a module that has __getattr__
     _MODULES = {
         "diagnostics": ("Diagnostic", "InputError", "Level"),
         "firmware.read": ("read",),
@@ -74,10 +74,10 @@ else:  # out of sight of type checkers, which would take any name for an attribu
             "Service",
         ),
     }
-    """Which module defines which of the names."""
+    """The public names that each module defines."""
 
     def __getattr__(name: str) -> object:
-        """Import the module that defines `name`, and return it. Raise AttributeError for any other name."""
+        """Return the public name `name` from the module that defines it. Raises AttributeError for any other name."""
         import sys
 
         for module, names in _MODULES.items():
@@ -89,5 +89,5 @@ else:  # out of sight of type checkers, which would take any name for an attribu
         raise AttributeError(text, name=name, obj=sys.modules[__name__])  # Python suggests the nearest name
 
     def __dir__() -> list[str]:
-        """Return the names that are imported so far, and those that can be."""
+        """Return the names that are imported already, and the public names that can be imported."""
         return sorted({*globals(), *__all__})

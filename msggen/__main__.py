@@ -1,4 +1,4 @@
-"""`python -m msggen`."""
+"""Entry point of `python -m msggen`."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""What is wrong with an input, said to people: `path:line:col: CODE message`."""
+"""Errors, warnings and notes about an input, printed as `path:line:col: CODE message`."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import Enum
@@ -8,14 +8,14 @@ from typing import NamedTuple
 from msggen.location import Location
 
 _SHORTEST = 4
-"""The beginning of a name is near it from so many letters on, where nothing is nearer."""
+"""The length of the shortest beginning of a name that suggests the name, if no other name is near."""
 
 _FEW = 4
-"""So many names are listed."""
+"""The number of names that `few` lists."""
 
 
 class Level(Enum):
-    """How much a diagnostic matters: an error stops the run, a warning does under `--strict`, a note never does."""
+    """The level of a diagnostic: an error stops the run, a warning only with `--strict`, a note never."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -113,14 +113,15 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "T208": Level.ERROR,
     }
 )
-"""Every code and its level. What PX4 may add to its files is a warning, so that its next release still builds.
+"""The level of each code. Constructs that PX4 may add in its next release are warnings, so that it still builds.
 
-msggen/report/errors.yaml has the text about each; it is not read here, because a build with nothing to do imports this.
+The text about each code is in msggen/report/errors.yaml, not here, because a build with nothing to do imports this
+module.
 """
 
 
 class Diagnostic(NamedTuple):
-    """One error, warning or note, at one place."""
+    """An error, a warning or a note, with its location."""
 
     location: Location
     code: str
@@ -128,7 +129,7 @@ class Diagnostic(NamedTuple):
 
     @property
     def level(self) -> Level:
-        """The level of its code; `--strict` makes an error of a warning."""
+        """The level of the code; `--strict` turns warnings into errors."""
         return CODES[self.code]
 
     def __str__(self) -> str:
@@ -136,7 +137,7 @@ class Diagnostic(NamedTuple):
 
 
 class InputError(Exception):
-    """The input cannot be used: `diagnostics` has all errors, `notices` the warnings and notes found beside them."""
+    """An input that cannot be used: `diagnostics` has all errors, `notices` has the warnings and notes."""
 
     def __init__(self, diagnostics: Iterable[Diagnostic], notices: Iterable[Diagnostic] = ()) -> None:
         self.diagnostics = tuple(sorted(set(diagnostics)))
@@ -147,9 +148,9 @@ class InputError(Exception):
 def sorted_out(
     found: Iterable[Diagnostic], tolerated: Collection[str] = (), *, strict: bool = False
 ) -> tuple[Diagnostic, ...]:
-    """Return the warnings and notes among `found`, sorted, without the codes `tolerated`.
+    """Return the warnings and notes among `found`, sorted, without those whose code is in `tolerated`.
 
-    Raises InputError with all errors; with `strict`, warnings are errors too.
+    Raises InputError with all other diagnostics if there are errors. With `strict`, warnings are errors.
     """
     stopping = {Level.ERROR, Level.WARNING} if strict else {Level.ERROR}
     kept = [each for each in found if each.code not in tolerated]
@@ -165,18 +166,18 @@ def input_error(path: str, code: str, message: str, line: int = 1, column: int =
 
 
 def counted(number: int, noun: str) -> str:
-    """Return `1 message`, `2 messages`."""
+    """Return a number with its noun in singular or plural: `1 message`, `2 messages`."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def few(names: Sequence[str]) -> str:
-    """Return the first of `names`, and how many more there are."""
+    """Return the first `names`, and the number of the others: `a, b, c, d and 5 more`."""
     shown = names if len(names) <= _FEW + 1 else names[:_FEW]
     return ", ".join(shown) + (f" and {len(names) - _FEW} more" if len(shown) < len(names) else "")
 
 
 def suggestion(wrong: str, known: Iterable[str]) -> str:
-    """Return ", did you mean 'x'?" for the nearest of `known`, or "" when none is near."""
+    """Return ", did you mean 'x'?" for the nearest name in `known`, or "" if no name is near."""
     from difflib import get_close_matches
 
     by_lower_case = {name.lower(): name for name in known}

@@ -1,6 +1,6 @@
-"""What the firmware and ROS 2 call a message: hashes, ids and names.
+"""Identities of messages and topics in the firmware and in ROS 2: hashes, ids, names, and quality of service.
 
-docs/wire.md, 8 to 13, has the rules and where they come from.
+The rules and their sources are in docs/wire.md, 8 to 13.
 """
 
 from collections.abc import Iterator
@@ -26,11 +26,11 @@ _NESTED_TYPE_ID = 1
 _ARRAY_OFFSETS = {ArrayKind.SCALAR: 0, ArrayKind.FIXED: 48, ArrayKind.BOUNDED: 96, ArrayKind.UNBOUNDED: 144}
 _BOUNDED_STRING_OFFSET = 4
 _PLACEHOLDER = ("structure_needs_at_least_one_member", FieldType("uint8"))
-"""What a message without fields has instead."""
+"""The field that ROS 2 adds to a message without fields."""
 
 
 def message_hash(catalog: Catalog, message: Message) -> int:
-    """Return the hash that the firmware's compatibility check compares: FNV-1a, 32 bit, of the field list."""
+    """Return the hash that the firmware's compatibility check compares: 32-bit FNV-1a of the list of fields."""
     value = _FNV_OFFSET
     for byte in "".join(_field_lines(catalog, message)).encode():
         value = (value ^ byte) * _FNV_PRIME & 0xFFFFFFFF
@@ -48,8 +48,9 @@ def _field_lines(catalog: Catalog, message: Message) -> Iterator[str]:
 
 
 def type_hash(catalog: Catalog, message: Message) -> str:
-    """Return ROS 2's type hash, RIHS01 (docs/wire.md, 10). No name in the JSON needs an escape."""
+    """Return ROS 2's type hash, RIHS01 (docs/wire.md, 10)."""
     nested = ", ".join(_description(catalog, inner) for inner in catalog.nested_all(message))
+    # plain formatting is enough: no name in the JSON needs an escape
     text = f'{{"type_description": {_description(catalog, message)}, "referenced_type_descriptions": [{nested}]}}'
     return "RIHS01_" + sha256(text.encode()).hexdigest()
 
@@ -73,7 +74,7 @@ def _type(catalog: Catalog, outer: Message, type_: FieldType) -> str:
 
 
 class UorbTopic(NamedTuple):
-    """A topic as uORB knows it."""
+    """A uORB topic: its name, its id in `ORB_ID`, and its message."""
 
     name: str
     orb_id: int
@@ -81,18 +82,18 @@ class UorbTopic(NamedTuple):
 
     @property
     def condition(self) -> str:
-        """The condition under which the firmware's build lists its message, "" for none."""
+        """The condition under which the firmware's build includes the message, "" for none."""
         return self.message.condition
 
 
 def uorb_topics(catalog: Catalog) -> tuple[UorbTopic, ...]:
-    """Return all topics in the order of their ids: that of their sorted names, over the whole set."""
+    """Return all topics in the order of their ids, which is the order of their names."""
     owners = {topic: message for message in catalog.uorb_messages for topic in message.topic_names}
     return tuple(UorbTopic(name, index, owners[name]) for index, name in enumerate(sorted(owners)))
 
 
 class Qos(NamedTuple):
-    """Quality of service of one end, in DDS's words; a depth of 0 leaves it to the middleware."""
+    """The quality of service of a writer or a reader, in DDS's terms; a depth of 0 leaves it to the middleware."""
 
     reliability: str
     durability: str
@@ -101,17 +102,17 @@ class Qos(NamedTuple):
 
 
 PX4_WRITER = Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0)
-"""The QoS of all writers of PX4 (docs/wire.md, 13)."""
+"""The QoS of all of PX4's writers (docs/wire.md, 13)."""
 
 APPLICATION = Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10)
-"""What matches PX4 at the other end. A reader must not ask for RELIABLE; a writer may offer either."""
+"""The QoS of an application that matches PX4's. A reader must not request RELIABLE; a writer may offer either."""
 
 
 class Endpoint(NamedTuple):
-    """A topic that crosses the bridge, as DDS and ROS 2 know it. `object_id` is the XRCE client's.
+    """A bridged topic, as DDS and ROS 2 see it. `object_id` is the id that the XRCE client gives it.
 
-    `publish_interval_ms` is the shortest time between two samples that PX4 sends, 0 where it sends all that its queue
-    holds; None on the way in.
+    `publish_interval_ms` is the shortest time between two samples that PX4 sends: 0 if it sends all samples in its
+    queue, None for topics into PX4.
     """
 
     entry: BridgeEntry
@@ -122,17 +123,20 @@ class Endpoint(NamedTuple):
 
     @property
     def dds_name(self) -> str:
-        """The name of the DDS topic: ROS 2 puts `rt` before its own."""
+        """The name of the DDS topic: the ROS 2 name with the prefix `rt`."""
         return f"rt{self.ros_name}"
 
     @property
     def writer_qos(self) -> Qos:
-        """PX4's on the way out, the application's on the way in."""
+        """The QoS of the writer: PX4's for topics out of PX4, the application's for topics into PX4."""
         return PX4_WRITER if self.entry.direction is Direction.OUT else APPLICATION
 
     @property
     def reader_qos(self) -> Qos:
-        """The application's on the way out; on the way in PX4's, which keeps uORB's queue for each of its sources."""
+        """The QoS of the reader: the application's for topics out of PX4, PX4's for topics into PX4.
+
+        PX4's reader keeps as many samples as uORB's queue holds, for each source.
+        """
         if self.entry.direction is Direction.OUT:
             return APPLICATION
         sources = self.entry.max_instances or _SOURCES
@@ -140,11 +144,11 @@ class Endpoint(NamedTuple):
 
 
 _SOURCES = 2
-"""How many times the queue length PX4's reader keeps, without `max_instances` (docs/wire.md, 13)."""
+"""The number of sources that PX4's reader assumes without `max_instances` (docs/wire.md, 13)."""
 
 
 def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
-    """Return the endpoints of the bridge in the YAML's order: publications, subscriptions, subscriptions_multi."""
+    """Return the endpoints in the YAML's order: those of publications, subscriptions, then subscriptions_multi."""
     by_name = {message.name: message for message in catalog.uorb_messages}
     orb_ids = {topic.name: topic.orb_id for topic in uorb_topics(catalog)}
     found = []
@@ -170,7 +174,7 @@ def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
 
 
 def _interval(entry: BridgeEntry, conventions: Conventions) -> int:
-    """Return the milliseconds that PX4 makes of a rate limit (docs/wire.md, 15)."""
+    """Return the interval in milliseconds that PX4 derives from a rate limit (docs/wire.md, 15)."""
     rate = entry.rate_limit_hz
     if rate is None or (rate == 0 and not conventions.exact_intervals):
         return conventions.default_interval_ms
@@ -180,12 +184,15 @@ def _interval(entry: BridgeEntry, conventions: Conventions) -> int:
 
 
 def nearest_interval(rate: float) -> int:
-    """Return the whole number of milliseconds nearest to a rate limit in Hz, at least 1; 0 for no limit."""
+    """Return the interval in whole milliseconds nearest to a rate limit in Hz, at least 1; 0 for no limit."""
     return max(1, round(1000 / rate)) if rate else 0
 
 
 def endpoint_versions(catalog: Catalog, endpoint: Endpoint) -> tuple[tuple[str, Message], ...]:
-    """Return ROS name and message of all versions of an endpoint, the oldest first: one where names do not tell."""
+    """Return the ROS name and the message of each version of an endpoint, the oldest first.
+
+    Only the current version counts in releases whose topic names have no version suffix.
+    """
     known = catalog.versions(endpoint.message) if catalog.conventions.version_suffix else (endpoint.message,)
     return tuple((_ros_name(endpoint.entry, version, catalog.conventions), version) for version in known)
 

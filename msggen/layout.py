@@ -1,7 +1,7 @@
-"""Where each value lies in a CDR sample (docs/wire.md, 3 and 5).
+"""The offsets of values in CDR samples (docs/wire.md, 3 and 5).
 
-Of messages whose samples all have the same layout, so every offset is known here. Offsets count from the first byte
-after the four bytes of the encapsulation header, as alignment does.
+Only messages whose samples all have the same layout have such offsets. Offsets and alignment count from the first byte
+after the encapsulation header, which has four bytes.
 """
 
 from collections.abc import Iterable
@@ -12,23 +12,23 @@ from msggen.model import ArrayKind, Catalog, FieldType, Message
 from msggen.primitives import PRIMITIVES
 
 Path = tuple[tuple[str, int | None], ...]
-"""How to reach a value: (field name, index in an array of messages or None), from the outside in."""
+"""The path to a value: (field name, index in an array of messages or None) for each level, the outermost first."""
 
 
 class Encoding(Enum):
-    """The two plain encodings; they differ in the largest alignment, and in how an array of messages begins."""
+    """The two plain encodings. They differ in the largest alignment and in the header of arrays of messages."""
 
     XCDR1 = 8
     XCDR2 = 4
 
     @property
     def largest_alignment(self) -> int:
-        """In bytes."""
+        """The largest alignment in bytes."""
         return self.value
 
 
 class Leaf(NamedTuple):
-    """A primitive or an array of primitives: values of `size` bytes each from `offset`, after `padding` bytes."""
+    """A primitive or an array of primitives: values of `size` bytes each, from `offset`, after `padding` bytes."""
 
     path: Path
     type: FieldType
@@ -39,7 +39,7 @@ class Leaf(NamedTuple):
 
 
 class DelimiterHeader(NamedTuple):
-    """XCDR2's four bytes before an array of messages: the `size` in bytes of what follows (docs/wire.md, 5)."""
+    """XCDR2's four bytes before an array of messages: the `size` of the array in bytes (docs/wire.md, 5)."""
 
     offset: int
     size: int
@@ -47,7 +47,7 @@ class DelimiterHeader(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """The bytes of one message, all nested messages unfolded."""
+    """The layout of a message, including all nested messages."""
 
     size: int
     items: tuple[Leaf | DelimiterHeader, ...]
@@ -63,7 +63,7 @@ class Layout(NamedTuple):
         return tuple(item for item in self.items if isinstance(item, DelimiterHeader))
 
     def extents(self) -> dict[str, tuple[int, int]]:
-        """Return offset and size in bytes of each field, padding inside included."""
+        """Return the offset and the size in bytes of each field, including padding inside the field."""
         extents: dict[str, tuple[int, int]] = {}
         for leaf in self.leaves:
             name = leaf.path[0][0]
@@ -73,9 +73,9 @@ class Layout(NamedTuple):
 
 
 def is_static(catalog: Catalog, message: Message) -> bool:
-    """Whether every sample of `message` has the same layout: no strings or sequences, and no message without fields.
+    """Whether every sample of `message` has the same layout: no strings, sequences, or messages without fields.
 
-    ROS 2 gives a message without fields one byte that holds no value; `lay_out` has no place for that.
+    ROS 2 gives a message without fields one byte that holds no value, which a Layout cannot describe.
     """
     return bool(message.fields) and all(
         field.type.is_fixed_size
@@ -85,16 +85,16 @@ def is_static(catalog: Catalog, message: Message) -> bool:
 
 
 def lay_out(catalog: Catalog, message: Message, encoding: Encoding = Encoding.XCDR1) -> Layout:
-    """Return the layout of `message`, which is static."""
+    """Return the layout of `message`, which must be static."""
     writer = _Writer(catalog, encoding)
     writer.message(message, ())
     return Layout(writer.offset, tuple(writer.items))
 
 
 def struct_size(catalog: Catalog, message: Message) -> int:
-    """Return the bytes of the firmware's C++ struct without padding at its end (docs/wire.md, 9).
+    """Return the size in bytes of the firmware's C++ struct, without the padding at its end (docs/wire.md, 9).
 
-    Fields stand sorted by size, so only nested messages, at the end and aligned to 8, bring padding.
+    The fields are sorted by size, so only nested messages need padding: they come last and are aligned to 8 bytes.
     """
     primitives = [field.type for field in message.fields if field.type.is_primitive]
     offset = sum(PRIMITIVES[type_.name].size * type_.element_count for type_ in primitives)
@@ -106,12 +106,12 @@ def struct_size(catalog: Catalog, message: Message) -> int:
 
 
 def padding_before(offset: int, alignment: int) -> int:
-    """Return how many bytes are missing from `offset` to the next multiple of `alignment`."""
+    """Return the number of bytes from `offset` to the next multiple of `alignment`."""
     return -offset % alignment
 
 
 class _Writer:
-    """Walks a message field by field, as a serializer would."""
+    """A walk through a message, field by field, as a serializer does it."""
 
     def __init__(self, catalog: Catalog, encoding: Encoding) -> None:
         self.catalog = catalog
@@ -157,9 +157,9 @@ class _Writer:
 
 
 def struct_format(items: Iterable[tuple[int, int, str]]) -> str:
-    """Return the `struct` format, without byte order, of items of (padding before, count, code).
+    """Return the `struct` format, without byte order, of items (padding before, count, code).
 
-    Neighbours with the same code are joined: `3f` and `f` to `4f`.
+    Neighbours with the same code are joined: `3f` and `f` become `4f`.
     """
     runs: list[tuple[int, str]] = []
     for padding, count, code in items:

@@ -1,10 +1,10 @@
-"""A place in a file: what every node of the model and every error carries."""
+"""The location of a node of the model or of an error."""
 
 from typing import NamedTuple
 
 
 class Location(NamedTuple):
-    """Lines and columns count from 1. Line 0 is no place in a file: an option, say."""
+    """A place in a file. Lines and columns count from 1; line 0 means a whole file, a folder or an option."""
 
     path: str
     line: int = 1

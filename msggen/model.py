@@ -1,7 +1,6 @@
-"""What a message, a field, a constant, a topic, a service and a catalog are.
+"""The model: messages, fields, constants, topics, services, and the catalog that holds them.
 
-Plain frozen values: no text is read here and no byte is laid out. Every node carries the place it was
-read from, so that whoever finds error with it later can say where.
+All values are immutable. Every node has the location that it was read from, so that later checks can report it.
 """
 
 import re
@@ -20,29 +19,29 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from msggen.translation import Translation
 
-Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated, and it names itself
-"""What a constant or a default may hold; tuples only as defaults of arrays."""
+Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - `|` fails at run time with the forward reference
+"""The value of a constant or a default. Only defaults of arrays are tuples."""
 
 VERSION = "MESSAGE_VERSION"
-"""The constant that says which version of a message a definition is."""
+"""The name of the constant that holds the version of a message."""
 
 DEFAULT_PACKAGE = "px4_msgs"
-"""The ROS 2 package that the firmware's definitions belong to."""
+"""The ROS 2 package of the firmware's definitions."""
 
 ARCHIVE_PACKAGE = "px4_msgs_old"
-"""The ROS 2 package in which the firmware keeps earlier versions of messages, from v1.16 on."""
+"""The ROS 2 package of the firmware's archived versions, from v1.16 on."""
 
 _LATER_CAPITAL = re.compile(r"(?<!^)(?=[A-Z])")
 
 
 @cache
 def snake_case(name: str) -> str:
-    """Return `name` as uORB spells topics: an underscore before every later capital."""
+    """Return `name` as uORB spells topics: in lower case, with an underscore before each capital but a leading one."""
     return _LATER_CAPITAL.sub("_", name).lower()
 
 
 class ArrayKind(Enum):
-    """How many values a field holds."""
+    """The kind of an array, or SCALAR for a single value. `length` is that of the FieldType."""
 
     SCALAR = "one value"
     FIXED = "exactly `length` values"
@@ -51,7 +50,10 @@ class ArrayKind(Enum):
 
 
 class FieldType(NamedTuple):
-    """The type of a field: `name` is a primitive, or a message of `package` (None: the field's own)."""
+    """The type of a field.
+
+    `name` is a primitive, or a message in `package`; None stands for the package of the definition.
+    """
 
     name: str
     package: str | None = None
@@ -61,22 +63,22 @@ class FieldType(NamedTuple):
 
     @property
     def is_primitive(self) -> bool:
-        """Whether the grammar has the type built in; every other type is a message."""
+        """Whether the type is built into the grammar; every other type is a message."""
         return self.package is None and self.name in PRIMITIVES
 
     @property
     def element_count(self) -> int:
-        """The length of a fixed array; 1 for others."""
+        """The length of a fixed array; 1 for other types."""
         return self.length if self.array is ArrayKind.FIXED else 1
 
     @property
     def is_fixed_size(self) -> bool:
-        """Whether the field itself has a static size; a nested message may still have none."""
+        """Whether the type is neither a string nor a sequence; a nested message may still contain them."""
         return self.name not in STRINGS and self.array in (ArrayKind.SCALAR, ArrayKind.FIXED)
 
     @property
     def base(self) -> str:
-        """The type of one value, as a definition spells it."""
+        """The type of one element, as a definition spells it."""
         bound = "" if self.string_bound is None else f"<={self.string_bound}"
         return f"{self.package}/{self.name}" if self.package else f"{self.name}{bound}"
 
@@ -92,10 +94,10 @@ _ATTRIBUTES = frozenset(tag.name for tag in ATTRIBUTES)
 
 
 class Comment(NamedTuple):
-    """The comment of a field or constant, taken apart.
+    """The comment of a field or constant, split into its parts.
 
-    `text` has the sentences without the tags. `tags` has name and content of every tag with an `@`, known or not, the
-    known ones in the order of `TAGS`.
+    `text` has the sentences without the tags. `tags` has the name and the content of every tag with an `@`, including
+    unknown tags; known tags are in the order of `TAGS`.
     """
 
     text: str = ""
@@ -103,19 +105,19 @@ class Comment(NamedTuple):
     tags: tuple[tuple[str, str], ...] = ()
 
     def tag(self, name: str) -> str:
-        """Return the content of a tag, "" where the comment has none of that name."""
+        """Return the content of the tag `name`, or "" if the comment does not have it."""
         if name == UNIT.name:
             return self.unit
         return next((content for known, content in self.tags if known == name), "")
 
     @property
     def attributes(self) -> list[tuple[str, str]]:
-        """Name and content of the tags that are attributes, those without content left out."""
+        """The name and the content of each tag that is an attribute and has content."""
         unit = [(UNIT.name, self.unit)] if self.unit else []
         return unit + [(name, content) for name, content in self.tags if content and name in _ATTRIBUTES]
 
     def changed_tags(self, after: "Comment") -> list[TagChange]:
-        """Return the tags that both comments have, and that do not mean the same."""
+        """Return the changes of the tags that both comments have but with different meanings."""
         if self == after:
             return []
         return [change for tag in COMPARED if (change := tag.change(self.tag(tag.name), after.tag(tag.name)))]
@@ -127,7 +129,7 @@ class Comment(NamedTuple):
 
 
 class Field(NamedTuple):
-    """One field; `location` is where its type starts, `name_column` where its name does."""
+    """A field. `location` is the start of its type, `name_column` the start of its name."""
 
     name: str
     type: FieldType
@@ -138,7 +140,7 @@ class Field(NamedTuple):
 
 
 class Constant(NamedTuple):
-    """One constant; `location` is where its type starts, `name_column` where its name does."""
+    """A constant. `location` is the start of its type, `name_column` the start of its name."""
 
     name: str
     type: FieldType
@@ -156,7 +158,7 @@ class Topic(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A `.msg` file, or one half of a `.srv` file (`folder` is then "srv")."""
+    """The definition in a `.msg` file, or one half of a `.srv` file; `folder` is then "srv"."""
 
     name: str
     package: str
@@ -167,69 +169,69 @@ class Message(NamedTuple):
     topics: tuple[Topic, ...] = ()
     comment: str = ""
     version_of: str = ""
-    """Of an archived version: the key of the message that it is an earlier version of."""
+    """For an archived version, the key of its current message; "" for other messages."""
     condition: str = ""
-    """The condition under which the firmware's build lists the message, as CMake spells it; "" for none."""
+    """The condition under which the firmware's build includes the message, as CMake spells it; "" for none."""
 
     @property
     def key(self) -> str:
-        """The name that other definitions nest it by, and catalogs find it by."""
+        """The full name, `px4_msgs/VehicleStatus`, by which definitions nest the message and catalogs index it."""
         return f"{self.package}/{self.name}"
 
     def key_of(self, nested: FieldType) -> str:
-        """The name that the message of a nested field is found by."""
+        """Return the key of the message that a field of type `nested` holds."""
         return f"{nested.package or self.package}/{nested.name}"
 
     @property
     def released_as(self) -> tuple[str, str]:
-        """Package and name that the wire and all hashes know: an earlier version has those of its message."""
+        """The package and the name on the wire and in hashes; an archived version has those of its current message."""
         package, _, name = (self.version_of or self.key).partition("/")
         return package, name
 
     @property
     def ros_type(self) -> str:
-        """`px4_msgs/msg/VehicleStatus`."""
+        """The ROS 2 type: `px4_msgs/msg/VehicleStatus`."""
         package, name = self.released_as
         return f"{package}/{self.folder}/{name}"
 
     @property
     def dds_type(self) -> str:
-        """`px4_msgs::msg::dds_::VehicleStatus_`."""
+        """The DDS type: `px4_msgs::msg::dds_::VehicleStatus_`."""
         package, name = self.released_as
         return f"{package}::{self.folder}::dds_::{name}_"
 
     @property
     def topic_names(self) -> tuple[str, ...]:
-        """The uORB topics of this message: what it declares, or else its own name; none of a version."""
+        """The uORB topics of the message: declared ones, or else its own name. An archived version has none."""
         if self.version_of:
             return ()
         return tuple(topic.name for topic in self.topics) or (snake_case(self.name),)
 
     @property
     def message_version(self) -> int:
-        """MESSAGE_VERSION as the firmware reads it, or 0: what it assumes without."""
+        """MESSAGE_VERSION as the firmware reads it, an unsigned 32-bit integer; 0 if the constant is missing."""
         return self._special(VERSION, 0) % 2**32
 
     @property
     def is_versioned(self) -> bool:
-        """Whether the message says which version it is."""
+        """Whether the message has the constant MESSAGE_VERSION."""
         return any(constant.name == VERSION for constant in self.constants)
 
     @property
     def queue_length(self) -> int:
-        """ORB_QUEUE_LENGTH, or 1: how many samples uORB keeps."""
+        """The number of samples that uORB keeps: ORB_QUEUE_LENGTH, or 1 if the constant is missing."""
         return self._special("ORB_QUEUE_LENGTH", 1)
 
     def _special(self, name: str, default: int) -> int:
         values = [constant.value for constant in self.constants if constant.name == name]
         try:
-            return int(values[0]) if values else default  # type: ignore[arg-type]  # a tuple is a TypeError
+            return int(values[0]) if values else default  # type: ignore[arg-type]  # int() raises TypeError for a tuple
         except (TypeError, ValueError, OverflowError):
             return default
 
 
 class Service(NamedTuple):
-    """A `.srv` file: two messages, `<Name>_Request` and `<Name>_Response`."""
+    """The definition in a `.srv` file: two messages, `<Name>_Request` and `<Name>_Response`."""
 
     name: str
     package: str
@@ -240,27 +242,27 @@ class Service(NamedTuple):
 
 
 class Direction(Enum):
-    """Seen from the vehicle, as the topic names are: `/fmu/out` is what PX4 publishes."""
+    """The direction of a topic, seen from the vehicle: PX4 publishes `/fmu/out` and reads `/fmu/in`."""
 
     OUT = "out"
     IN = "in"
 
 
 def options_text(options: Mapping[str, object]) -> str:
-    """Return the options of an entry as PX4 hands them to Zenoh's client: `cc=block,express=true`."""
+    """Return the options of an entry as PX4 passes them to Zenoh's client: `cc=block,express=true`."""
     return ",".join(
         f"{key}={str(value).lower() if isinstance(value, bool) else value}" for key, value in options.items()
     )
 
 
 class BridgeEntry(NamedTuple):
-    """One entry of `dds_topics.yaml`.
+    """An entry of `dds_topics.yaml`.
 
-    `rate_limit_hz` is None where the entry has none (the firmware then has a default) and 0.0 for no limit.
-    `instance` counts for publications only. `route_field` and `max_instances` come together, in
-    `subscriptions_multi` (PX4 v1.18): each value of that field of a sample gets a uORB instance of its own, and what
-    comes after `max_instances` values is dropped. `options` are for Zenoh's client. `extra` has the keys that msggen
-    does not know, and the values that it cannot use.
+    `rate_limit_hz` is 0.0 for no limit, and None if the entry does not set it; the firmware then uses its default.
+    `instance` applies to publications only. `route_field` and `max_instances` occur together, in
+    `subscriptions_multi` (PX4 v1.18): each value of the route field gets its own uORB instance, and after
+    `max_instances` different values, samples with further values are dropped. `options` are for Zenoh's client.
+    `extra` has the unknown keys, and values of known keys that msggen cannot use.
     """
 
     direction: Direction
@@ -277,17 +279,17 @@ class BridgeEntry(NamedTuple):
     extra: Mapping[str, object] = MappingProxyType({})
 
     def __hash__(self) -> int:
-        """Two entries are never at one place; their data may hold lists, which have no hash."""
+        """Return the hash of the location, which is unique; the options may contain lists, which have no hash."""
         return hash(self.location)
 
     @property
     def options_text(self) -> str:
-        """The options as PX4 hands them to Zenoh's client."""
+        """The options as PX4 passes them to Zenoh's client."""
         return options_text(self.options)
 
     @property
     def uorb_topic(self) -> str:
-        """The uORB topic behind it: the last component of the name."""
+        """The uORB topic: the last component of the name."""
         return self.topic.rsplit("/", 1)[-1]
 
     @property
@@ -302,11 +304,11 @@ class BridgeEntry(NamedTuple):
 
 
 class Conventions(NamedTuple):
-    """How a firmware names, numbers and times what crosses the bridge.
+    """The rules by which a firmware names, numbers and times bridged topics.
 
-    `release` is the release that it follows. `default_interval_ms` is the shortest time between two samples of a
-    publication without a rate limit. With `exact_intervals` a rate limit becomes the nearest whole number of
-    milliseconds, and 0 means no limit; before July 2026 the fraction was cut, and 0 meant the default.
+    `release` is the release that has these rules. `default_interval_ms` is the shortest time between two samples of a
+    publication that sets no rate limit. With `exact_intervals`, the interval of a rate limit is rounded to the nearest
+    millisecond, and a limit of 0 means no limit. Before July 2026, it was rounded down, and 0 meant the default.
     """
 
     release: str
@@ -318,13 +320,12 @@ class Conventions(NamedTuple):
 
 
 class Catalog(NamedTuple):
-    """A whole set of definitions that fit together: every nested type is found, every name unique in its package.
+    """A consistent set of definitions: every nested type is defined, every name is unique in its package.
 
-    The messages of `package` are uORB's, and have topics; those of other packages only ROS 2 knows. `archived` has
-    earlier versions of messages by key, where they were asked for: they are no longer on uORB, and have no topics.
-    `translations` say how the firmware makes one version from another.
-    `bridge_extra` has what the bridge's YAML holds besides the lists of topics that msggen knows. `notices` are the
-    warnings and notes about the sources.
+    The messages of `package` are on uORB and have topics; messages of other packages exist only in ROS 2. `archived`
+    has the archived versions by key, if they were requested; they are not on uORB and have no topics. `translations`
+    are the firmware's conversions between versions. `bridge_extra` has the unknown top-level keys of
+    `dds_topics.yaml`. `notices` are the warnings and notes about the sources.
     """
 
     messages: Mapping[str, Message]
@@ -339,28 +340,28 @@ class Catalog(NamedTuple):
 
     @property
     def uorb_messages(self) -> tuple[Message, ...]:
-        """The messages that uORB carries, by name."""
+        """The messages on uORB, sorted by name."""
         return tuple(message for message in self.messages.values() if message.package == self.package)
 
     @property
     def own_services(self) -> tuple[Service, ...]:
-        """The services of `package`, by name."""
+        """The services of `package`, sorted by name."""
         return tuple(service for service in self.services if service.package == self.package)
 
     @property
     def other_packages(self) -> tuple[str, ...]:
-        """The packages besides `package`, sorted."""
+        """The packages other than `package`, sorted."""
         found = {message.package for message in self.messages.values()}
         found |= {service.package for service in self.services}
         return tuple(sorted(found - {self.package}))
 
     def nested(self, outer: Message, type_: FieldType) -> Message:
-        """Return the message that a nested field of `outer` holds."""
+        """Return the message that a field of `outer` with the type `type_` holds."""
         key = outer.key_of(type_)
         return self.messages.get(key) or self.archived[key]
 
     def nested_all(self, outer: Message) -> tuple[Message, ...]:
-        """Return every message nested in `outer`, at any depth, once each and sorted by ROS type."""
+        """Return every message nested in `outer`, at any depth, without duplicates, sorted by ROS type."""
         found: dict[str, Message] = {}
         waiting = [outer]
         while waiting:
@@ -374,9 +375,9 @@ class Catalog(NamedTuple):
         return tuple(sorted(found.values(), key=lambda message: message.ros_type))
 
     def versions(self, message: Message) -> tuple[Message, ...]:
-        """Return all versions that there are of `message`, itself a version or not, the oldest first.
+        """Return all versions of `message`, the oldest first; `message` may be current or archived.
 
-        An archived definition of the version that is current is none of them: the current one is.
+        If the current version is also archived, only the current definition is returned.
         """
         key = message.version_of or message.key
         found = {old.message_version: old for old in self.archived.values() if old.version_of == key}

@@ -1,18 +1,18 @@
-"""The types that ROS 2's `.msg` grammar has built in: one table, which everything else reads."""
+"""The built-in types of ROS 2's `.msg` grammar, in one table."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
 
 
 class Primitive(NamedTuple):
-    """A built-in type. A string has 0 or "" for a fact that only numbers have."""
+    """A built-in type. Strings have 0 or "" in the columns that only apply to numbers."""
 
     name: str
     size: int
-    """Bytes of one value in CDR (OMG DDS-XTypes 1.3, section 7.4)."""
+    """The size of a value in CDR, in bytes (OMG DDS-XTypes 1.3, section 7.4)."""
     smallest: float
     largest: float
-    """The largest value; for a float the largest literal that does not round to infinity."""
+    """The largest value; for floats, the largest literal that does not round to infinity."""
     code: str
     """The character in `struct` formats."""
     type_id: int
@@ -53,7 +53,7 @@ _FLOAT32 = 3.4028235677973362e38
 _FLOAT64 = 1.7976931348623157e308
 """The largest literals that do not round to infinity."""
 
-# `char` is an unsigned byte in PX4 and ROS 2, and has the type id of `uint8`.
+# PX4 and ROS 2 treat `char` as an unsigned byte, with the type id of `uint8`.
 # fmt: off
 _TABLE = (
     #         name       size  smallest    largest     code  id   Python    zero      in C++
@@ -80,4 +80,4 @@ INTEGERS = tuple(name for name, row in PRIMITIVES.items() if row.is_integer)
 FLOATS = tuple(name for name, row in PRIMITIVES.items() if row.is_float)
 STRINGS = tuple(name for name, row in PRIMITIVES.items() if row.is_string)
 OCTETS = tuple(name for name, row in PRIMITIVES.items() if row.is_octet)
-"""Names of the types of a kind."""
+"""The names of the integers, floats, strings and bytes."""

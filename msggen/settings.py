@@ -1,4 +1,4 @@
-"""Settings: options and the choice of rules in `[tool.msggen]` of the nearest pyproject.toml."""
+"""Settings from `[tool.msggen]` in the nearest pyproject.toml: options and the choice of rules."""
 
 import os
 import re
@@ -15,9 +15,9 @@ from msggen.location import Location
 
 
 class Settings(NamedTuple):
-    """The settings, None or empty where they are not set. `origin` is the path of the file that sets them.
+    """The settings; None or empty if not set. `origin` is the path of the file that sets them.
 
-    `package` is the Python package of `build`, `ros_package` the ROS package of `sync`.
+    `package` is the Python package for `build`, `ros_package` the ROS package for `sync`.
     """
 
     px4: str | None = None
@@ -36,7 +36,7 @@ class Settings(NamedTuple):
     origin: str = ""
 
     def place(self, key: str) -> Location:
-        """Return the location of a setting, or the option of that name where there are no settings."""
+        """Return the location of a setting, or the option `--key` if no file has settings."""
         if not self.origin:
             return Location(f"--{key}", 0)
         return Location(self.origin, *_place(_text(self.origin), key))
@@ -44,15 +44,19 @@ class Settings(NamedTuple):
 
 _HEADER = r"(?m)^[ \t]*\[[ \t]*tool[ \t]*\.[ \t]*[\"']?msggen[\"']?[ \t]*\]"
 _MENTIONED = r"(?m)\btool[\"']?\s*\.\s*[\"']?msggen\b|^\s*\[\s*tool\s*\][^\[]*^\s*[\"']?msggen\b"
-"""All ways to spell the table in TOML; a file that has none of them is not parsed. Compiled on first use."""
+"""All spellings of the table in TOML. A file that matches none is not parsed.
+
+The patterns are compiled on first use, because most builds do not need them.
+"""
 
 _PATHS = ("px4", "msg_dir", "topics", "output")
 
 
 def read_settings(folder: str) -> Settings:
-    """Return the settings of the nearest pyproject.toml, from `folder` upwards, that has any.
+    """Return the settings from the nearest pyproject.toml, in `folder` or above, that has a table for msggen.
 
-    Paths are relative to its folder. Raises InputError for unknown settings and for values of the wrong type.
+    Paths are relative to the folder of the file. Raises InputError for unknown settings and for values of the wrong
+    type.
     """
     here = os.path.abspath(folder)
     while True:
@@ -87,13 +91,13 @@ def _parse(text: str, path: str) -> Settings | None:
     except tomllib.TOMLDecodeError as error:
         place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         line, column = (int(place[1]), int(place[2])) if place else (1, 1)
-        _fail(path, "C101", f"not TOML: {error}", line, column)
+        _fail(path, "C101", f"invalid TOML: {error}", line, column)
     tool = document.get("tool")
     if not isinstance(tool, dict) or "msggen" not in tool:
         return None
     table = tool["msggen"]
     if not isinstance(table, dict):
-        _fail(path, "C103", "'tool.msggen' must be a table", *_place(text, "msggen"))
+        _fail(path, "C103", f"'tool.msggen': expected a table, found {table!r}", *_place(text, "msggen"))
     values = {_field(key, text, path): value for key, value in table.items()}
     base = os.path.dirname(path)
     checked = {key: _value(key, value, base, text, path) for key, value in values.items()}
@@ -124,7 +128,7 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
             _fail(path, "C103", f"'{key}': expected true or false, found {value!r}", *place)
         return value
     if not isinstance(value, str) or not value:
-        _fail(path, "C103", f"'{key}': expected a text, found {value!r}", *place)
+        _fail(path, "C103", f"'{key}': expected a string, found {value!r}", *place)
     if field not in _PATHS and not (field == "board" and BoardOption(value).is_path):
         return value
     joined = os.path.join(base, os.path.expanduser(value))
@@ -132,16 +136,16 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
 
 
 def _folder(text: str, base: str, place: Location) -> str:
-    """Return a folder, or `PKG=DIR`, with its path relative to the current folder."""
+    """Return a folder, or `PKG=DIR`, with a path relative to the current folder."""
     package, folder = split_package(text, place)
     return join_package(package, os.path.join(base, os.path.expanduser(folder)))
 
 
-def _texts(value: object, key: str, what: str, path: str, place: tuple[int, int]) -> tuple[str, ...]:
-    items = [value] if isinstance(value, str) else value
-    if not isinstance(items, list) or not all(item and isinstance(item, str) for item in items):
-        _fail(path, "C103", f"'{key}': expected a list of {what}, found {value!r}", *place)
-    return tuple(items)
+def _texts(value: object, key: str, items: str, path: str, place: tuple[int, int]) -> tuple[str, ...]:
+    texts = [value] if isinstance(value, str) else value
+    if not isinstance(texts, list) or not all(text and isinstance(text, str) for text in texts):
+        _fail(path, "C103", f"'{key}': expected a list of {items}, found {value!r}", *place)
+    return tuple(texts)
 
 
 def _place(text: str, key: str) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""What a translation header of the firmware says: how PX4 makes one version of a message from another. Immutable."""
+"""The contents of the firmware's translation headers: statements that convert one version of a message to another."""
 
 from __future__ import annotations
 
@@ -10,33 +10,33 @@ CHOICE = "?:"
 
 
 class Step(NamedTuple):
-    """One name of a path, and its index: a number, the variable of a loop, or None where there is none."""
+    """One name of a path, with an index: a number, the variable of a loop, or None."""
 
     name: str
     element: int | str | None = None
 
 
 class Place(NamedTuple):
-    """What `older.events[i].id` names: a field or a constant of one of the two messages."""
+    """A field or a constant of one of the two messages, such as `older.events[i].id`."""
 
     is_target: bool
     path: tuple[Step, ...]
 
     @property
     def field(self) -> str:
-        """The name of the field of the message itself."""
+        """The name of the message's own field, the first in the path."""
         return self.path[0].name
 
 
 class Number(NamedTuple):
-    """A value that the header states, by `name` where it is a constant; None is the zero of any type, `{}`."""
+    """A literal, or a constant with its `name`. The value None stands for `{}`, the zero of any type."""
 
     value: bool | int | float | None
     name: str = ""
 
 
 class Operation(NamedTuple):
-    """An operator and what it is applied to."""
+    """An operator and its operands."""
 
     operator: str
     operands: tuple[Expression, ...]
@@ -49,14 +49,14 @@ class Size(NamedTuple):
 
 
 class Assignment(NamedTuple):
-    """Sets a field or some of its elements; `value` is None where the header does not say it plainly."""
+    """An assignment to a field or to some of its elements; `value` is None if msggen cannot parse it."""
 
     target: Place
     value: Expression | None
 
 
 class Loop(NamedTuple):
-    """Repeats statements for `variable` from `start` up to the least of `stops`."""
+    """A loop: `variable` counts from `start` up to, but not including, the smallest of `stops`."""
 
     variable: str
     start: int
@@ -65,7 +65,7 @@ class Loop(NamedTuple):
 
 
 class Branch(NamedTuple):
-    """Chooses between statements."""
+    """A choice between statements."""
 
     condition: Expression
     then: tuple[Statement, ...]
@@ -77,10 +77,10 @@ Statement = Assignment | Loop | Branch
 
 
 class Translation(NamedTuple):
-    """One class of a header: how the message `older` becomes `newer`, and back.
+    """One class of a header: the conversion from the message `older` to `newer`, and back.
 
-    Messages are named as `px4_msgs_old/EventV0`. The statements of a direction are None where nothing can be said
-    of it: the function is missing, incomplete, or may set any field in a way that is not plain.
+    `older` and `newer` are keys, such as `px4_msgs_old/EventV0`. The statements of a direction are None if msggen
+    cannot parse it: the function is missing or incomplete, or may set any field in a way that msggen cannot follow.
     """
 
     older: str

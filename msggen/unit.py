@@ -1,4 +1,7 @@
-"""Units and ranges in one spelling each: `m/s^2`, `m/s2` and `m s^-2` are one unit, `0,1` and `0.0 - 1.0` one range."""
+"""Normalization of units and ranges.
+
+`m/s^2`, `m/s2` and `m s^-2` are the same unit; `0,1` and `0.0 - 1.0` are the same range.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ _SPELLINGS = {
     "%": "percent",
 }
 _NAMES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings.split()}
-"""Other spellings of a unit. Capitals count: `mW` is not `MW`."""
+"""The unit for each other spelling. Case matters: `mW` is not `MW`."""
 
 _CELSIUS = re.compile(r"(?:\bdeg(?:rees?)?|°)[ _.]*(?:C\b|[Cc]el[sc]ius\b)|℃")
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
@@ -41,7 +44,7 @@ _TOKEN = re.compile(
     r"\s*(?:(?P<number>\d+(?:\.\d+)?(?:e[-+]?\d+)?)|(?P<name>-$|[^\W\d]+|[°%])|(?P<sign>[()/*.·]))"
     r"(?:(?:\^|\*\*)\s*(?P<power>[-+]?\d+|\([-+]?\d+\))|(?<=[^\W\d)])(?P<bare>-?\d+))?"
 )
-"""A number, a name or a sign, and the power that it is raised to: `s^2`, `s**2`, `s2`, `s-2`."""
+"""A number, a name or a sign, with an optional power: `s^2`, `s**2`, `s2`, `s-2`."""
 
 _NOTE = re.compile(r"\([^)]*\)")
 _BETWEEN = re.compile(r"\s*(?:,|;|\.\.+|…|\bto\b|(?<=[\w.])\s*[-\u2013](?=\s*[\w.+-]))\s*")
@@ -50,9 +53,9 @@ _INFINITE = re.compile(r"\+?(inf|infinity)$")
 
 @cache
 def normalized_unit(text: str) -> str:
-    """Return a unit as a product of powers in alphabetical order, `m s^-2`; "1" for what has none, "" for no text.
+    """Return a unit as a product of powers in alphabetical order, `m s^-2`; "1" for no unit, "" for no text.
 
-    What is not understood comes back as it is, but for white space.
+    A text that is not a unit is returned with normalized white space.
     """
     text = " ".join(text.split())
     spelled = _SUPERSCRIPT.sub(lambda found: "^" + found[1].translate(_SUPERSCRIPTS), _CELSIUS.sub("degC", text))
@@ -67,9 +70,9 @@ def normalized_unit(text: str) -> str:
 
 
 def normalized_range(text: str) -> str:
-    """Return a range as `lowest, highest`; what is not understood comes back as it is, but for white space and case.
+    """Return a range as `lowest, highest`. Notes in parentheses, such as `(Left)`, are ignored.
 
-    A note in parentheses, such as `(Left)`, is no part of a bound.
+    A text that is not a range is returned in lower case with normalized white space.
     """
     text = " ".join(text.lower().split())
     bounds = _BETWEEN.split(_NOTE.sub("", text).strip(), maxsplit=1)
@@ -85,8 +88,8 @@ def _bound(text: str) -> str:
 
 
 def _factors(text: str) -> Iterator[tuple[str, int]]:
-    """Yield each unit in `text` and its power. Raises ValueError for what is no product of powers."""
-    signs = [1]  # what the powers of each open parenthesis are multiplied by
+    """Yield each unit in `text` with its power. Raises ValueError if `text` is not a product of powers."""
+    signs = [1]  # the factor of the powers inside each open parenthesis
     sign = 1
     position = 0
     while position < len(text.rstrip()):
@@ -116,7 +119,7 @@ def _factors(text: str) -> Iterator[tuple[str, int]]:
 
 
 def _power_behind(text: str, start: int) -> int:
-    """Return the power that the parenthesis opened before `start` is raised to. Raises ValueError if it stays open."""
+    """Return the power of the parenthesis that opens before `start`. Raises ValueError if it is not closed."""
     depth = 1
     for position in range(start, len(text)):
         depth += {"(": 1, ")": -1}.get(text[position], 0)

@@ -215,11 +215,11 @@ def test_the_place_is_in_our_table_even_where_others_use_the_same_word() -> None
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("package = 1", "'package': expected a text, found 1"),
-        ("output = true", "'output': expected a text, found True"),
-        ('px4 = ["firmware"]', "'px4': expected a text, found ['firmware']"),
-        ("release = 1.16", "'release': expected a text, found 1.16"),
-        ("topics = {}", "'topics': expected a text, found {}"),
+        ("package = 1", "'package': expected a string, found 1"),
+        ("output = true", "'output': expected a string, found True"),
+        ('px4 = ["firmware"]', "'px4': expected a string, found ['firmware']"),
+        ("release = 1.16", "'release': expected a string, found 1.16"),
+        ("topics = {}", "'topics': expected a string, found {}"),
         ('archived = "yes"', "'archived': expected true or false, found 'yes'"),
         ("archived = 1", "'archived': expected true or false, found 1"),
         ("msg-dir = 1", "'msg-dir': expected a list of folders, found 1"),
@@ -237,15 +237,17 @@ def test_an_empty_text_is_refused_not_passed_over(key: str) -> None:
 
 @pytest.mark.parametrize("text", ["[[tool.msggen]]\n", "[[tool.msggen]]\n[[tool.msggen]]\n"])
 def test_several_tables_are_refused(text: str) -> None:
-    assert re.match(r"pyproject\.toml:1:\d+: C103 .*must be a table", refused(text))
+    assert re.match(r"pyproject\.toml:1:\d+: C103 'tool.msggen': expected a table, found ", refused(text))
 
 
 def test_bad_toml_is_refused_at_its_place() -> None:
-    assert refused('[tool.msggen]\npackage = "x"\noutput = = "y"\n').startswith("pyproject.toml:3:10: C101 not TOML: ")
+    assert refused('[tool.msggen]\npackage = "x"\noutput = = "y"\n').startswith(
+        "pyproject.toml:3:10: C101 invalid TOML: "
+    )
 
 
 def test_bad_toml_at_the_end_of_the_file_is_refused() -> None:
-    assert re.match(r"pyproject\.toml:\d+:\d+: C101 not TOML: ", refused('[tool.msggen]\npackage = """x'))
+    assert re.match(r"pyproject\.toml:\d+:\d+: C101 invalid TOML: ", refused('[tool.msggen]\npackage = """x'))
 
 
 def test_bad_toml_of_a_project_that_does_not_use_msggen_is_not_our_business() -> None:
