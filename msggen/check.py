@@ -1,4 +1,4 @@
-"""`check` and `breaking`: reads both sides, asks the rules, and says in a line what came of it."""
+"""`check` and `breaking`: read both sides, apply the rules, summarize the findings."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from msggen.model import Catalog, Message, Service
 
 
 def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> Report:
-    """Return how `current` differs in meaning from `previous`, by which it is judged.
+    """Return the differences in meaning between `current` and its reference, `previous`.
 
-    With `topics_only` only what crosses the bridge counts, with what it nests, and the services. Raises InputError
-    where a side cannot be read.
+    With `topics_only`, compare only the bridged messages, the messages that they nest, and the services. Raises
+    InputError if a side cannot be read.
     """
     crossing = bridged_names(previous, current) if topics_only else _own_files(previous)
     before = read_catalog(previous, wanted=crossing, tolerated=COMPARABLE)
@@ -49,19 +49,19 @@ def breaking(
     rules: Sequence[Rule] = BREAKING,
     ignored: Mapping[str, Collection[Rule]] | None = None,
 ) -> Report:
-    """Return what the change from `previous` to `current` breaks, asking `rules`.
+    """Return the findings of `rules` in the change from `previous` to `current`.
 
-    `ignored` has rules that do not count, by name of message, service or topic, in which `*` stands for anything.
-    Raises InputError where a side cannot be read.
+    `ignored` maps names of messages, services or topics to the rules to ignore there; `*` in a name matches any text.
+    Raises InputError if a side cannot be read.
     """
     comparison = Comparison(_side(previous), _side(current))
     findings = [finding for finding in find(comparison, rules) if not _is_ignored(finding, ignored or {})]
-    report = _report(comparison, rules, findings, ("breaks nothing of", "breaks"))
+    report = _report(comparison, rules, findings, ("does not break", "breaks"))
     return replace(report, notices=(*previous.notices, *comparison.current.catalog.notices))
 
 
 def example_of(rule: Rule) -> Report:
-    """Return what `rule` finds in its example, a pair of folders `previous` and `current`."""
+    """Return the findings of `rule` in its example, a pair of folders `previous` and `current`."""
     previous, current = (find_sources(_example(rule, side)) for side in ("previous", "current"))
     report = check(previous, current) if rule.category is Category.DRIFT else breaking(previous, current, (rule,))
     findings = tuple(finding for finding in report.findings if finding.rule is rule)
@@ -77,9 +77,12 @@ def _example(rule: Rule, side: str) -> Snapshot:
 
 
 def _side(sources: Sources) -> Side:
-    """Return a side for `breaking`. A tree of the firmware without a bridge bridges nothing; a package does not say."""
+    """Return a side for `breaking`.
+
+    A PX4-Autopilot tree without dds_topics.yaml bridges no topics. A package without it leaves the topics unknown.
+    """
     history = read_history(sources.root) if sources.root else None
-    if history and sources.embedded:  # without the headers, which are PX4's
+    if history and sources.embedded:  # PX4's translation headers are not embedded: assume them
         history = replace(history, is_translated=True)
     catalog = read_catalog(sources, tolerated=COMPARABLE)
     return Side(
@@ -96,14 +99,17 @@ def _place(sources: Sources) -> str:
 
 
 def _own_files(sources: Sources) -> set[str] | None:
-    """Return the files of a package that `sync` keeps, without its user's own; None where all count."""
+    """Return the files that `sync` wrote, if it maintains the package; None if all files of the source count."""
     if not sources.root or not sources.root.is_file(RECORD_NAME):
         return None
     return {name.rpartition("/")[2] for name in parse_record(sources.root.read(RECORD_NAME)).files} or None
 
 
 def _extra(sources: Sources, files: Collection[str]) -> Iterator[Extra]:
-    """Yield the definitions that are none of `files`; in a package that `sync` keeps, its user's own do not count."""
+    """Yield the definitions outside `files`.
+
+    In a package that `sync` maintains, definitions that `sync` did not write do not count.
+    """
     own = _own_files(sources)
     for kind, found in (("message", sources.messages), ("service", sources.services)):
         for file in found:
@@ -113,9 +119,9 @@ def _extra(sources: Sources, files: Collection[str]) -> Iterator[Extra]:
 
 
 def _with_renamed(sources: Sources, files: Collection[str], before: Catalog) -> Catalog:
-    """Return the catalog of `files`, and of what may be one of them by another name if one is missing.
+    """Return the catalog of `files` and, for each missing message, of the message that may be its new name.
 
-    Those are left out if they cannot be read: nobody has asked for them.
+    The candidates for a new name are left out if they have errors, because the comparison does not require them.
     """
     names = {file.stem for file in sources.messages if not file.package}
     extra = [each.name for each in _extra(sources, files) if each.kind == "message"]
@@ -139,18 +145,19 @@ def _is_ignored(finding: Finding, ignored: Mapping[str, Collection[Rule]]) -> bo
 def _report(
     comparison: Comparison, rules: Sequence[Rule], findings: Sequence[Finding], verdicts: tuple[str, str]
 ) -> Report:
-    """Sort what was found by place, and sum it up."""
+    """Return a report with the findings, sorted by subject and location, and a summary."""
     previous, current = comparison.previous, comparison.current
     messages = _names(previous.catalog.uorb_messages) & _names(current.catalog.uorb_messages)
     services = _names(previous.catalog.own_services) & _names(current.catalog.own_services)
     failing = [finding for finding in findings if finding.fails]
+    warned = sum(finding.rule.severity is Severity.WARNING for finding in findings)
     counts = [
         f"{counted(len(failing), 'finding')} in {counted(len({each.change.subject for each in failing}), 'definition')}"
         if failing
         else f"{counted(len(messages), 'message')}, {counted(len(services), 'service')}",
-        *_counted(sum(finding.is_silent for finding in failing), "silent"),
-        *_counted(sum(finding.is_handled for finding in findings), "handled"),
-        *_counted(sum(finding.rule.severity is Severity.WARNING for finding in findings), "only warned of"),
+        *_count(sum(finding.is_silent for finding in failing), "silent"),
+        *_count(sum(finding.is_handled for finding in findings), "handled"),
+        *_count(warned, "warning" if warned == 1 else "warnings"),
     ]
     summary = f"{current.label} {verdicts[bool(failing)]} {previous.label}: {', '.join(counts)}"
     ordered = sorted(findings, key=lambda finding: (finding.change.subject, finding.change.location))
@@ -168,5 +175,5 @@ def _names(definitions: Iterable[Message | Service]) -> set[str]:
     return {definition.name for definition in definitions}
 
 
-def _counted(number: int, what: str) -> list[str]:
-    return [f"{number} {what}"] if number else []
+def _count(number: int, word: str) -> list[str]:
+    return [f"{number} {word}"] if number else []

@@ -1,1 +1,1 @@
-"""Two catalogs to findings, by rule; how they were read, and how findings are shown, is not known here."""
+"""Comparison of two catalogs: rules and their findings. Reading sources and printing findings belong elsewhere."""

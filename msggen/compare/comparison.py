@@ -1,6 +1,7 @@
-"""Two catalogs side by side: which messages and fields belong together, and whether their bytes are the same.
+"""Comparison of two catalogs: which messages and fields correspond, and whether their bytes are the same.
 
-Whatever several rules ask is answered here, once. Comments and white space have no part in it.
+Facts that several rules need are computed here, once. White space does not count. Comments count only as evidence of
+renamed fields, and for the rules about tags.
 """
 
 from __future__ import annotations
@@ -20,11 +21,14 @@ from msggen.model import VERSION, Catalog, Constant, Field, FieldType, Message, 
 from msggen.primitives import OCTETS
 
 Shape = tuple["tuple[str, str, Shape | None]", ...]
-"""Type and name of each field, and the shape of what it nests: all that decides bytes, names and hashes."""
+"""The type and the name of each field, and the shape of the message that it nests.
+
+Messages with the same shape have the same bytes, names and hashes.
+"""
 
 
 class Extra(NamedTuple):
-    """A definition of which only the name is known: `kind` is "message" or "service"."""
+    """A definition that was not read, only found by its name; `kind` is "message" or "service"."""
 
     kind: str
     name: str
@@ -33,10 +37,10 @@ class Extra(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One of the two: what it is called, where it is, its definitions, what it keeps of earlier versions.
+    """One side of a comparison: its name for people, its path, its definitions, its archive of earlier versions.
 
-    `extra` are definitions that were not read, because the other side has none of that name. Without a bridge it
-    says nothing on topics.
+    `extra` are definitions that were not read, because the other side has none with these names. Topics are only
+    compared if both sides have a bridge.
     """
 
     label: str
@@ -49,14 +53,14 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class FieldPair:
-    """A field of the previous side, and the one that it is in the current side."""
+    """A field on the previous side, and the same field on the current side."""
 
     previous: Field
     current: Field
 
 
 class MessagePair:
-    """A message that both sides have, or half of a service."""
+    """A message, or half of a service, that both sides have."""
 
     def __init__(
         self, previous_catalog: Catalog, previous: Message, current_catalog: Catalog, current: Message
@@ -68,73 +72,73 @@ class MessagePair:
 
     @property
     def name(self) -> str:
-        """What both are called."""
+        """The name, the same on both sides."""
         return self.current.name
 
     @cached_property
     def differs(self) -> bool:
-        """Whether any type or name in it is another, at any depth."""
+        """Whether any type or name in the message differs, at any depth."""
         return shape(self._previous_catalog, self.previous) != shape(self._current_catalog, self.current)
 
     @cached_property
     def has_same_comments(self) -> bool:
-        """Whether both have the same fields with the same comments, as most messages have."""
+        """Whether both sides have the same field names with the same comments: a shortcut for most messages."""
         before, after = ([(each.name, each.comment) for each in side.fields] for side in (self.previous, self.current))
         return before == after
 
     @cached_property
     def kept(self) -> tuple[FieldPair, ...]:
-        """Fields with the same name, in the current order."""
+        """The fields with the same name on both sides, in the current order."""
         by_name = {field.name: field for field in self.previous.fields}
         return tuple(FieldPair(by_name[field.name], field) for field in self.current.fields if field.name in by_name)
 
     @cached_property
     def renamed(self) -> tuple[FieldPair, ...]:
-        """Fields of the same type in the same bytes whose names or comments say that they are the same field."""
+        """The fields of the same type in the same bytes that were renamed, as their names or comments show."""
         fields = Candidates(self._lost, self._gained, [pair.current for pair in self.kept])
         return tuple(pair for pair in self._in_place if is_renamed(pair.previous, pair.current, fields))
 
     @cached_property
     def replaced(self) -> tuple[FieldPair, ...]:
-        """Fields of the same type in the same bytes that nothing else says to be the same field."""
+        """The fields of the same type in the same bytes without evidence that they were renamed."""
         return tuple(pair for pair in self._in_place if pair not in self.renamed)
 
     @cached_property
     def removed(self) -> tuple[Field, ...]:
-        """Fields that the current side does not have."""
+        """The fields that only the previous side has, except renamed fields."""
         renamed = [pair.previous for pair in self.renamed]
         return tuple(field for field in self._lost if field not in renamed)
 
     @cached_property
     def added(self) -> tuple[Field, ...]:
-        """Fields that the previous side does not have."""
+        """The fields that only the current side has, except renamed fields."""
         renamed = [pair.current for pair in self.renamed]
         return tuple(field for field in self._gained if field not in renamed)
 
     @cached_property
     def moved(self) -> tuple[FieldPair, ...]:
-        """The fewest fields that have to change places for the others to stand in the same order."""
+        """The smallest set of fields without which the other fields are in the same order on both sides."""
         order = [self.previous.fields.index(pair.previous) for pair in self.kept]
         stay = _longest_increasing(order)
         return tuple(pair for index, pair in enumerate(self.kept) if index not in stay)
 
     @cached_property
     def previous_layout(self) -> Layout | None:
-        """Where the bytes lie in the previous side; None where the size is not fixed."""
+        """The layout on the previous side; None if the size varies."""
         return _layout(self._previous_catalog, self.previous)
 
     @cached_property
     def current_layout(self) -> Layout | None:
-        """Where the bytes lie in the current side; None where the size is not fixed."""
+        """The layout on the current side; None if the size varies."""
         return _layout(self._current_catalog, self.current)
 
     @cached_property
     def misread_by(self) -> tuple[Reader, ...]:
-        """Which readers decode the other side's samples into wrong values without an error.
+        """The readers that decode wrong values from samples of the other side, without an error.
 
-        Samples arrive rounded up to 4 bytes, so sizes count rounded up. Values are right where a field of
-        the same name and meaning, or one that was only renamed, lies in the same bytes of the other side. What lies in
-        its padding is wrong: padding is not zero on the wire.
+        Samples arrive padded to a multiple of 4 bytes, so sizes are rounded up before they are compared. A value is
+        right if the other side has the same field, or the renamed field, in the same bytes. A value is wrong if the
+        other side has padding there, because padding is not zero on the wire.
         """
         if not (self.previous_layout and self.current_layout):
             return ()
@@ -147,7 +151,7 @@ class MessagePair:
 
     @cached_property
     def nested(self) -> Mapping[str, MessagePair]:
-        """The messages that kept and renamed fields nest on both sides, by the field's previous name."""
+        """The messages that kept and renamed fields nest, by the previous name of the field."""
         return {
             pair.previous.name: MessagePair(
                 self._previous_catalog,
@@ -161,7 +165,7 @@ class MessagePair:
 
     @cached_property
     def is_only_renamed(self) -> bool:
-        """Whether every value lies where it did, down to every depth, whatever it is called now."""
+        """Whether every value has the same offset and type on both sides, at every depth; names may differ."""
         if self.added or self.removed or self.moved:
             return False
         pairs = (*self.kept, *self.renamed)
@@ -184,21 +188,21 @@ class MessagePair:
 
     @cached_property
     def _in_place(self) -> tuple[FieldPair, ...]:
-        """Fields with another name that lie in the same bytes with the same type."""
+        """Pairs of fields with different names but the same type in the same bytes."""
         lost = {self._place(self.previous_layout, self.previous, field): field for field in self._lost}
         pairs = ((lost.get(self._place(self.current_layout, self.current, field)), field) for field in self._gained)
         return tuple(FieldPair(previous, field) for previous, field in pairs if previous)
 
     def _current_path(self, path: Path) -> Path:
-        """Return how to reach in the current side what `path` reaches in the previous one, renamed fields followed."""
+        """Return the path on the current side of the value at `path` on the previous side, following renamed fields."""
         (name, index), inside = path[0], path[1:]
         if inside and name in self.nested:
-            inside = self.nested[name]._current_path(inside)  # noqa: SLF001 - another of this class
+            inside = self.nested[name]._current_path(inside)  # noqa: SLF001 - same class
         now = {pair.previous.name: pair.current.name for pair in self.renamed}
         return ((now.get(name, name), index), *inside)
 
     def _place(self, layout: Layout | None, message: Message, field: Field) -> tuple[str, object]:
-        """Return the type of a field and where it lies; where offsets are not fixed, the types before it say that."""
+        """Return the type and the place of a field: its extent, or the types before it if offsets vary."""
         if layout:
             return str(field.type), layout.extents()[field.name]
         before = message.fields[: message.fields.index(field)]
@@ -206,7 +210,7 @@ class MessagePair:
 
 
 class Comparison:
-    """Both sides, and what belongs together in them."""
+    """Both sides, and the messages that correspond."""
 
     def __init__(self, previous: Side, current: Side) -> None:
         self.previous = previous
@@ -214,7 +218,7 @@ class Comparison:
 
     @cached_property
     def pairs(self) -> tuple[MessagePair, ...]:
-        """Messages and halves of services that both sides have, by name."""
+        """The messages and halves of services that both sides have, sorted by name."""
         previous, current = self.previous.catalog, self.current.catalog
         before, after = definitions(previous), definitions(current)
         names = sorted(before.keys() & after)
@@ -222,7 +226,7 @@ class Comparison:
 
     @cached_property
     def renamed_messages(self) -> Mapping[str, str]:
-        """The messages that the current side has under another name, by their previous name: nothing else differs."""
+        """The current names of messages that were renamed and not changed otherwise, by their previous names."""
         before, after = (
             {each.name: each for each in side.catalog.uorb_messages} for side in (self.previous, self.current)
         )
@@ -238,12 +242,12 @@ class Comparison:
 
     @cached_property
     def changed(self) -> tuple[MessagePair, ...]:
-        """The pairs in which any type or name is another, at any depth."""
+        """The pairs in which any type or name differs, at any depth."""
         return tuple(pair for pair in self.pairs if pair.differs)
 
 
 def shape(catalog: Catalog, message: Message) -> Shape:
-    """Return types and names of a message, down to every depth."""
+    """Return the types and names of the fields of a message, at every depth."""
     return tuple(
         (
             spelled(message, field.type),
@@ -255,24 +259,24 @@ def shape(catalog: Catalog, message: Message) -> Shape:
 
 
 def _content(catalog: Catalog, message: Message) -> tuple[Shape, dict[str, tuple[str, Value]]]:
-    """Return all of a definition but its name, its comments and its version."""
+    """Return the contents of a definition, without its name, comments and version."""
     constants = {each.name: (str(each.type), each.value) for each in message.constants if each.name != VERSION}
     return shape(catalog, message), constants
 
 
 def meaning(type_: FieldType) -> str:
-    """Return what one value of a type means: `char` and `byte` are other names for `uint8`."""
+    """Return the type of one element in a canonical spelling: `char` and `byte` are `uint8`."""
     return "uint8" if type_.base in OCTETS else type_.base
 
 
 def has_same_length(pair: FieldPair) -> bool:
-    """Whether both fields hold as many values."""
+    """Whether both fields have the same kind of array and the same length."""
     before, after = pair.previous.type, pair.current.type
     return (before.array, before.length) == (after.array, after.length)
 
 
 def spelled(outer: Message, type_: FieldType) -> str:
-    """Return the type as the definition spells it; the package of `outer` itself need not be named."""
+    """Return the type as the definition spells it, without the package if it is that of `outer`."""
     text = str(type_)
     return text.removeprefix(f"{outer.package}/") if type_.package else text
 
@@ -283,7 +287,7 @@ def constants_of(message: Message) -> dict[str, Constant]:
 
 
 def definitions(catalog: Catalog) -> dict[str, Message]:
-    """Return all messages and halves of services by name, without those of further packages, which are only nested."""
+    """Return the messages and halves of services by name, except those of other packages, which are only nested."""
     halves = [half for service in catalog.own_services for half in (service.request, service.response)]
     return {message.name: message for message in (*catalog.uorb_messages, *halves)}
 
@@ -293,9 +297,9 @@ def _layout(catalog: Catalog, message: Message) -> Layout | None:
 
 
 def _values(layout: Layout) -> Iterator[tuple[Path, int, int, str]]:
-    """Yield for each value how to reach it, its place in its array, its offset, and what its bytes mean.
+    """Yield the path, the index in its array, the offset and the type of each value.
 
-    A single message is reached like the first of an array: the bytes are the same.
+    A single message has the path of the first element of an array, because the bytes are the same.
     """
     for leaf in layout.leaves:
         path = tuple((name, index or 0) for name, index in leaf.path)
@@ -304,8 +308,8 @@ def _values(layout: Layout) -> Iterator[tuple[Path, int, int, str]]:
 
 
 def _longest_increasing(numbers: list[int]) -> set[int]:
-    """Return the positions of a longest increasing selection of `numbers`, which are all different."""
-    ends: list[int] = []  # positions: the smallest number that ends a selection of each length
+    """Return the positions of a longest increasing subsequence of `numbers`, which are all different."""
+    ends: list[int] = []  # for each length, the position of the smallest number that ends a subsequence
     before: list[int | None] = []
     for position, number in enumerate(numbers):
         length = bisect_left([numbers[end] for end in ends], number)

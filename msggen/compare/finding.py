@@ -1,4 +1,4 @@
-"""What a comparison finds, and what a rule is: an ID, a purpose, a category and a function, nothing else."""
+"""Rules and findings. A rule has only an ID, a purpose, a category, a severity and a function."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ if TYPE_CHECKING:
 
 
 class Category(Enum):
-    """What a finding breaks, said in a sentence."""
+    """The category of a rule. The value is a sentence about the effect of its findings."""
 
-    WIRE = "the bytes change: readers and writers built with the other definition misread them"
-    HASH = "the same bytes, but the firmware's compatibility check refuses the other definition"
-    SOURCE = "source code that uses the definition no longer builds, or means something else"
-    SEMANTIC = "the same bytes and names, but the values mean something else"
-    TOPIC = "a topic of the bridge is not where applications look for it"
-    VERSION = "the firmware's rules for versions of messages are not kept"
-    DRIFT = "one side has what the other lacks; nothing breaks, but they are not the same"
+    WIRE = "the bytes of samples changed, so nodes built with the other definition misread them"
+    HASH = "the bytes are the same, but the firmware's compatibility check rejects the other definition"
+    SOURCE = "source code that uses the definition no longer builds, or changes its behavior"
+    SEMANTIC = "bytes and names are the same, but the values mean something else"
+    TOPIC = "applications no longer find a bridged topic, or find it with other properties"
+    VERSION = "the change breaks the firmware's rules for versioned messages"
+    DRIFT = "nothing breaks, but the sides are not the same"
 
 
 class Severity(Enum):
-    """Whether a finding fails the run."""
+    """The severity of a rule: an error fails the run, a warning does not."""
 
     ERROR = "error"
     WARNING = "warning"
 
 
 class Reader(Enum):
-    """Who decodes samples of the other side: nodes built with the previous definition, or with the current one."""
+    """The nodes that decode samples of the other side: those built with the previous or the current definition."""
 
     OLD = "old"
     NEW = "new"
@@ -42,7 +42,7 @@ class Reader(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Excerpt:
-    """One line of one side: where it stands, and what it says, without its comment."""
+    """A line of one side: its location, and its text without the comment."""
 
     location: Location
     text: str
@@ -50,7 +50,7 @@ class Excerpt:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What a rule found. `location` is in the current side; `before` and `after` are the lines that differ.
+    """A change that a rule found. `location` is on the current side; `before` and `after` are the lines that differ.
 
     `subject` is the name of a message, a service or a topic.
     """
@@ -64,7 +64,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One thing to look for. `find` compares the two sides and yields what it finds."""
+    """A rule. `find` compares the two sides and yields the changes."""
 
     id: str
     purpose: str
@@ -75,10 +75,10 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A change, the rule that found it, and what follows.
+    """A change, the rule that found it, and its effect.
 
-    It is silent where the size stays, so that some readers decode wrong values without an error: `silent_for` says
-    which. It is handled where a complete new version of the message takes care of it.
+    A finding is silent if the size of samples stays the same, so that the readers in `silent_for` decode wrong values
+    without an error. It is handled if a complete new version of the message covers the change.
     """
 
     rule: Rule
@@ -93,16 +93,16 @@ class Finding:
 
     @property
     def fails(self) -> bool:
-        """Whether the run fails because of it."""
+        """Whether the finding fails the run."""
         return self.rule.severity is Severity.ERROR and not self.is_handled
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Everything that one comparison says: the names of both sides, the rules that were asked, what they found.
+    """The result of a comparison: the names of both sides, the rules that were applied, and their findings.
 
-    `summary` is one line for people; `compared` counts the messages and services that both sides have. `notices` are
-    the warnings and notes about the sources, which no rule has found.
+    `summary` is one line for people. `compared` is the number of messages and services that both sides have.
+    `notices` are the warnings and notes about the sources; they are not findings.
     """
 
     previous: str

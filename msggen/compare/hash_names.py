@@ -1,4 +1,4 @@
-"""HASH: the same bytes under other names, which the firmware's compatibility check takes for another message."""
+"""HASH rules: the same bytes under other names, which the firmware's compatibility check rejects."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from msggen.compare.wire import change, is_same_type, is_type_renamed
 
 
 def find_renamed(comparison: Comparison) -> Iterator[Change]:
-    """Fields with another name in the same place."""
+    """Yield the renamed fields."""
     for pair in comparison.changed:
         for renamed in pair.renamed:
             text = f"'{renamed.current.name}' is called '{renamed.previous.name}' in {comparison.previous.label}"
@@ -18,18 +18,16 @@ def find_renamed(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_renamed_type(comparison: Comparison) -> Iterator[Change]:
-    """Fields whose type has another name, and the same values in the same bytes."""
+    """Yield the fields whose type has another name, but the same values in the same bytes."""
     for pair in comparison.changed:
         for kept in pair.kept:
             if is_type_renamed(pair, kept):
-                text = (
-                    f"'{kept.current.name}' is {kept.current.type}, in {comparison.previous.label} {kept.previous.type}"
-                )
-                yield change(pair, kept, f"{text}: the same bytes")
+                text = f"'{kept.current.name}' is {kept.current.type}, but {kept.previous.type}"
+                yield change(pair, kept, f"{text} in {comparison.previous.label}: the bytes are the same")
 
 
 def find_nested(comparison: Comparison) -> Iterator[Change]:
-    """Fields whose own type is the same, but a field or type that they nest, at any depth, has another name."""
+    """Yield the fields of the same type that nest, at any depth, a field or type with another name."""
     for pair in comparison.changed:
         for kept in (*pair.kept, *pair.renamed):
             inner = pair.nested.get(kept.previous.name)

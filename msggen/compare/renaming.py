@@ -1,7 +1,7 @@
-"""Evidence that two fields with different names are one field, renamed.
+"""Evidence that two fields with different names are the same field, renamed.
 
-Position and type do not say so: `bool primary_geofence_breached` gave its byte to `bool geofence_max_alt_triggered`.
-The names, the comments and the units have to. All of it is symmetric: what is a rename one way is one the other way.
+The same position and type are not enough: `bool geofence_max_alt_triggered` once took the byte of
+`bool primary_geofence_breached`. Names, comments or units must agree too. The result is the same in both directions.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ _NEGATING_PREFIXES = {"un", "in", "im", "dis", "non", "de", "anti"}
 _QUANTITIES = {"rate", "derivative", "integral", "setpoint", "reference", "error", "innov", "innovation"}
 _QUANTITIES |= {"variance", "var", "std", "min", "max", "sum", "count", "counter"}
 _OTHER_MEANING = _NEGATIONS | _QUANTITIES
-"""Words that make another quantity of a name, if only one of two names has them: `yaw` and `yaw_rate`."""
+"""Words that give a name another meaning, if only one of two names has them: `yaw` and `yaw_rate`."""
 
 _SHORTEST_WORD = 3
-"""Shorter words, and numbers, name no field, but tell one from another: `gyro_x`, `gyro_y`, `aux1`, `aux2`."""
+"""The length of the shortest word that identifies a field. Shorter words only distinguish: `gyro_x`."""
 _SHORTEST_STEM = 4
-"""Words with the same beginning have at least this many letters in common, unless one abbreviates the other."""
+"""The length of the shortest beginning that makes two words similar, unless one abbreviates the other."""
 _SHORTEST_COMMENT = 3
-"""Words of a comment that says what a field is."""
+"""The number of words in the shortest comment that identifies a field."""
 _NEAR = 0.6
-"""How much of their letters the names of two messages share at least, from 0 to 1."""
+"""The smallest similarity, from 0 to 1, of the two names of a renamed message."""
 
 
 class Candidates(NamedTuple):
-    """The fields that only the previous side has, those that only the current side has, and those of both."""
+    """The fields on the previous side only, those on the current side only, and those on both sides."""
 
     lost: Sequence[Field]
     gained: Sequence[Field]
@@ -45,7 +45,7 @@ class Candidates(NamedTuple):
 
 
 def is_renamed(before: Field, after: Field, fields: Candidates) -> bool:
-    """Whether `after` is `before` by another name, given that it has the same type in the same bytes."""
+    """Whether `after` is `before` under another name, given that both have the same type in the same bytes."""
     common = _Common(words(before.name), words(after.name))
     if common.has_other_meaning:
         return False
@@ -64,15 +64,15 @@ def is_renamed(before: Field, after: Field, fields: Candidates) -> bool:
 
 
 def nearest_message(name: str, others: Iterable[str]) -> str | None:
-    """Return the one of `others` that a message of the same definition may be called now, None if none is near."""
+    """Return the name among `others` that is most likely the new name of a message, or None if no name is near."""
     from difflib import SequenceMatcher
 
     ratios = {other: SequenceMatcher(None, name, other).ratio() for other in others}
-    near = [other for other in ratios if _may_be_called(name, other, ratios[other])]
+    near = [other for other in ratios if _is_near(name, other, ratios[other])]
     return max(near, key=lambda other: ratios[other], default=None)
 
 
-def _may_be_called(name: str, other: str, ratio: float) -> bool:
+def _is_near(name: str, other: str, ratio: float) -> bool:
     common = _Common(words(name), words(other))
     first, second = common.rest
     differ_in_number = any(map(str.isdecimal, first)) and any(map(str.isdecimal, second))
@@ -82,13 +82,13 @@ def _may_be_called(name: str, other: str, ratio: float) -> bool:
 
 
 def words(name: str) -> tuple[str, ...]:
-    """Return the words of a name in snake_case or CamelCase, numbers apart."""
+    """Return the words of a name in snake_case or CamelCase; numbers are separate words."""
     found = (word.lower() for word in _WORD.findall(name))
     return tuple(_SYNONYMS.get(word, word) for word in found)
 
 
 class _Common:
-    """What the words of two names have in common."""
+    """The words that two names have in common."""
 
     def __init__(self, first: Sequence[str], second: Sequence[str]) -> None:
         self.first, self.second = first, second
@@ -98,17 +98,17 @@ class _Common:
 
     @property
     def has_same_letters(self) -> bool:
-        """Whether only underscores and capitals differ."""
+        """Whether the names differ only in underscores and capitals."""
         return "".join(self.first) == "".join(self.second)
 
     @property
     def has_other_meaning(self) -> bool:
-        """Whether the words that only one name has make another quantity, axis or number of it."""
+        """Whether the words of only one name make it another quantity, axis or number."""
         first, second = self.rest
         return not self.has_same_letters and (
             bool(_OTHER_MEANING.intersection((*first, *second)))
             or any(_is_negation(one, other) for one in first for other in second)
-            or not (all(map(_counts, first)) or all(map(_counts, second)))
+            or not (all(map(_is_identifying, first)) or all(map(_is_identifying, second)))
         )
 
     @property
@@ -118,13 +118,13 @@ class _Common:
 
     @property
     def likeness(self) -> float:
-        """The part of the words that both names have, from 0 to 1."""
+        """The share of words that both names have, from 0 to 1."""
         return 2 * len(self.shared) / (len(self.first) + len(self.second) or 1)
 
     def is_distinctive(self, others: Collection[str]) -> bool:
-        """Whether the names share at least half of their words, counting only those that are none of `others`."""
+        """Whether the names share at least half of their words, not counting words that are in `others`."""
         shared = [pair for pair in self.shared if not any(_is_among(word, others) for word in pair)]
-        shared = [pair for pair in shared if all(map(_counts, pair))]
+        shared = [pair for pair in shared if all(map(_is_identifying, pair))]
         return bool(shared) and 2 * len(shared) >= max(len(self.first), len(self.second))
 
 
@@ -135,9 +135,9 @@ def _unit(field: Field) -> str:
 
 
 def _has_same_comment(before: Field, after: Field) -> bool:
-    """Whether both comments say the same in words and tags, and enough to know a field by.
+    """Whether both comments have the same words and tags, and enough words to identify a field.
 
-    The last line counts: lines above the first field of a group may be about all of it.
+    Only the last line of the text counts, because lines above the first field of a group may describe the group.
     """
     texts = [_LETTERS.findall(field.comment.text.lower().rpartition("\n")[2]) for field in (before, after)]
     tags = [field.comment._replace(text="", unit=_unit(field)) for field in (before, after)]
@@ -145,7 +145,7 @@ def _has_same_comment(before: Field, after: Field) -> bool:
 
 
 def _has_nearer(before: Field, after: Field, fields: Candidates) -> bool:
-    """Whether another new field is nearer to `before` by its name, or another old one to `after`."""
+    """Whether another added field has a name nearer to `before`, or another removed field a name nearer to `after`."""
     likeness = _likeness(before, after)
     rivals = [(before, field) for field in fields.gained if field != after]
     rivals += [(field, after) for field in fields.lost if field != before]
@@ -157,7 +157,7 @@ def _likeness(before: Field, after: Field) -> float:
 
 
 def _pair(first: Iterable[str], second: Iterable[str]) -> list[tuple[str, str]]:
-    """Return the words that both names have; equal ones first, then those spelled nearly the same."""
+    """Return the pairs of words that both names have: first equal words, then words with a similar spelling."""
     left, right = list(first), list(second)
     found: list[tuple[str, str]] = []
     for is_same in (str.__eq__, _are_spelled_alike):
@@ -178,9 +178,9 @@ def _without(all_words: Iterable[str], taken: Iterable[str]) -> list[str]:
 
 
 def _are_spelled_alike(first: str, second: str) -> bool:
-    """Whether one word abbreviates the other, both have one stem, or they differ by a slip.
+    """Whether one word abbreviates the other, both have the same stem, or they differ by a typing error.
 
-    A slip is a letter too many, or two letters swapped; another letter makes `attitude` of `altitude`.
+    A typing error is one extra letter or two swapped letters. A replaced letter is not: `attitude`, `altitude`.
     """
     short, long = sorted((first, second), key=len)
     if len(short) < _SHORTEST_WORD or _is_negation(short, long):
@@ -191,22 +191,22 @@ def _are_spelled_alike(first: str, second: str) -> bool:
     end = min(_count_same(short[::-1], long[::-1]), len(short) - start)
     middle, longer_middle = short[start : len(short) - end], long[start : len(long) - end]
     has_stem = start >= _SHORTEST_STEM and 2 * start >= len(long)
-    is_slip = len(middle) + len(longer_middle) == 1 or (len(middle) == 2 and middle == longer_middle[::-1])  # noqa: PLR2004
-    return has_stem or long.endswith(short) or is_slip
+    has_typo = len(middle) + len(longer_middle) == 1 or (len(middle) == 2 and middle == longer_middle[::-1])  # noqa: PLR2004
+    return has_stem or long.endswith(short) or has_typo
 
 
 def _count_same(first: str, second: str) -> int:
-    """Return how many letters two words begin with alike."""
+    """Return the number of letters that two words have in common at the beginning."""
     return sum(takewhile(bool, map(eq, first, second)))
 
 
 def _is_negation(first: str, second: str) -> bool:
-    """Whether one word is the other with a prefix such as `in`."""
+    """Whether one word is the other with a negating prefix such as `in`."""
     short, long = sorted((first, second), key=len)
     return long.endswith(short) and long[: len(long) - len(short)] in _NEGATING_PREFIXES
 
 
-def _counts(word: str) -> bool:
+def _is_identifying(word: str) -> bool:
     return len(word) >= _SHORTEST_WORD and not word.isdecimal()
 
 

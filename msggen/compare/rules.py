@@ -1,4 +1,4 @@
-"""All rules, and how they are asked."""
+"""The table of all rules, and the function that applies them."""
 
 from __future__ import annotations
 
@@ -17,98 +17,112 @@ _TOPIC, _VERSION, _DRIFT = Category.TOPIC, Category.VERSION, Category.DRIFT
 RULES = (
     Rule("FIELD_ADDED", "a field was added", _WIRE, wire.find_added),
     Rule("FIELD_REMOVED", "a field was removed", _WIRE, wire.find_removed),
-    Rule("FIELD_MOVED", "a field changed places with others", _WIRE, wire.find_moved),
-    Rule("FIELD_RETYPED", "a field has another type", _WIRE, wire.find_retyped),
-    Rule("ARRAY_LENGTH_CHANGED", "an array has another length", _WIRE, wire.find_other_length),
-    Rule("NESTED_LAYOUT_CHANGED", "values of a nested message, at any depth, lie elsewhere", _WIRE, wire.find_nested),
-    Rule("FIELD_RENAMED", "a field has another name, in the same bytes", _HASH, hash_names.find_renamed),
+    Rule("FIELD_MOVED", "the order of fields changed", _WIRE, wire.find_moved),
+    Rule("FIELD_RETYPED", "the type of a field changed", _WIRE, wire.find_retyped),
+    Rule("ARRAY_LENGTH_CHANGED", "the length of an array changed", _WIRE, wire.find_other_length),
+    Rule("NESTED_LAYOUT_CHANGED", "the layout of a nested message changed, at any depth", _WIRE, wire.find_nested),
+    Rule("FIELD_RENAMED", "a field was renamed; its bytes are the same", _HASH, hash_names.find_renamed),
     Rule(
         "TYPE_RENAMED",
-        "a type has another name, and the same values in the same bytes",
+        "the type of a field was renamed; its bytes and values are the same",
         _HASH,
         hash_names.find_renamed_type,
     ),
-    Rule("NESTED_NAME_CHANGED", "a name in a nested message, at any depth, is another", _HASH, hash_names.find_nested),
-    Rule("MESSAGE_REMOVED", "a message is gone", _SOURCE, source_code.find_removed_messages),
+    Rule("NESTED_NAME_CHANGED", "a name in a nested message changed, at any depth", _HASH, hash_names.find_nested),
+    Rule("MESSAGE_REMOVED", "a message was removed", _SOURCE, source_code.find_removed_messages),
     Rule(
         "MESSAGE_RENAMED",
-        "a message has another name, and the same definition",
+        "a message was renamed; its definition is the same",
         _SOURCE,
         source_code.find_renamed_messages,
     ),
-    Rule("SERVICE_REMOVED", "a service is gone", _SOURCE, source_code.find_removed_services),
-    Rule("CONSTANT_REMOVED", "a constant is gone", _SOURCE, source_code.find_removed_constants),
-    Rule("CONSTANT_VALUE_CHANGED", "a constant has another value", _SOURCE, source_code.find_other_values),
-    Rule("CONSTANT_TYPE_CHANGED", "a constant has another type", _SOURCE, source_code.find_other_types),
+    Rule("SERVICE_REMOVED", "a service was removed", _SOURCE, source_code.find_removed_services),
+    Rule("CONSTANT_REMOVED", "a constant was removed", _SOURCE, source_code.find_removed_constants),
+    Rule("CONSTANT_VALUE_CHANGED", "the value of a constant changed", _SOURCE, source_code.find_other_values),
+    Rule("CONSTANT_TYPE_CHANGED", "the type of a constant changed", _SOURCE, source_code.find_other_types),
     *(
         Rule(f"{tag.name.upper()}_CHANGED", tag.purpose, _SEMANTIC, partial(semantic.find_changed, tag))
         for tag in COMPARED
     ),
     Rule("TOPIC_REMOVED", "a topic is no longer bridged", _TOPIC, topic.find_removed),
-    Rule("TOPIC_RETYPED", "a topic carries another message", _TOPIC, topic.find_retyped),
-    Rule("TOPIC_MOVED", "a topic is bridged under another name", _TOPIC, topic.find_moved),
-    Rule("TOPIC_RENAMED", "ROS 2 sees a topic under another name, as of another version", _TOPIC, topic.find_renamed),
+    Rule("TOPIC_RETYPED", "the message of a topic changed", _TOPIC, topic.find_retyped),
+    Rule("TOPIC_MOVED", "a topic is bridged under another name or in the other direction", _TOPIC, topic.find_moved),
+    Rule(
+        "TOPIC_RENAMED", "the ROS 2 name of a topic changed, for example its version suffix", _TOPIC, topic.find_renamed
+    ),
     Rule(
         "RATE_LIMIT_CHANGED",
-        "a topic is sent at another rate",
+        "the rate limit of a topic changed",
         _TOPIC,
         topic.find_other_rate,
         severity=Severity.WARNING,
     ),
-    Rule("ROUTE_CHANGED", "samples reach other uORB instances, or fewer", _TOPIC, topic.find_other_route),
+    Rule("ROUTE_CHANGED", "samples of a topic reach other or fewer uORB instances", _TOPIC, topic.find_other_route),
     Rule(
         "OPTIONS_CHANGED",
-        "Zenoh's client publishes a topic with other options",
+        "the options of a topic for Zenoh's client changed",
         _TOPIC,
         topic.find_other_options,
         severity=Severity.WARNING,
     ),
     Rule(
         "VERSION_NOT_RAISED",
-        "a versioned message changed, its version not step by step",
+        "a versioned message changed, but its version was not raised step by step",
         _VERSION,
         version.find_not_raised,
     ),
-    Rule("VERSION_NEEDLESS", "a version changed, the message did not", _VERSION, version.find_needless),
+    Rule(
+        "VERSION_NEEDLESS", "the version of a message changed, but the message did not", _VERSION, version.find_needless
+    ),
     Rule(
         "VERSION_REMOVED",
-        "a message is versioned no more, or an archived version is gone",
+        "a message is no longer versioned, or an archived version was removed",
         _VERSION,
         version.find_removed,
     ),
-    Rule("VERSION_NOT_ARCHIVED", "the old version is not in px4_msgs_old", _VERSION, version.find_not_archived),
-    Rule("TRANSLATION_MISSING", "no header translates from the old version", _VERSION, version.find_not_translated),
+    Rule(
+        "VERSION_NOT_ARCHIVED",
+        "the previous version is not archived in px4_msgs_old",
+        _VERSION,
+        version.find_not_archived,
+    ),
+    Rule(
+        "TRANSLATION_MISSING", "no header translates from the previous version", _VERSION, version.find_not_translated
+    ),
     Rule(
         "TRANSLATION_UNFINISHED",
-        "a header leaves out a field, or has a TODO",
+        "a translation header leaves out a field or has a TODO",
         _VERSION,
         version.find_unfinished_translations,
         severity=Severity.WARNING,
     ),
-    Rule("DEFINITION_ADDED", "a message or service that the other side lacks", _DRIFT, drift.find_added_definitions),
-    Rule("CONSTANT_ADDED", "a constant that the other side lacks", _DRIFT, drift.find_added_constants),
-    Rule("VERSION_DIFFERS", "a message of another version", _DRIFT, drift.find_other_versions),
+    Rule("DEFINITION_ADDED", "a message or service is only on the current side", _DRIFT, drift.find_added_definitions),
+    Rule("CONSTANT_ADDED", "a constant is only on the current side", _DRIFT, drift.find_added_constants),
+    Rule("VERSION_DIFFERS", "the version of a message differs", _DRIFT, drift.find_other_versions),
 )
-"""In the order in which they are listed and asked."""
+"""All rules, in the order in which they are listed and applied."""
 
 CHECKED = tuple(
     replace(rule, severity=Severity.WARNING) if rule.category is _SEMANTIC else rule
     for rule in RULES
     if rule.category is not _VERSION
 )
-"""What `check` asks: do two sides mean the same? It only warns of comments. Topics count where both have a bridge."""
+"""The rules of `check`, which tests whether both sides mean the same.
+
+Changed comments are warnings. Topics are compared if both sides have dds_topics.yaml.
+"""
 
 BREAKING = tuple(rule for rule in RULES if rule.category is not _DRIFT)
-"""What `breaking` asks: whom does a change hurt?"""
+"""The rules of `breaking`, which tests whether a change breaks applications or the firmware's own rules."""
 
 
 def named(name: str) -> tuple[Rule, ...]:
-    """Return the rules of a category, the rule of an ID, or nothing where there is neither."""
+    """Return the rule with the ID `name`, or the rules in the category `name`; empty if neither exists."""
     return tuple(rule for rule in RULES if name in (rule.id, rule.category.name))
 
 
 def find(comparison: Comparison, rules: Sequence[Rule]) -> Iterator[Finding]:
-    """Ask `rules`, in their order, and mark what is silent or handled."""
+    """Apply `rules` in their order, and yield their findings, marked as silent or handled."""
     handled = version.handled(comparison)
     silent = {pair.name: pair.misread_by for pair in comparison.changed}
     topics = _topics_of(comparison, handled)
@@ -125,5 +139,8 @@ def find(comparison: Comparison, rules: Sequence[Rule]) -> Iterator[Finding]:
 
 
 def _topics_of(comparison: Comparison, messages: Collection[str]) -> set[str]:
-    """Return the topics that carry `messages`: a new version renames them, and the translation serves the old name."""
+    """Return the topics that carry `messages`.
+
+    A new version renames these topics; PX4's translation node still publishes under the old names.
+    """
     return {entry.topic for entry in comparison.current.catalog.bridge if entry.message_name in messages}

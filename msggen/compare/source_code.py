@@ -1,4 +1,4 @@
-"""SOURCE: what source code that uses the definitions would miss."""
+"""SOURCE rules: changes that break source code that uses the definitions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from msggen.model import VERSION, Constant
 
 
 def find_removed_messages(comparison: Comparison) -> Iterator[Change]:
-    """Messages that the current side does not have."""
+    """Yield the messages that the current side does not have, except renamed messages."""
     for name in _missing(
         [message.name for message in comparison.previous.catalog.uorb_messages],
         [message.name for message in comparison.current.catalog.uorb_messages],
@@ -25,7 +25,7 @@ def find_removed_messages(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_renamed_messages(comparison: Comparison) -> Iterator[Change]:
-    """Messages that the current side has under another name."""
+    """Yield the messages that the current side has under another name."""
     before, after = (definitions(side.catalog) for side in (comparison.previous, comparison.current))
     for name, now in comparison.renamed_messages.items():
         text = f"message '{now}' is called '{name}' in {comparison.previous.label}"
@@ -34,7 +34,7 @@ def find_renamed_messages(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_removed_services(comparison: Comparison) -> Iterator[Change]:
-    """Services that the current side does not have."""
+    """Yield the services that the current side does not have."""
     services = {service.name: service for service in comparison.previous.catalog.own_services}
     for name in _missing(list(services), [service.name for service in comparison.current.catalog.own_services]):
         text = f"service '{name}' of {comparison.previous.label} is missing"
@@ -42,7 +42,7 @@ def find_removed_services(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_removed_constants(comparison: Comparison) -> Iterator[Change]:
-    """Constants that the current side does not have, in messages that it has."""
+    """Yield the constants that the current side does not have, in messages that both sides have."""
     for pair in comparison.pairs:
         known = constants_of(pair.current)
         neighbour = pair.current.location
@@ -55,29 +55,29 @@ def find_removed_constants(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_other_values(comparison: Comparison) -> Iterator[Change]:
-    """Constants with another value."""
+    """Yield the constants with another value."""
     for subject, before, after in _both(comparison):
         if wire_value(before) != wire_value(after):
-            text = f"'{after.name}' is {after.value}, in {comparison.previous.label} {before.value}"
+            text = f"'{after.name}' is {after.value}, but {before.value} in {comparison.previous.label}"
             yield Change(subject, text, after.location, before=excerpt(before), after=excerpt(after))
 
 
 def find_other_types(comparison: Comparison) -> Iterator[Change]:
-    """Constants with another type."""
+    """Yield the constants with another type."""
     for subject, before, after in _both(comparison):
         if str(before.type) != str(after.type):
-            text = f"'{after.name}' is {after.type}, in {comparison.previous.label} {before.type}"
+            text = f"'{after.name}' is {after.type}, but {before.type} in {comparison.previous.label}"
             yield Change(subject, text, after.location, before=excerpt(before), after=excerpt(after))
 
 
 def wire_value(constant: Constant) -> str:
-    """Return the value as its type holds it: spelled otherwise it is the same, and so is NaN."""
+    """Return the value as its type stores it, as text: the same for all spellings of a number, and for NaN."""
     is_single = constant.type.name == "float32" and isinstance(constant.value, float)
     return repr(unpack("<f", pack("<f", constant.value))[0] if is_single else constant.value)
 
 
 def excerpt(constant: Constant) -> Excerpt:
-    """Return the line of a constant."""
+    """Return the line that defines a constant."""
     return Excerpt(constant.location, f"{constant.type} {constant.name} = {constant.value}")
 
 

@@ -1,4 +1,4 @@
-"""TOPIC: endpoints of the bridge that applications no longer find, or find with another type."""
+"""TOPIC rules: bridged topics that applications no longer find, or find with other properties."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _Key = tuple[str, "int | None", Direction]
 
 
 def find_removed(comparison: Comparison) -> Iterator[Change]:
-    """Endpoints that are gone, and whose uORB topic crosses nowhere else."""
+    """Yield the missing endpoints whose uORB topic is not bridged under another name either."""
     moved = {before.entry for before, _ in _moved(comparison)}
     for endpoint in _sorted(comparison)[0]:
         if endpoint.entry not in moved:
@@ -24,73 +24,73 @@ def find_removed(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_moved(comparison: Comparison) -> Iterator[Change]:
-    """Endpoints whose uORB topic crosses in another direction or under another name."""
+    """Yield the endpoints whose uORB topic is bridged in the other direction or under another name."""
     for before, after in _moved(comparison):
         yield _change(before, after, f"{_whole_name(after)} is {_whole_name(before)} in {comparison.previous.label}")
 
 
 def find_retyped(comparison: Comparison) -> Iterator[Change]:
-    """Endpoints that carry another message."""
+    """Yield the endpoints that carry another message."""
     for before, after in _both(comparison):
         if before.message.name != after.message.name:
-            text = f"'{after.entry.topic}' carries {after.message.name}, in {comparison.previous.label} "
+            text = f"'{after.entry.topic}' carries {after.message.name}, but {before.message.name}"
             is_renamed = comparison.renamed_messages.get(before.message.name) == after.message.name
-            hint = ": the same definition by another name" if is_renamed else ""
-            yield _change(before, after, text + before.message.name + hint)
+            hint = ": the same definition under another name" if is_renamed else ""
+            yield _change(before, after, f"{text} in {comparison.previous.label}{hint}")
 
 
 def find_renamed(comparison: Comparison) -> Iterator[Change]:
-    """Endpoints with the same entry, whose name in ROS 2 ends in another version or follows another convention."""
+    """Yield the endpoints whose ROS 2 name has another version suffix, or follows the rules of another release."""
     for before, after in _sorted(comparison)[2]:
         if before.ros_name != after.ros_name:
-            text = f"ROS 2 sees '{after.ros_name}', in {comparison.previous.label} '{before.ros_name}'"
+            text = f"ROS 2 sees '{after.ros_name}', but '{before.ros_name}' in {comparison.previous.label}"
             yield _change(before, after, text)
 
 
 def find_other_rate(comparison: Comparison) -> Iterator[Change]:
-    """Publications that are limited to another rate, by the YAML or by the firmware's default."""
+    """Yield the publications with another rate limit, from dds_topics.yaml or from the firmware's default."""
     for before, after in _both(comparison):
         intervals = before.publish_interval_ms, after.publish_interval_ms
         if None not in intervals and intervals[0] != intervals[1]:
-            text = f"'{after.entry.topic}' is sent with {_limit(after)}, in {comparison.previous.label} with "
-            yield _change(before, after, text + _limit(before), _limit)
+            text = f"'{after.entry.topic}' is sent with {_limit(after)}, but with {_limit(before)}"
+            yield _change(before, after, f"{text} in {comparison.previous.label}", _limit)
 
 
 def find_other_route(comparison: Comparison) -> Iterator[Change]:
-    """Topics into PX4 whose samples reach other uORB instances, or fewer of them."""
+    """Yield the topics into PX4 whose samples reach other or fewer uORB instances."""
     for before, after in _both(comparison):
         fewer = (after.entry.max_instances or 0) < (before.entry.max_instances or 0)
         other = (before.entry.multi, before.entry.route_field) != (after.entry.multi, after.entry.route_field)
         if after.entry.direction is before.entry.direction is Direction.IN and (other or fewer):
-            text = f"samples of '{after.entry.topic}' go to {_route(after)}, in {comparison.previous.label} to "
-            yield _change(before, after, text + _route(before), _route)
+            text = f"samples of '{after.entry.topic}' go to {_route(after)}, but to {_route(before)}"
+            yield _change(before, after, f"{text} in {comparison.previous.label}", _route)
 
 
 def find_other_options(comparison: Comparison) -> Iterator[Change]:
-    """Topics that Zenoh's client publishes with other options."""
+    """Yield the topics with other options for Zenoh's client."""
     for before, after in _both(comparison):
         if before.entry.options != after.entry.options:
-            text = f"'{after.entry.topic}' is sent with {_options(after)}, in {comparison.previous.label} with "
-            yield _change(before, after, text + _options(before), _options)
+            text = f"'{after.entry.topic}' is sent with {_options(after)}, but with {_options(before)}"
+            yield _change(before, after, f"{text} in {comparison.previous.label}", _options)
 
 
 def _sorted(comparison: Comparison) -> tuple[list[Endpoint], list[Endpoint], list[tuple[Endpoint, Endpoint]]]:
-    """Return endpoints that only the previous side has, that only the current one has, and those of both."""
+    """Return the endpoints on the previous side only, those on the current side only, and the pairs on both."""
     if not (comparison.previous.has_bridge and comparison.current.has_bridge):
         return [], [], []
     previous, current = _by_entry(comparison.previous.catalog), _by_entry(comparison.current.catalog)
-    gone = [endpoint for key, endpoint in previous.items() if key not in current]
-    come = [endpoint for key, endpoint in current.items() if key not in previous]
-    return gone, come, [(previous[key], endpoint) for key, endpoint in current.items() if key in previous]
+    removed = [endpoint for key, endpoint in previous.items() if key not in current]
+    added = [endpoint for key, endpoint in current.items() if key not in previous]
+    return removed, added, [(previous[key], endpoint) for key, endpoint in current.items() if key in previous]
 
 
 def _moved(comparison: Comparison) -> list[tuple[Endpoint, Endpoint]]:
-    """Return the endpoints whose uORB topic now crosses at another one, or has the new name of its message."""
-    gone, come, _ = _sorted(comparison)
-    targets = {endpoint.entry.uorb_topic: endpoint for endpoint in come}
+    """Return the pairs of endpoints that moved: they have the same uORB topic, or that of the renamed message."""
+    removed, added, _ = _sorted(comparison)
+    targets = {endpoint.entry.uorb_topic: endpoint for endpoint in added}
     names = {snake_case(name): snake_case(now) for name, now in comparison.renamed_messages.items()}
     found = []
-    for before in gone:
+    for before in removed:
         topic = before.entry.uorb_topic
         after = targets.get(topic) or targets.get(names.get(topic, ""))
         found += [(before, after)] if after else []
@@ -98,7 +98,7 @@ def _moved(comparison: Comparison) -> list[tuple[Endpoint, Endpoint]]:
 
 
 def _both(comparison: Comparison) -> list[tuple[Endpoint, Endpoint]]:
-    """Return the endpoints of both sides, moved ones among them."""
+    """Return the pairs of endpoints on both sides, including those that moved."""
     return [*_sorted(comparison)[2], *_moved(comparison)]
 
 
@@ -117,13 +117,13 @@ def _whole_name(endpoint: Endpoint) -> str:
 
 
 def _limit(endpoint: Endpoint) -> str:
-    """Say how often PX4 sends at most."""
+    """Return the rate limit as text."""
     interval = endpoint.publish_interval_ms
     return f"at most {1000 / interval:.4g} Hz" if interval else "no limit"
 
 
 def _route(endpoint: Endpoint) -> str:
-    """Say to which uORB instances the samples of a topic into PX4 go."""
+    """Return the uORB instances that samples of a topic into PX4 reach, as text."""
     entry = endpoint.entry
     if entry.route_field:
         return f"an instance for each '{entry.route_field}', up to {entry.max_instances}"
@@ -143,12 +143,12 @@ def _nothing(_: Endpoint) -> str:
     return ""
 
 
-def _change(before: Endpoint, after: Endpoint, text: str, about: Callable[[Endpoint], str] = _nothing) -> Change:
-    """Return a change; `about` says of an endpoint what has changed."""
-    lines = _excerpt(before, about), _excerpt(after, about)
+def _change(before: Endpoint, after: Endpoint, text: str, describe: Callable[[Endpoint], str] = _nothing) -> Change:
+    """Return a change; `describe` returns the text about the changed property of an endpoint."""
+    lines = _excerpt(before, describe), _excerpt(after, describe)
     return Change(after.entry.topic, text, after.entry.location, *lines)
 
 
-def _excerpt(endpoint: Endpoint, about: Callable[[Endpoint], str] = _nothing) -> Excerpt:
-    text = f"{endpoint.ros_name} {endpoint.message.name} {about(endpoint)}"
+def _excerpt(endpoint: Endpoint, describe: Callable[[Endpoint], str] = _nothing) -> Excerpt:
+    text = f"{endpoint.ros_name} {endpoint.message.name} {describe(endpoint)}"
     return Excerpt(endpoint.entry.location, text.rstrip())

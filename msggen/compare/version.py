@@ -1,8 +1,8 @@
-"""VERSION: the firmware's rules for versioned messages, those with a MESSAGE_VERSION.
+"""VERSION rules: the firmware's rules for versioned messages, which have the constant MESSAGE_VERSION.
 
-When a message or anything that it nests changes, its version goes up by one, the old definition is archived as
-`msg/px4_msgs_old/msg/<Name>V<n>.msg`, and a header translates between both (PX4 v1.16 and later). Between two releases
-there may be several such steps.
+When a message or a message that it nests changes, its version is raised by one, the previous definition is archived as
+`msg/px4_msgs_old/msg/<Name>V<n>.msg`, and a header translates between both versions (PX4 v1.16 and later). Between two
+releases, a version may be raised several times.
 """
 
 from __future__ import annotations
@@ -25,33 +25,33 @@ _WORD = re.compile(r"\w+")
 
 
 def find_not_raised(comparison: Comparison) -> Iterator[Change]:
-    """Versioned messages that changed, at any depth, and whose version did not go up step by step."""
+    """Yield the versioned messages that changed, at any depth, but whose version was not raised step by step."""
     for pair in _versioned(comparison):
         before, after = pair.previous.message_version, pair.current.message_version
         skipped = _skipped(comparison, pair)
         jumps = (after < before or skipped is not None) and not _means_the_same(pair)
         if jumps or (pair.differs and after <= before):
             hint = "" if skipped is None else f", and version {skipped} is not in the archive"
-            found = f"found {after}{hint}" if after >= before else f"it went down to {after}"
+            found = f"found {after}{hint}" if after >= before else f"found {after}, lower than {before}"
             yield _change(pair, f"'{pair.name}' changed: expected {VERSION} = {before + 1}, {found}")
 
 
 def find_needless(comparison: Comparison) -> Iterator[Change]:
-    """Versioned messages with another version that mean the same as before."""
+    """Yield the versioned messages whose version differs, but whose meaning does not."""
     for pair in _versioned(comparison):
         before, after = pair.previous.message_version, pair.current.message_version
-        went_and_came_back = _skipped(comparison, pair) is None and bool(_between(comparison, pair))
-        if before != after and _means_the_same(pair) and not went_and_came_back:
-            text = f"{VERSION} is {after}, in {comparison.previous.label} {before}, but '{pair.name}' is the same"
-            yield _change(pair, text)
+        is_reverted = _skipped(comparison, pair) is None and bool(_between(comparison, pair))
+        if before != after and _means_the_same(pair) and not is_reverted:
+            text = f"{VERSION} is {after}, but {before} in {comparison.previous.label}"
+            yield _change(pair, f"{text}; '{pair.name}' did not change")
 
 
 def find_removed(comparison: Comparison) -> Iterator[Change]:
-    """Messages that are versioned no more, or lie elsewhere, and archived versions that are gone."""
+    """Yield the messages that are no longer versioned, or moved out of msg/versioned, and missing archived versions."""
     for pair in comparison.pairs:
-        lost = list(_lost(comparison, pair))
-        if lost:
-            yield _change(pair, f"'{pair.name}' {', and '.join(lost)}")
+        problems = list(_problems(comparison, pair))
+        if problems:
+            yield _change(pair, f"'{pair.name}' {', and '.join(problems)}")
     before, after = comparison.previous.history, comparison.current.history
     if before and after and after.is_kept:
         for name in sorted(before.archived.keys() - after.archived):
@@ -61,42 +61,41 @@ def find_removed(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_not_archived(comparison: Comparison) -> Iterator[Change]:
-    """Messages with a higher version whose previous definition is not in the archive, or another is there."""
+    """Yield the messages with a raised version whose previous definition is missing in the archive or differs there."""
     for pair in _raised(comparison):
         if not _is_archived(comparison, pair):
             name = archived_name(pair.previous)
             known = comparison.current.history and name in comparison.current.history.archived
-            what = f"is not what {comparison.previous.label} has" if known else "is missing"
-            yield _change(
-                pair, f"'{ARCHIVE}/{name}.msg' {what}: the definition of version {pair.previous.message_version}"
-            )
+            problem = f"differs from {comparison.previous.label}" if known else "is missing"
+            expected = f"expected the definition of version {pair.previous.message_version}"
+            yield _change(pair, f"'{ARCHIVE}/{name}.msg' {problem}: {expected}")
 
 
 def find_not_translated(comparison: Comparison) -> Iterator[Change]:
-    """Messages with a higher version that no headers translate from the previous one, step by step."""
+    """Yield the messages with a raised version that no headers translate, step by step, from the previous version."""
     for pair in _raised(comparison):
         reached = max(_reached(comparison, pair))
         if reached < pair.current.message_version:
             text = f"no header that all_translations.h includes translates '{pair.name}' from version {reached}"
-            yield _change(pair, f"{text}: expected in {TRANSLATIONS}")
+            yield _change(pair, f"{text}: expected one in {TRANSLATIONS}")
 
 
 def find_unfinished_translations(comparison: Comparison) -> Iterator[Change]:
-    """Headers that translate, but leave out a field, or have a line with TODO on it."""
+    """Yield the translation headers that leave out a field or have a TODO."""
     for pair in _raised(comparison):
         for older, newer, headers in _steps(comparison, pair):
             names = dict.fromkeys(field.name for message in (newer, older) for field in message.fields)
             for header, text in headers.items():
                 known = set(_WORD.findall(without_comments(text)))
                 missing = [name for name in names if name not in known]
-                left = [f"does not mention {few(missing)}"] if missing else []
-                left += ["has lines with TODO"] if "TODO" in text else []
-                if left:
-                    yield _change(pair, f"'{header}' {' and '.join(left)}")
+                problems = [f"does not mention {few(missing)}"] if missing else []
+                problems += ["has lines with TODO"] if "TODO" in text else []
+                if problems:
+                    yield _change(pair, f"'{header}' {' and '.join(problems)}")
 
 
 def handled(comparison: Comparison) -> frozenset[str]:
-    """Return the messages whose change a complete new version takes care of, or several, one after the other."""
+    """Return the messages whose change is covered by one or more complete new versions."""
     return frozenset(
         pair.name
         for pair in _raised(comparison)
@@ -106,13 +105,13 @@ def handled(comparison: Comparison) -> frozenset[str]:
     )
 
 
-def _lost(comparison: Comparison, pair: MessagePair) -> Iterator[str]:
-    """Say what made a message of the previous side a versioned one, and is gone."""
+def _problems(comparison: Comparison, pair: MessagePair) -> Iterator[str]:
+    """Yield the reasons why a message is no longer versioned."""
     if pair.previous.is_versioned and not pair.current.is_versioned:
-        yield f"has lost its {VERSION}, {pair.previous.message_version} in {comparison.previous.label}"
+        yield f"has no {VERSION}, which is {pair.previous.message_version} in {comparison.previous.label}"
     history = comparison.current.history
     if history and history.is_kept and _is_in_versioned(pair.previous) and not _is_in_versioned(pair.current):
-        yield f"is not in {VERSIONED} any more"
+        yield f"is no longer in {VERSIONED}"
 
 
 def _is_in_versioned(message: Message) -> bool:
@@ -124,7 +123,7 @@ def _versioned(comparison: Comparison) -> Iterator[MessagePair]:
 
 
 def _raised(comparison: Comparison) -> Iterator[MessagePair]:
-    """Yield the messages with a higher version, where the current side is a tree that keeps earlier ones."""
+    """Yield the messages with a raised version, if the current side is a tree with versioned messages."""
     history = comparison.current.history
     if history and history.is_kept:
         for pair in _versioned(comparison):
@@ -144,7 +143,7 @@ def _is_archived(comparison: Comparison, pair: MessagePair) -> bool:
 
 
 def _skipped(comparison: Comparison, pair: MessagePair) -> int | None:
-    """Return the first version between both sides that is not archived, where the current side keeps earlier ones."""
+    """Return the first version between both sides that is missing in the archive, or None. A package has no archive."""
     history = comparison.current.history
     between = range(pair.previous.message_version + 1, pair.current.message_version)
     archived = _between(comparison, pair)
@@ -154,7 +153,7 @@ def _skipped(comparison: Comparison, pair: MessagePair) -> int | None:
 
 
 def _between(comparison: Comparison, pair: MessagePair) -> dict[int, Message]:
-    """Return the archived versions between both sides, by number."""
+    """Return the archived versions between the versions of both sides, by number."""
     history = comparison.current.history
     numbers = range(pair.previous.message_version + 1, pair.current.message_version)
     messages = history.archived.values() if history else ()
@@ -166,7 +165,7 @@ def _between(comparison: Comparison, pair: MessagePair) -> dict[int, Message]:
 
 
 def _steps(comparison: Comparison, pair: MessagePair) -> Iterator[tuple[Message, Message, dict[str, str]]]:
-    """Yield each translation on the way from the previous version to the current one: both messages, its headers."""
+    """Yield each step of translation from the previous to the current version: both messages, and the headers."""
     history = comparison.current.history
     between = _between(comparison, pair)
     versions = [pair.previous, *(between[number] for number in sorted(between)), pair.current]
@@ -178,7 +177,7 @@ def _steps(comparison: Comparison, pair: MessagePair) -> Iterator[tuple[Message,
 
 
 def _reached(comparison: Comparison, pair: MessagePair) -> set[int]:
-    """Return the versions to which headers translate from the previous one, itself among them."""
+    """Return the versions that headers reach from the previous version, including that version."""
     history = comparison.current.history
     if history and history.is_translated:
         return {pair.previous.message_version, pair.current.message_version}
@@ -190,7 +189,7 @@ def _reached(comparison: Comparison, pair: MessagePair) -> set[int]:
 
 
 def _is_copy(history: History, archived: Message, catalog: Catalog, message: Message) -> bool:
-    """Whether `archived` has the fields of `message`; what it nests is archived, too, and called so."""
+    """Whether `archived` has the same fields as `message`, and nests archived versions of the same messages."""
     if len(archived.fields) != len(message.fields):
         return False
     for kept, field in zip(archived.fields, message.fields, strict=True):

@@ -1,4 +1,4 @@
-"""WIRE: what changes the bytes of a message."""
+"""WIRE rules: changes of the bytes of a message."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from msggen.model import Field, Message
 
 
 def find_added(comparison: Comparison) -> Iterator[Change]:
-    """Fields that the previous side does not have."""
+    """Yield the fields that the previous side does not have."""
     for pair in comparison.changed:
         for field in pair.added:
             where = _at(pair.current_layout, field)
@@ -23,7 +23,7 @@ def find_added(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_removed(comparison: Comparison) -> Iterator[Change]:
-    """Fields that the current side does not have."""
+    """Yield the fields that the current side does not have."""
     for pair in comparison.changed:
         for field in pair.removed:
             where = _at(pair.previous_layout, field)
@@ -34,16 +34,17 @@ def find_removed(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_moved(comparison: Comparison) -> Iterator[Change]:
-    """Fields that stand before or after others than they did."""
+    """Yield the fields that are in another order."""
     for pair in comparison.changed:
         for moved in pair.moved:
             before = _after(pair.previous, moved.previous) + _at(pair.previous_layout, moved.previous)
             after = _after(pair.current, moved.current) + _at(pair.current_layout, moved.current)
-            yield change(pair, moved, f"'{moved.current.name}' stands {after}, in {comparison.previous.label} {before}")
+            text = f"'{moved.current.name}' comes {after}, but {before} in {comparison.previous.label}"
+            yield change(pair, moved, text)
 
 
 def find_retyped(comparison: Comparison) -> Iterator[Change]:
-    """Fields with another type, but for the length of an array."""
+    """Yield the fields with another type, apart from the length of an array."""
     for pair in comparison.changed:
         for kept in pair.kept:
             if not is_same_type(pair, kept) and not is_type_renamed(pair, kept):
@@ -51,7 +52,7 @@ def find_retyped(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_other_length(comparison: Comparison) -> Iterator[Change]:
-    """Arrays with another length or bound, and arrays that were none."""
+    """Yield the fields with another array length or bound, or that changed between a single value and an array."""
     for pair in comparison.changed:
         for kept in pair.kept:
             if not has_same_length(kept) and (is_same_type(pair, kept) or is_type_renamed(pair, kept)):
@@ -59,34 +60,36 @@ def find_other_length(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_nested(comparison: Comparison) -> Iterator[Change]:
-    """Fields whose own type is the same, but not where values lie that they nest at any depth, or what those mean."""
+    """Yield the fields of the same type that nest a message, at any depth, with another layout or other types."""
     for pair in comparison.changed:
         for nested in (*pair.kept, *pair.renamed):
             inner = pair.nested.get(nested.previous.name)
             if inner and is_same_type(pair, nested) and not inner.is_only_renamed:
-                text = f"'{_line(pair.current, nested.current)}' nests what differs from {comparison.previous.label}"
+                text = (
+                    f"'{_line(pair.current, nested.current)}' nests another layout than in {comparison.previous.label}"
+                )
                 yield change(pair, nested, f"{text}: {' > '.join(_path(inner))}{_sizes(inner)}")
 
 
 def change(pair: MessagePair, fields: FieldPair, text: str) -> Change:
-    """Return the change of a field that both sides have."""
+    """Return a change of a field that both sides have."""
     before, after = excerpt(pair.previous, fields.previous), excerpt(pair.current, fields.current)
     return Change(pair.name, text, fields.current.location, before=before, after=after)
 
 
 def excerpt(message: Message, field: Field) -> Excerpt:
-    """Return the line of a field."""
+    """Return the line that defines a field."""
     return Excerpt(field.location, _line(message, field))
 
 
 def is_same_type(pair: MessagePair, fields: FieldPair) -> bool:
-    """Whether both fields are spelled with the same type, but for the length of an array."""
+    """Whether both definitions spell the type of the field alike, apart from the length of an array."""
     before, after = spelled(pair.previous, fields.previous.type), spelled(pair.current, fields.current.type)
     return before.partition("[")[0] == after.partition("[")[0]
 
 
 def is_type_renamed(pair: MessagePair, fields: FieldPair) -> bool:
-    """Whether the types have different names, and their values lie in the same bytes and mean the same."""
+    """Whether the types have different names, but the same values in the same bytes."""
     if is_same_type(pair, fields):
         return False
     inner = pair.nested.get(fields.previous.name)
@@ -102,7 +105,7 @@ def _line(message: Message, field: Field) -> str:
 
 def _other_type(comparison: Comparison, pair: MessagePair, fields: FieldPair) -> str:
     before, after = spelled(pair.previous, fields.previous.type), spelled(pair.current, fields.current.type)
-    return f"'{fields.current.name}' is {after}, in {comparison.previous.label} {before}"
+    return f"'{fields.current.name}' is {after}, but {before} in {comparison.previous.label}"
 
 
 def _at(layout: Layout | None, field: Field) -> str:
@@ -116,18 +119,18 @@ def _after(message: Message, field: Field) -> str:
 
 def _sizes(pair: MessagePair) -> str:
     before, after = pair.previous_layout, pair.current_layout
-    return f", {after.size} bytes, there {before.size}" if before and after and before.size != after.size else ""
+    return f", {after.size} bytes instead of {before.size}" if before and after and before.size != after.size else ""
 
 
 def _path(pair: MessagePair) -> list[str]:
-    """Return the names from a nested message down to the one with a change of its own."""
+    """Return the names of the messages from `pair` down to the first one whose own fields changed."""
     own = pair.added or pair.removed or pair.moved or not all(is_same_type(pair, kept) for kept in pair.kept)
     deeper = () if own else (inner for inner in pair.nested.values() if not inner.is_only_renamed)
     return [pair.name, *next((_path(inner) for inner in deeper), [])]
 
 
 def _neighbour(pair: MessagePair, field: Field) -> Location:
-    """Return where a removed field would stand in the current side: at what precedes it there, or at the file."""
+    """Return the location on the current side of the nearest field before a removed one, or of the file."""
     before = pair.previous.fields[: pair.previous.fields.index(field)]
     current = {kept.previous: kept.current.location for kept in (*pair.kept, *pair.renamed)}
     return next((current[earlier] for earlier in reversed(before) if earlier in current), pair.current.location)

@@ -1,4 +1,4 @@
-"""What a comparison found, as text for people and for machines: one module for each format."""
+"""Output formats of findings, for people and for programs: one module for each format."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ if TYPE_CHECKING:
     from msggen.compare.finding import Report
 
 FORMATS = ("full", "concise", "json", "github", "sarif", "junit")
-"""What `--output-format` takes, the default first. Their libraries are imported when they are used."""
+"""The values of `--output-format`, the default first. Each format imports its libraries on first use."""
 
 
-def render(report: Report, format: str, *, width: int, colour: bool) -> str:  # noqa: A002 - what the option is called
+def render(report: Report, format: str, *, width: int, colour: bool) -> str:  # noqa: A002 - the name of the option
     """Return `report` in one of FORMATS, without a line end after the last line.
 
-    Only `full` is as wide as `width` and may be coloured; the others are the same wherever they go.
+    `width` and `colour` apply to `full` only. Raises ValueError for an unknown format.
     """
     if format == "full" and report.findings:
         from msggen.report.full import write_full

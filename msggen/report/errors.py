@@ -1,4 +1,4 @@
-"""The text about each code: its meaning, an example and a fix, from errors.yaml."""
+"""The texts about error codes, from errors.yaml: a meaning, an example and a fix for each."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WIDEST = 100
 
 
 class ErrorText(NamedTuple):
-    """The text about one code; `example` is a console session, `fix` begins with a verb."""
+    """The text about a code. `example` is a console session, `fix` begins with a verb."""
 
     title: str
     meaning: str
@@ -27,7 +27,7 @@ class ErrorText(NamedTuple):
 
 
 def error_texts() -> Mapping[str, ErrorText]:
-    """Return the text about each code."""
+    """Return the texts about all codes, by code."""
     import yaml
 
     with open(_TEXTS, encoding="utf-8") as file:
@@ -35,7 +35,7 @@ def error_texts() -> Mapping[str, ErrorText]:
 
 
 def explain_code(code: str, *, width: int) -> str:
-    """Return the text about `code` for a terminal."""
+    """Return the text about `code`, formatted for a terminal."""
     text = error_texts()[code]
     width = min(width, _WIDEST)
     return "\n\n".join(
@@ -50,7 +50,7 @@ def explain_code(code: str, *, width: int) -> str:
 
 
 def nearest_code(wrong: str) -> str:
-    """Return the code that begins like `wrong` and has the nearest number, or "" if `wrong` is not like a code."""
+    """Return the code with the letter of `wrong` and the nearest number, or "" if `wrong` does not look like a code."""
     if not re.fullmatch(r"[A-Z]\d{3}", wrong):
         return ""
     alike = [code for code in CODES if code[0] == wrong[0]]
@@ -58,6 +58,6 @@ def nearest_code(wrong: str) -> str:
 
 
 def paragraph(text: str, width: int) -> str:
-    """Return `text` in lines of at most `width`, none of which ends within code."""
+    """Return `text` in lines of at most `width`, without breaks inside code."""
     together = _CODE.sub(lambda code: code[0].replace(" ", _NO_BREAK), text)
     return fill(together, width, break_long_words=False, break_on_hyphens=False).replace(_NO_BREAK, " ")

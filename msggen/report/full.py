@@ -1,4 +1,4 @@
-"""For people: findings by subject, and the lines that differ, side by side."""
+"""The format `full`, for people: findings by subject, with the lines that differ side by side."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from rich.table import Table
 from rich.text import Text
 
 from msggen.compare.finding import Excerpt, Finding, Reader, Report
-from msggen.report.line import deceives, mark, printable, silence
+from msggen.report.line import is_misread, mark, printable, silent_mark
 
 _DECODE = "decode wrong values without an error"
 _ALARM = "bold white on red"
 _BETWEEN = len("    |")
-"""What the two columns leave between and around them."""
+"""The width of the separators around the two columns."""
 
 
 def write_full(report: Report, *, width: int, colour: bool) -> str:
-    """Return the findings of each subject with their lines, then which subjects are silent, then the summary.
+    """Return the findings by subject with their lines, then the subjects with silent findings, then the summary.
 
-    Only ASCII is drawn, so that it reads the same in a terminal, a log and a mail.
+    Tables are drawn in ASCII, so that they look the same in terminals, logs and mails.
     """
     console = Console(
         file=io.StringIO(),
@@ -39,8 +39,10 @@ def write_full(report: Report, *, width: int, colour: bool) -> str:
     with console.capture() as capture:
         for subject, findings in _by_subject(report.findings).items():
             _print_group(console, report, subject, findings)
-        for readers, deceived in _deceived(report.findings).items():
-            _print_line(console, Text.assemble((_silent(readers), _ALARM), f": {printable(', '.join(deceived))}"))
+        for readers, subjects in _misread_subjects(report.findings).items():
+            _print_line(
+                console, Text.assemble((_explain_silent(readers), _ALARM), f": {printable(', '.join(subjects))}")
+            )
         _print_line(console, Text(printable(report.summary), "bold"))
     return "\n".join(row.rstrip() for row in capture.get().split("\n")).rstrip("\n")
 
@@ -52,21 +54,21 @@ def _by_subject(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
     return groups
 
 
-def _deceived(findings: Sequence[Finding]) -> dict[tuple[Reader, ...], list[str]]:
-    """Return the subjects that go wrong silently, by who misreads them."""
-    silent = [finding for finding in findings if deceives(finding)]
+def _misread_subjects(findings: Sequence[Finding]) -> dict[tuple[Reader, ...], list[str]]:
+    """Return the subjects that readers misread silently, by the readers."""
+    silent = [finding for finding in findings if is_misread(finding)]
     kinds = dict.fromkeys(finding.silent_for for finding in silent)
     return {kind: [*_by_subject([each for each in silent if each.silent_for == kind])] for kind in kinds}
 
 
-def _silent(readers: Sequence[Reader]) -> str:
-    return f"{silence(readers)}: {'readers' if len(readers) > 1 else 'they'} {_DECODE}"
+def _explain_silent(readers: Sequence[Reader]) -> str:
+    return f"{silent_mark(readers)}: {'readers' if len(readers) > 1 else 'they'} {_DECODE}"
 
 
 def _print_group(console: Console, report: Report, subject: str, findings: Sequence[Finding]) -> None:
     heading = Text(printable(subject), "bold")
-    for readers in _deceived(findings):
-        heading = Text.assemble(heading, " ", (f"({_silent(readers)})", _ALARM))
+    for readers in _misread_subjects(findings):
+        heading = Text.assemble(heading, " ", (f"({_explain_silent(readers)})", _ALARM))
     _print_line(console, heading)
     for finding in findings:
         _print_line(console, _line(finding))
@@ -79,12 +81,12 @@ def _print_group(console: Console, report: Report, subject: str, findings: Seque
 
 
 def _print_line(console: Console, text: Text) -> None:
-    """Print without a line break: a terminal breaks lines itself, and whoever searches a log wants them whole."""
+    """Print `text` without wrapping: terminals wrap lines, and logs are easier to search with whole lines."""
     console.print(text, soft_wrap=True)
 
 
 def _line(finding: Finding) -> Text:
-    style = _ALARM if deceives(finding) else "dim" if finding.is_handled else "yellow"
+    style = _ALARM if is_misread(finding) else "dim" if finding.is_handled else "yellow"
     words = mark(finding).rstrip(": ")
     return Text.assemble(
         f"{finding.change.location}: ",
@@ -107,7 +109,7 @@ def _side_by_side(report: Report, pairs: Sequence[tuple[Excerpt | None, Excerpt 
 
 
 def _cell(excerpt: Excerpt, digits: int, width: int) -> Text:
-    """Return the number of a line, and the line; where that is long, it goes on below itself."""
+    """Return the number and the text of a line; a long line is wrapped with a hanging indent."""
     number = f"{excerpt.location.line or '':>{digits}}  "
     lines = wrap(printable(excerpt.text), max(width - len(number), 1), break_on_hyphens=False)
     return Text(number + f"\n{' ' * len(number)}".join(lines))

@@ -1,6 +1,6 @@
-"""For GitHub Actions: workflow commands, which it shows as annotations of the lines.
+"""The format `github`: workflow commands, which GitHub Actions shows as annotations of lines.
 
-GitHub keeps the first ten errors, warnings and notices of a step, so what is silent comes first.
+GitHub keeps the first ten errors, warnings and notices of a step, so silent findings come first.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ from collections.abc import Sequence
 from msggen.compare.finding import Finding, Report
 from msggen.diagnostics import Diagnostic
 from msggen.location import Location
-from msggen.report.line import deceives, level, printable, statement
+from msggen.report.line import is_misread, level, printable, statement
 
 _COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}
 
 
 def write_github(report: Report) -> str:
-    """Return a command for each finding, then the summary as a plain line."""
-    findings = sorted(report.findings, key=lambda finding: not deceives(finding))
+    """Return a command for each finding and each notice, then the summary as a plain line."""
+    findings = sorted(report.findings, key=lambda finding: not is_misread(finding))
     notices = [_of_diagnostic(found, _COMMANDS[found.level.value]) for found in report.notices]
     return "\n".join([*map(_of_finding, findings), *notices, printable(report.summary)])
 
 
 def write_errors(errors: Sequence[Diagnostic]) -> str:
-    """Return a command for each of `errors`, for which nothing could be compared."""
+    """Return a command for each error that prevented the comparison."""
     return "\n".join(_of_diagnostic(found, "error") for found in errors)
 
 
@@ -38,7 +38,10 @@ def _of_finding(finding: Finding) -> str:
 
 
 def _command(command: str, location: Location, title: str, message: str) -> str:
-    """Return a command for a place in a file. GitHub shows neither folders nor options, so the message names them."""
+    """Return a command for a place in a file.
+
+    GitHub cannot show a folder or an option as a place, so the message names it.
+    """
     path, line, column = location
     properties = {"file": printable(path)} if line or os.path.isfile(path) else {}
     if line:
@@ -49,10 +52,10 @@ def _command(command: str, location: Location, title: str, message: str) -> str:
 
 
 def _data(text: str) -> str:
-    """Escape what GitHub would take for an escape; line ends are none any more."""
+    """Escape `%`, which starts an escape sequence; `text` has no line ends."""
     return text.replace("%", "%25")
 
 
 def _property(text: str) -> str:
-    """Escape what would end a property, too."""
+    """Escape `text` for a property, which `:` and `,` would end."""
     return _data(text).replace(":", "%3A").replace(",", "%2C")

@@ -1,4 +1,4 @@
-"""For programs: one JSON object, whose keys docs/ci.md describes."""
+"""The format `json`, for programs: one object, whose keys docs/ci.md describes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from msggen.location import Location
 
 
 def write_json(report: Report) -> str:
-    """Return the whole report, nothing left out."""
+    """Return the whole report as JSON."""
     document = {
         "previous": report.previous,
         "current": report.current,
@@ -22,12 +22,15 @@ def write_json(report: Report) -> str:
 
 
 def dump(document: Any) -> str:
-    """Return JSON that every program reads."""
+    """Return `document` as indented JSON in ASCII, without lone surrogates."""
     return json.dumps(_encodable(document), indent=2)
 
 
 def _encodable(value: Any) -> Any:
-    """Escape lone surrogates, Python's signs for bytes that are no text: many readers of JSON refuse them."""
+    """Return `value` with lone surrogates escaped, because many JSON parsers reject them.
+
+    Python decodes bytes of paths that are not UTF-8 to lone surrogates.
+    """
     if isinstance(value, str):
         return value.encode(errors="backslashreplace").decode()
     if isinstance(value, dict):

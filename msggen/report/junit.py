@@ -1,4 +1,4 @@
-"""For CI servers that show tests: a suite for each category, a test for each rule."""
+"""The format `junit`, for CI servers that show tests: a suite for each category, a test for each rule."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from msggen.report.line import line, printable
 
 
 def write_junit(report: Report) -> str:
-    """Return JUnit XML, in ASCII: it is right in any encoding.
+    """Return JUnit XML in ASCII, so that it is valid in every encoding.
 
-    A rule fails with its failing findings; what does not fail is its output.
+    The failing findings of a rule are its failure; its other findings are its output.
     """
     document = JUnitXml("msggen")
     for category in Category:

@@ -1,6 +1,7 @@
-"""For code scanning: SARIF 2.1.0 (the OASIS standard of that name), by which its keys are called.
+"""The format `sarif`, for code scanning: SARIF 2.1.0, the OASIS standard, which defines the keys.
 
-Plain dictionaries, held to the standard's JSON schema by the tests: docs/libraries.md says why no library.
+The document is made of plain dictionaries, which the tests validate with the standard's JSON schema. docs/libraries.md
+gives the reason for using no library.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sa
 
 
 def write_sarif(report: Report) -> str:
-    """Return a SARIF log with one run: the rules that were asked, and a result for each finding."""
+    """Return a SARIF log with one run: the rules that were applied, and a result for each finding."""
     run = {
         "tool": {"driver": {"name": "msggen", "version": __version__, "rules": [_rule(rule) for rule in report.rules]}},
         "columnKind": "unicodeCodePoints",
@@ -74,7 +75,7 @@ def _results(report: Report) -> Iterator[dict[str, Any]]:
 
 
 def _fingerprint(finding: Finding) -> str:
-    """Return what stays the same when lines move, under the name by which GitHub knows an alert again."""
+    """Return a fingerprint that does not change when lines move, by which GitHub recognizes an alert."""
     change = finding.change
     texts = [excerpt.text if excerpt else "" for excerpt in (change.before, change.after)]
     facts = "\0".join([finding.rule.id, change.subject, *texts])
@@ -94,7 +95,7 @@ def _place(location: Location) -> dict[str, Any]:
 
 
 def _uri(path: str) -> str:
-    """Return a path below the current folder as a relative reference, any other as a whole URI."""
+    """Return the URI of a path: a relative reference below the current folder, otherwise an absolute URI."""
     below = os.path.relpath(path)
     outside = below == os.pardir or below.startswith(os.pardir + os.sep)
     text = os.path.abspath(path) if outside else below

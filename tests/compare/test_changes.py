@@ -423,9 +423,12 @@ def test_several_complete_steps_take_care_of_the_change(tmp_path: Path) -> None:
     ("name", "sentence"),
     [
         ("one of them not archived", "expected MESSAGE_VERSION = 1, found 3, and version 1 is not in the archive"),
-        ("one of them not translated", "includes translates 'W' from version 1: expected in "),
-        ("leaves the versioned ones and keeps", "'W' is not in msg/versioned any more"),
-        ("leaves the versioned ones with", "MESSAGE_VERSION, 1 in previous, and is not in msg/versioned any more"),
+        ("one of them not translated", "includes translates 'W' from version 1: expected one in "),
+        ("leaves the versioned ones and keeps", "'W' is no longer in msg/versioned"),
+        (
+            "leaves the versioned ones with",
+            "MESSAGE_VERSION, which is 1 in previous, and is no longer in msg/versioned",
+        ),
         ("geofence", "at byte 9 is not in previous, which has 'primary_geofence_breached' there: was it renamed?"),
         ("geofence", "at byte 9 of previous is missing, 'geofence_max_alt_triggered' is there: was it renamed?"),
     ],

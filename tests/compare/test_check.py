@@ -382,15 +382,25 @@ def test_errors_of_the_firmware_are_told(capsys: Capture) -> None:
 # --- Comments
 
 WARNED = [
-    ("# [rpm] Filtered", "# [rad/s] Filtered", "UNIT_CHANGED", "the unit of 'rpm_estimate' is rad/s, in firmware rpm"),
-    ("# [@range 0, 9]", "# [@range -9, 9]", "RANGE_CHANGED", "the range of 'rpm_estimate' is -9, 9, in firmware 0, 9"),
-    ("# [@frame NED]", "# [@frame FRD]", "FRAME_CHANGED", "the frame of 'rpm_estimate' is FRD, in firmware NED"),
-    ("# [@enum A]", "# [@enum B]", "ENUM_CHANGED", "the enum of 'rpm_estimate' is B, in firmware A"),
+    (
+        "# [rpm] Filtered",
+        "# [rad/s] Filtered",
+        "UNIT_CHANGED",
+        "the unit of 'rpm_estimate' is rad/s, but rpm in firmware",
+    ),
+    (
+        "# [@range 0, 9]",
+        "# [@range -9, 9]",
+        "RANGE_CHANGED",
+        "the range of 'rpm_estimate' is -9, 9, but 0, 9 in firmware",
+    ),
+    ("# [@frame NED]", "# [@frame FRD]", "FRAME_CHANGED", "the frame of 'rpm_estimate' is FRD, but NED in firmware"),
+    ("# [@enum A]", "# [@enum B]", "ENUM_CHANGED", "the enum of 'rpm_estimate' is B, but A in firmware"),
     (
         "# [@invalid 0]",
         "# [@invalid NaN]",
         "INVALID_CHANGED",
-        "the invalid value of 'rpm_estimate' is NaN, in firmware 0",
+        "the invalid value of 'rpm_estimate' is NaN, but 0 in firmware",
     ),
 ]
 
@@ -405,7 +415,7 @@ def test_another_meaning_is_warned_of_and_fails_nothing(
     assert main(["check", *SIDES, "--output-format", "concise"]) == DONE
     line, last = capsys.readouterr().out.splitlines()
     assert line == f"px4_msgs/msg/Rpm.msg:2:1: {rule} warning: {said}"
-    assert last.endswith(", 1 only warned of")
+    assert last.endswith(", 1 warning")
 
 
 # --- Other names

@@ -94,14 +94,14 @@ def test_check_only_warns_of_comments() -> None:
 
 
 def test_explain_says_who_fails_and_who_warns(capsys: pytest.CaptureFixture[str]) -> None:
-    asked = {
-        "FIELD_ADDED": "Asked by check and breaking, which fails.",
-        "UNIT_CHANGED": "Asked by check, which warns of it, and by breaking, which fails.",
-        "RATE_LIMIT_CHANGED": "Asked by check and breaking, which warns of it.",
-        "TRANSLATION_UNFINISHED": "Asked by breaking, which warns of it.",
-        "CONSTANT_ADDED": "Asked by check, which fails.",
+    reported = {
+        "FIELD_ADDED": "Reported by check and breaking as an error.",
+        "UNIT_CHANGED": "Reported by check as a warning, by breaking as an error.",
+        "RATE_LIMIT_CHANGED": "Reported by check and breaking as a warning.",
+        "TRANSLATION_UNFINISHED": "Reported by breaking as a warning.",
+        "CONSTANT_ADDED": "Reported by check as an error.",
     }
-    for rule, sentence in asked.items():
+    for rule, sentence in reported.items():
         assert main(["explain", rule]) == 0
         assert sentence in " ".join(capsys.readouterr().out.split())
 

@@ -76,7 +76,7 @@ def test_a_template_knows_a_new_tag(checkout: Path) -> None:
 
 def test_a_rule_compares_a_new_tag(checkout: Path) -> None:
     found = run(checkout, "-m", "msggen", "breaking", "--against", "previous", "--px4", "current", status=1)
-    assert "current/msg/Rpm.msg:2:1: SINCE_CHANGED the since of 'rpm' is v1.19, in previous v1.18\n" in found
+    assert "current/msg/Rpm.msg:2:1: SINCE_CHANGED the since of 'rpm' is v1.19, but v1.18 in previous\n" in found
     assert "M107" not in found
     assert "SINCE_CHANGED" in run(checkout, "-m", "msggen", "rules")
 

@@ -397,7 +397,7 @@ class TestNames:
             subprocess.run(["git", *command], cwd="fw", check=True)
         assert main(["breaking", "--px4", "fw", "--against", "v1.16"]) == 0
         out, err = capsys.readouterr()
-        assert out == "fw breaks nothing of v1.16: 1 message, 0 services\n"
+        assert out == "fw does not break v1.16: 1 message, 0 services\n"
         assert err == (
             "--against: S120 note: 'v1.16': the revision of fw is read, not the embedded release 'embedded:v1.16'\n"
         )
