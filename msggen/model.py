@@ -225,7 +225,7 @@ class Message(NamedTuple):
     def _special(self, name: str, default: int) -> int:
         values = [constant.value for constant in self.constants if constant.name == name]
         try:
-            return int(values[0]) if values else default  # type: ignore[arg-type]  # a tuple is a TypeError
+            return int(values[0]) if values else default  # type: ignore[arg-type]  # int() raises TypeError for a tuple
         except (TypeError, ValueError, OverflowError):
             return default
 
