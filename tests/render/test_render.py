@@ -320,7 +320,9 @@ ERRORS = [
     named("{{ message.name }}\n", "T206", "control character"),
     named("types.h", "T207", "'types.h' would be the output for both Bar and Foo"),
     named("{{ {'Bar': 'x.h', 'Foo': 'a/../X.h'}[message.name] }}", "T207", "'X.h' would be the output for both"),
-    named("{{ {'Bar': 'x/y', 'Foo': 'x'}[message.name] }}", "T207", "'x' would be an output, and the folder of 'x/y'"),
+    named(
+        "{{ {'Bar': 'x/y', 'Foo': 'x'}[message.name] }}", "T207", "'x' would be both an output and the folder of 'x/y'"
+    ),
     # nothing to do
     Case("--each", "T208", "the sources have no services", options=("--each", "service", "--px4", "bare")),
     Case("--each", "T208", "name the dds_topics.yaml", options=("--each", "endpoint", "--px4", "bare")),
@@ -385,7 +387,7 @@ def test_a_folder_in_the_way_is_an_error(capsys: pytest.CaptureFixture[str]) -> 
     write(any__j2="")
     write_definitions(Path("out"), {"foo/mine": "mine"})
     assert render("any.j2") == FAILED
-    assert capsys.readouterr().err.startswith("out/foo: T206 a folder is in the way")
+    assert capsys.readouterr().err.startswith("out/foo: T206 cannot write the output: a folder has this name")
     assert made() == {"foo/mine": "mine"}
 
 
