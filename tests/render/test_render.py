@@ -305,7 +305,7 @@ ERRORS = [
     Case("any.em:2:1", "T104", f"{BOTH}not Python", "\n@(message..name)", template="any.em"),
     Case("any.em:2:1", "T103", "", "\n@[for x in y]@", template="any.em"),
     # neither
-    Case("any.h", "T205", "named *.j2, or of EmPy, named *.em", template="any.h"),
+    Case("any.h", "T205", "expected a Jinja2 template (*.j2) or an EmPy template (*.em)", template="any.h"),
     # names of outputs
     named("{{ message.name", "T201", "unexpected end of template"),
     named("{{ message.nam }}", "T202", f"{BOTH}a message has no 'nam', did you mean 'name'?"),
@@ -325,7 +325,7 @@ ERRORS = [
     ),
     # nothing to do
     Case("--each", "T208", "the sources have no services", options=("--each", "service", "--px4", "bare")),
-    Case("--each", "T208", "name the dds_topics.yaml", options=("--each", "endpoint", "--px4", "bare")),
+    Case("--each", "T208", "pass the dds_topics.yaml", options=("--each", "endpoint", "--px4", "bare")),
     # definitions
     Case("in/dds_topics.yaml", "S101", "", options=("--px4", "in/dds_topics.yaml")),
     Case("bad/Foo.msg:2:1", "M301", "did you mean 'float32'?", options=("--px4", "bad")),

@@ -293,7 +293,9 @@ def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, data: bytes | None, 
 
 def test_another_version_of_empy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(em, "__version__", "4.2")
-    with pytest.raises(InputError, match=r"^some.em: T101 .*pip install 'empy>=3.3,<4'.* found is 4.2, from .*em"):
+    with pytest.raises(
+        InputError, match=r"^some.em: T101 .*pip install 'empy>=3.3,<4'.* found the module 'em' 4.2 at .*em"
+    ):
         EmpyTemplate("some.em", "")
 
 

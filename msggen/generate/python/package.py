@@ -115,7 +115,7 @@ class _Package:
 
     @cached_property
     def topics(self) -> list[dict[str, object]]:
-        """The member of ORB_ID, the id and the arguments of UorbTopic of each uORB topic, in the order of the ids."""
+        """The uORB topics in the order of their ids, each with its member of ORB_ID and its arguments of UorbTopic."""
         topics = uorb_topics(self.catalog)
         members = member_names([topic.name for topic in topics])
         return [
@@ -288,6 +288,6 @@ def _same_classes(definitions: Iterable[Message | Service]) -> Iterator[Diagnost
 
 
 def _versions(catalog: Catalog) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return the ROS name and the class of each version, by ROS name, for all endpoints with several versions."""
+    """Return the ROS name of each endpoint with several versions, and the ROS name and class of each version."""
     every = [(endpoint.ros_name, endpoint_versions(catalog, endpoint)) for endpoint in endpoints(catalog)]
     return [(name, [(old, class_name(message)) for old, message in rows]) for name, rows in every if len(rows) > 1]

@@ -17,7 +17,7 @@ KINDS = {"bool": BOOL, **dict.fromkeys(INTEGERS, INTEGER), **dict.fromkeys(FLOAT
 """The kind of each primitive type."""
 
 _PROMOTED_BELOW = 2**31
-"""C++ compares values of types whose values are all smaller as `int`, and values of larger types unchanged."""
+"""C++ promotes an integer to `int` before a comparison if all values of its type are smaller than this."""
 
 
 class UnclearError(ValueError):

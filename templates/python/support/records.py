@@ -103,7 +103,7 @@ def _bools(parts: tuple[Part, ...]) -> Positions:
 
 
 def _bool_masks(bools: Positions, size: int) -> Iterator[tuple[int, int]]:
-    """Yield the offset of each 8 bytes of a sample that hold bools, with a mask of the bits that must be zero."""
+    """Yield the offset of each 8-byte block of a sample with bools, and a mask of the bits that must be zero."""
     left = bools.tolist()
     while left:
         offset = max(0, min(left[0], size - 8))

@@ -199,7 +199,7 @@ def bools(data: bytes, at: int, count: int, wire: int, path: str, most: int = 0)
 def numbers(
     data: bytes, at: int, count: int, wire: int, path: str, code: str, most: int = 0
 ) -> tuple[array[Any], int]:
-    """Return `count` numbers. Alignment padding precedes the first one, but not an empty sequence."""
+    """Return `count` numbers. Padding precedes the first number; an empty sequence has no padding."""
     if not count:
         return array(code), at
     size = _SIZES[code]
