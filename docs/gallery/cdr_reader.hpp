@@ -11,7 +11,7 @@
 
 namespace cdr {
 
-/// Takes values from a DDS sample, one after the other: XCDR1 or plain XCDR2, of either byte order, on any machine.
+/// Reads the values of a DDS sample one by one: XCDR1 or plain XCDR2, in either byte order, on any machine.
 class Reader {
  public:
   Reader(const std::uint8_t* sample, std::size_t size)
@@ -23,7 +23,7 @@ class Reader {
     xcdr2_ = sample[1] / 2 == 3;
   }
 
-  /// False from the first value on that the sample does not have.
+  /// Returns false after an attempt to read beyond the end of the sample.
   bool good() const { return good_; }
   std::size_t left() const { return size_ - position_; }
 
@@ -53,14 +53,14 @@ class Reader {
   }
 
   void text(std::string& value) {
-    const std::size_t size = length();  // with the zero at its end
+    const std::size_t size = length();  // includes the NUL
     good_ = good_ && size <= left();
     if (!good_) return;
     value.assign(reinterpret_cast<const char*>(data_ + position_), size > 0 ? size - 1 : 0);
     position_ += size;
   }
 
-  /// Four bytes for each unit of UTF-16, as ROS 2 writes it.
+  /// Each unit of UTF-16 has four bytes, as ROS 2 writes them.
   void wide_text(std::u16string& value) {
     const std::size_t count = length();
     good_ = good_ && count <= left() / 4;
@@ -68,7 +68,7 @@ class Reader {
     for (std::size_t i = 0; i < count && good_; ++i) value.push_back(static_cast<char16_t>(length()));
   }
 
-  /// XCDR2 says before several values that are no numbers how many bytes follow.
+  /// Skips the delimiter header, which XCDR2 has before elements that are not numbers.
   template <class T>
   void delimiter() {
     if (xcdr2_ && !std::is_arithmetic_v<T>) length();
@@ -118,7 +118,8 @@ Reader& operator>>(Reader& from, std::vector<T>& values) {
   return from;
 }
 
-/// Reads `message` from a sample with its header; false unless that is all there is. DDS may add up to 3 bytes.
+/// Reads `message` from a sample with its header. Returns false if bytes are missing, or if more than 3 bytes follow:
+/// DDS may add up to 3 bytes of padding.
 template <class T>
 bool decode(const std::uint8_t* sample, std::size_t size, T& message) {
   Reader from(sample, size);

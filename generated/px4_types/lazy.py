@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def view_maker(cls: type[Message]) -> Callable[[BytesLike, bool], Any]:
-    """Return the function that makes views of `cls` of samples; it raises DecodeError."""
+    """Return the function that makes a view of `cls` from a sample; it raises DecodeError."""
     if cls is Message:
         raise NotImplementedError
     views = _view_class(cls, parts_of(cls, values_of(layout_of(cls).xcdr1)), 0)
@@ -46,9 +46,9 @@ def view_maker(cls: type[Message]) -> Callable[[BytesLike, bool], Any]:
 
 
 def _view_class(cls: type[Message], parts: tuple[Part, ...], start: int) -> Any:
-    """Return a class of views that find `parts` relative to `start`.
+    """Return a class of views that read `parts` at their offsets from `start`.
 
-    It passes for `cls`: what a message can do, its view can, by reading its fields.
+    Its `__class__` is `cls`: a view supports everything that a message supports, by reading its fields.
     """
 
     def passes_for(view: Any) -> type[Message]:
@@ -112,7 +112,7 @@ def _reader_of_messages(part: Part, message: type[Message], start: int) -> Calla
 
 
 def _offsets(parts: tuple[Part, ...], start: int) -> Iterator[int]:
-    """Return where all values lie, those of nested messages too: one class of views serves where they agree."""
+    """Yield the offsets of all values, with those of nested messages: elements with equal offsets share a class."""
     for part in parts:
         yield part.offset - start
         for element in part.elements:

@@ -35,7 +35,7 @@ def _message_class(name: str) -> type[Message]:
 
 
 class UorbTopic(Frozen):
-    """A uORB topic: its id, the name of its message, and how many samples uORB keeps."""
+    """A uORB topic: its id, the name of its message, and the length of its queue."""
 
     __slots__ = ("name", "orb_id", "message_name", "queue_length", "condition")
 
@@ -44,7 +44,7 @@ class UorbTopic(Frozen):
     message_name: str
     queue_length: int
     condition: str
-    """What a board must set for its firmware to have the topic, "" where all have it. Ids count it as there."""
+    """The option that a board must set to have the topic, or "" for all boards. `orb_id` assumes that it is set."""
 
     def __init__(self, name: str, orb_id: int, message_name: str, queue_length: int, condition: str = "") -> None:
         put = object.__setattr__
@@ -61,7 +61,7 @@ class UorbTopic(Frozen):
 
 
 class Qos(Frozen):
-    """Quality of service of one end; a depth of 0 leaves it to the middleware."""
+    """The quality of service of one end; with a depth of 0, the middleware chooses the depth."""
 
     __slots__ = ("reliability", "durability", "history", "depth")
 
@@ -85,9 +85,9 @@ class Qos(Frozen):
 
 
 class QosPair(Frozen):
-    """The quality of service of both ends: PX4's is a fact, the application's a choice that matches it.
+    """The quality of service of both ends: the settings of PX4, and compatible settings for the application.
 
-    A reader must not ask PX4 for RELIABLE: it would receive nothing. A writer may offer either.
+    A reader must not request RELIABLE from PX4, or it receives nothing. A writer may offer either.
     """
 
     __slots__ = ("writer", "reader")
@@ -102,7 +102,7 @@ class QosPair(Frozen):
 
 
 class Endpoint(Frozen):
-    """A topic that crosses the bridge; `direction` is seen from PX4, so "out" is what PX4 publishes."""
+    """A topic that the bridge carries; `direction` is seen from PX4: PX4 publishes "out" and subscribes to "in"."""
 
     __slots__ = (
         "direction",
@@ -121,26 +121,26 @@ class Endpoint(Frozen):
 
     direction: Literal["in", "out"]
     ros_name: str
-    """As `ros2 topic list` shows it: `/fmu/out/vehicle_status_v1`."""
+    """The name that `ros2 topic list` shows: `/fmu/out/vehicle_status_v1`."""
     uorb_topic: str
-    """The uORB topic behind it: `vehicle_status`."""
+    """The name of the uORB topic: `vehicle_status`."""
     message_name: str
     object_id: int
-    """The XRCE client's id of the topic."""
+    """The id of the topic in the XRCE client."""
     rate_limit_hz: float | None
-    """What the bridge's YAML says: None where it says nothing, 0.0 for no limit."""
+    """The rate limit in the bridge's YAML: 0.0 for no limit, None if the YAML has no entry."""
     publish_interval_ms: int | None
-    """The shortest time between two samples that PX4 sends; 0: all that uORB's queue holds. None on the way in."""
+    """The shortest time between two samples that PX4 sends; 0 for all samples in uORB's queue. None for "in"."""
     instance: int | None
-    """The uORB instance, where the YAML names one."""
+    """The uORB instance that the YAML names, or None."""
     qos: QosPair
-    """What PX4 uses at its end, and what works at the other."""
+    """The quality of service that PX4 uses, and settings that work for the application."""
     route_field: str | None
-    """On the way in: each value of this field gets a uORB instance of its own."""
+    """For "in": the field that selects the uORB instance. Each of its values gets an instance of its own."""
     max_instances: int | None
-    """How many values of `route_field` get one; samples with further values are dropped."""
+    """The number of values of `route_field` that get an instance; samples with further values are dropped."""
     options: str
-    """Options of Zenoh's client: `cc=block,express=true`."""
+    """Options of the Zenoh client: `cc=block,express=true`."""
 
     def __init__(
         self,
@@ -173,14 +173,14 @@ class Endpoint(Frozen):
 
     @property
     def dds_name(self) -> str:
-        """As DDS knows it: `rt/fmu/out/vehicle_status_v1`."""
+        """The name in DDS: `rt/fmu/out/vehicle_status_v1`."""
         return f"rt{self.ros_name}"
 
     @property
     def format_request_name(self) -> str:
         """The `topic_name` of a MessageFormatRequest: `/fmu/out/vehicle_status`, without the version of the message.
 
-        PX4 looks up what follows the last `/` among its uORB topics, so it does not know `vehicle_status_v1`.
+        PX4 searches its uORB topics for the part after the last `/`, so it does not find `vehicle_status_v1`.
         """
         return f"/fmu/{self.direction}/{self.uorb_topic}"
 
@@ -191,7 +191,7 @@ class Endpoint(Frozen):
 
 
 class UnknownEndpoint(KeyError):  # noqa: N818
-    """A KeyError whose text is shown as it is."""
+    """A KeyError that shows its text without quotes."""
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -216,12 +216,12 @@ def renamed(endpoint: Endpoint, ros_name: str, message_name: str) -> Endpoint:
 
 
 def in_namespace(endpoints: Sequence[Endpoint], namespace: str) -> tuple[Endpoint, ...]:
-    """Return `endpoints` with their names below `namespace`."""
+    """Return `endpoints` with `namespace` before their names. Raises ValueError if it is not a valid namespace."""
     from re import fullmatch
 
     parts = fullmatch(NAMESPACE, namespace)
     if parts is None:
-        raise ValueError(f"'{namespace}' is no namespace: expected a name such as 'uav_1'")
+        raise ValueError(f"'{namespace}' is not a valid namespace: expected a name such as 'uav_1'")
     return tuple(
         [renamed(endpoint, f"/{parts[1]}{endpoint.ros_name}", endpoint.message_name) for endpoint in endpoints]
     )

@@ -1,1 +1,1 @@
-"""A catalog to a generated package; a folder for each language."""
+"""The generators of packages from a catalog, with a folder for each language."""

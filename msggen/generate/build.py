@@ -1,7 +1,6 @@
-"""A build: reads the sources and brings the package on disk up to date.
+"""A build, which reads the sources and updates the package on disk.
 
-A build with nothing to do ends before anything slow is imported: it reads the inputs and the outputs, and
-compares digests.
+A build with nothing to do imports nothing slow: it reads the inputs and the outputs, and compares digests.
 """
 
 import os
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Outcome(NamedTuple):
-    """The result of a build: the files of the package, and what was to do, None if the fingerprint matched.
+    """The result of a build: the files of the package, and the plan for them, or None if the fingerprint matched.
 
     `notices` are the warnings and notes about the sources, or only the warnings if the fingerprint matched.
     """
@@ -36,7 +35,7 @@ class Outcome(NamedTuple):
 
 
 class Build:
-    """Builds the package `name` in the folder `output` from `sources`."""
+    """A build of the package `name` in the folder `output` from `sources`."""
 
     def __init__(self, sources: Sources, output: str, name: str) -> None:
         self.sources = sources
@@ -48,7 +47,7 @@ class Build:
         self.inputs = self._digest_inputs()
 
     def run(self, *, write: bool) -> Outcome:
-        """Bring the package up to date, or with `write` False only find out what that would take.
+        """Update the package. If `write` is false, only plan the update.
 
         Raises InputError for errors in definitions and for files that msggen did not write, and OSError if the folder
         cannot be written.
@@ -76,7 +75,7 @@ class Build:
         return Outcome(self.folder, summary, tuple(sorted(files)), plan, catalog.notices)
 
     def outputs(self) -> tuple[str, ...]:
-        """Return the names of the files of the package, sorted. Raises InputError for errors in definitions."""
+        """Return the sorted names of the files of the package. Raises InputError for errors in definitions."""
         if self._is_current():
             return tuple(sorted(self.record.files))
         from msggen.firmware.catalog import read_catalog
@@ -88,7 +87,7 @@ class Build:
         return self.last.matches(self.folder, self.record, self.inputs)
 
     def _warnings(self) -> tuple[Diagnostic, ...]:
-        """Return the warnings about the sources, which are repeated by each build."""
+        """Return the warnings about the sources, which every build repeats."""
         from msggen.firmware.catalog import read_catalog
 
         return _warnings_among(read_catalog(self.sources, self.contents).notices)
@@ -97,8 +96,8 @@ class Build:
         """Return a digest of everything that the output depends on: msggen, its templates, the options, the sources."""
         state = sha256()
         kind = f"{self.sources.own} {self.sources.is_tree} {self.sources.strict}"
-        told = (each.message for each in self.sources.notices)
-        for part in (__version__, self.name, self.sources.release or "", kind, *told):
+        notices = (each.message for each in self.sources.notices)
+        for part in (__version__, self.name, self.sources.release or "", kind, *notices):
             state.update(part.encode() + b"\0")
         state.update(_tool_digest())
         for file in self.sources.files():
@@ -112,14 +111,14 @@ def _warnings_among(notices: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
 
 
 def depfile(target: str, inputs: Iterable[str]) -> str:
-    """Return a Makefile rule by which `target`, the first of several outputs, depends on all `inputs`.
+    """Return a Makefile rule that makes `target`, the first of several outputs, depend on all `inputs`.
 
-    The rule names only the first output, because Ninja refuses outputs that it does not know, such as a removed one.
+    The rule names only the first output, because Ninja rejects outputs that it does not know, such as a removed one.
     """
-    return " \\\n ".join([f"{_escaped(target)}:", *map(_escaped, inputs)]) + "\n"
+    return " \\\n ".join([f"{_escape(target)}:", *map(_escape, inputs)]) + "\n"
 
 
-def _escaped(path: str) -> str:
+def _escape(path: str) -> str:
     return path.replace("$", "$$").replace("#", "\\#").replace(" ", "\\ ")
 
 
@@ -145,7 +144,7 @@ def _summary(catalog: "Catalog") -> str:
     return "; ".join(filter(None, (", ".join(counts), others, f"DDS names of {named}")))
 
 
-_ROOMS = ("disk", "firmware", "generate", "parse", "python", "support", "text")
+_FOLDERS = ("disk", "firmware", "generate", "parse", "python", "support", "text")
 """The folders of msggen that the output depends on."""
 
 
@@ -155,7 +154,7 @@ def _tool_digest() -> bytes:
     templates = os.path.join(resource("templates"), "python")
     for root, suffixes in ((package, (".py",)), (templates, (".py", ".j2"))):
         for folder, folders, names in os.walk(root):
-            folders[:] = sorted(name for name in folders if name in _ROOMS)
+            folders[:] = sorted(name for name in folders if name in _FOLDERS)
             for name in sorted(names):
                 if name.endswith(suffixes):
                     with open(os.path.join(folder, name), "rb") as stream:

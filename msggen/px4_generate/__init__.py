@@ -1,1 +1,1 @@
-"""The firmware's own EmPy templates, run unchanged: what its generator scripts do, on msggen's model."""
+"""A replacement for the generator scripts of the firmware, which runs its EmPy templates on msggen's model."""

@@ -1,6 +1,6 @@
-"""The bridge's file, as the firmware's `generate_dds_topics.py` makes it of `dds_topics.yaml`.
+"""The file that the firmware's `generate_dds_topics.py` generates from `dds_topics.yaml`.
 
-That of the uXRCE client and that of Zenoh: one script makes both, by different templates.
+The script generates the files of the uXRCE client and of Zenoh, from different templates.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from msggen.parse.bridge import KEYS, parse_bridge, read_rate
 from msggen.text.empy import EmpyTemplate
 
 SCRIPT = "generate_dds_topics.py"
-"""The firmware's script, which is read to learn what it computes."""
+"""The script of the firmware, which is searched for the names that it computes."""
 
 _LISTS = ("publications", "subscriptions", "subscriptions_multi")
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -27,7 +27,7 @@ _COMPUTED = re.compile(r"""\[\s*["'](\w+)["']\s*\]\s*=(?!=)|(?:setdefault|update
 
 
 class BridgeRequest(NamedTuple):
-    """What to make: of which YAML, by which template; `namespace` leads every topic, if there is one."""
+    """The paths of a YAML file and of a template. `namespace` precedes every topic, unless it is ""."""
 
     topics: str
     template: str
@@ -35,13 +35,13 @@ class BridgeRequest(NamedTuple):
 
 
 class _UnknownNameError(Exception):
-    """A template asks for a name that the firmware's script computes, and msggen does not."""
+    """A template reads a name that the script of the firmware computes and msggen does not."""
 
 
 class _Entry(dict[str, Any]):
-    """An entry as templates see it. A name that the script computes, and msggen does not, is never silently absent.
+    """An entry for templates. To read a name that the script computes and msggen does not is an error.
 
-    `computed` are the names that the script sets, None where it was not found; `known` are those that some entry has.
+    `computed` are the names that the script sets, or None if it was not found. `known` are the names of all entries.
     """
 
     computed: Collection[str] | None = ()
@@ -64,14 +64,14 @@ class _Entry(dict[str, Any]):
         if key in self.known:
             return
         if self.computed is None:
-            text = f"no entry has '{key}', and there is no {SCRIPT} beside the template to tell whether it computes it"
+            text = f"no entry has '{key}', and {SCRIPT}, which may compute it, is not next to the template"
             raise _UnknownNameError(text)
         if key in self.computed:
-            raise _UnknownNameError(f"'{key}' is computed by the firmware's {SCRIPT}, and msggen does not know how")
+            raise _UnknownNameError(f"the firmware's {SCRIPT} computes '{key}', which msggen does not support")
 
 
 def generate_bridge(request: BridgeRequest) -> dict[str, str]:
-    """Return the text of the one file, by its name. Raises InputError for an invalid YAML file or template."""
+    """Return the text of the file by its name. Raises InputError for an invalid YAML file or template."""
     template = EmpyTemplate(request.template)
     lists = _read(request.topics)
     every = [entry for name in _LISTS for entry in lists[name]]
@@ -93,9 +93,9 @@ def generate_bridge(request: BridgeRequest) -> dict[str, str]:
 
 
 def _read(path: str) -> dict[str, list[_Entry]]:
-    """Return the entries of the lists, as the YAML has them. Raises InputError; keys that are new do no harm.
+    """Return the entries of the lists in the YAML file. Unknown keys are accepted. Raises InputError.
 
-    A rate limit or an instance of a new kind is an error here: the script stops at it.
+    A rate limit or an instance of an unknown kind is an error here, because the script fails on it.
     """
     try:
         with open(path, "rb") as stream:
@@ -106,7 +106,7 @@ def _read(path: str) -> dict[str, list[_Entry]]:
     if errors:
         raise InputError(errors)
     try:
-        root = yaml.load(data, Loader=_LOADER) or {}  # noqa: S506 - it is a safe one
+        root = yaml.load(data, Loader=_LOADER) or {}  # noqa: S506 - the loader is safe
     except yaml.YAMLError as error:
         text = " ".join(str(error).split("\n", 1)[0].split())
         raise input_error(path, "Y101", f"not YAML that PX4 reads: {text}", 0) from None
@@ -114,7 +114,7 @@ def _read(path: str) -> dict[str, list[_Entry]]:
 
 
 def _describe(entry: _Entry, namespace: str) -> None:
-    """Add to an entry what templates read of it."""
+    """Add the names to an entry that templates read."""
     entry["topic_simple"] = entry["topic"].rsplit("/", 1)[-1]
     entry["topic"] = f"/{namespace}{entry['topic']}" if namespace else entry["topic"]
     entry["simple_base_type"] = snake_case(entry["type"].rsplit("::", 1)[-1])
@@ -126,7 +126,7 @@ def _describe(entry: _Entry, namespace: str) -> None:
 
 
 def _expand(template: EmpyTemplate, names: dict[str, Any]) -> str:
-    """Return the text that the template makes of `names`. Raises InputError."""
+    """Return the text of the template for `names`. Raises InputError."""
     folder = os.path.dirname(os.path.abspath(template.path))
     try:
         return template.expand(names, (folder,))
@@ -138,7 +138,7 @@ def _expand(template: EmpyTemplate, names: dict[str, Any]) -> str:
 
 
 def _computed(request: BridgeRequest) -> frozenset[str] | None:
-    """Return the names that the firmware's script sets in entries, None where there is no script to read."""
+    """Return the names that the script of the firmware sets in entries, or None if it was not found."""
     folders = [os.path.dirname(os.path.abspath(path)) for path in (request.template, request.topics)]
     folders += [os.path.join(os.path.dirname(folder), "uxrce_dds_client") for folder in folders]
     for folder in folders:

@@ -1,4 +1,4 @@
-"""The definitions of one run: each file is read and parsed once, and checked as the firmware's generator needs it."""
+"""The definitions of one run. Each file is read and parsed once, and checked for the generator of the firmware."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from msggen.primitives import PRIMITIVES, STRINGS
 
 
 class Definition(NamedTuple):
-    """A `.msg` file; types and constants are spelled as templates expect them."""
+    """A `.msg` file, with types and constants in the spelling that templates expect."""
 
     message: Message
     text: str
@@ -29,21 +29,21 @@ class Definition(NamedTuple):
 
 
 class Definitions:
-    """What has been read so far."""
+    """The definitions that were read so far."""
 
     def __init__(self) -> None:
         self._read: dict[tuple[str, str], tuple[Definition, list[Diagnostic]]] = {}
         self._found: dict[str, bool] = {}
 
     def read(self, path: str, full_name: str) -> Definition:
-        """Return the definition in `path` of the message `full_name`. Raises InputError with all errors of the file."""
+        """Return the definition of the message `full_name` in `path`. Raises InputError with all errors of the file."""
         definition, errors = self._read_once(path, full_name)
         if errors:
             raise InputError(errors)
         return definition
 
     def _read_once(self, path: str, full_name: str) -> tuple[Definition, list[Diagnostic]]:
-        """Return what could be read of a definition, and its errors. Raises InputError if the file cannot be read."""
+        """Return a definition, as far as it is valid, and its errors. Raises InputError if the file cannot be read."""
         known = self._read.get((path, full_name))
         if known is None:
             known = self._read[path, full_name] = _read(path, *full_name.split("/"))
@@ -62,12 +62,12 @@ class Definitions:
     def read_all(
         self, paths: Sequence[str], package: str, search_path: Mapping[str, Sequence[str]]
     ) -> list[Definition]:
-        """Read `paths` and what they nest; return the definitions of `paths`, checked.
+        """Read `paths` and the messages that they nest, check them, and return the definitions of `paths`.
 
         Raises InputError with all errors of all files.
         """
         names = [f"{package}/{os.path.basename(path).removesuffix('.msg')}" for path in paths]
-        errors = [*_misgiven(paths), *_missing(search_path.get(package, ()))]
+        errors = [*_invalid_paths(paths), *_missing(search_path.get(package, ()))]
         given = {name: path for name, path in zip(names, paths, strict=True) if path.endswith(".msg")}
         messages = self._read_nested(given, search_path, errors)
         if not errors:
@@ -79,10 +79,10 @@ class Definitions:
     def _read_nested(
         self, paths: dict[str, str], search_path: Mapping[str, Sequence[str]], errors: list[Diagnostic]
     ) -> dict[str, Message]:
-        """Read `paths`, and add to them what they nest; return all by name, and add what is wrong to `errors`."""
+        """Read `paths` and return all messages by name. Add nested messages to `paths`, and errors to `errors`."""
         messages = {}
         waiting = list(paths)
-        for name in waiting:  # which grows as it is gone through
+        for name in waiting:  # the list grows during the iteration
             try:
                 definition, found = self._read_once(paths[name], name)
             except InputError as error:
@@ -108,7 +108,7 @@ _current: ContextVar[Definitions] = ContextVar("definitions")
 
 @contextmanager
 def using(current: Definitions) -> Iterator[None]:
-    """Have `definitions` return `current`: templates load messages without saying from which run."""
+    """Make `definitions` return `current`, because templates load messages without naming the run."""
     token = _current.set(current)
     try:
         yield
@@ -117,7 +117,7 @@ def using(current: Definitions) -> Iterator[None]:
 
 
 def definitions() -> Definitions:
-    """Return those of the run."""
+    """Return the definitions of the current run."""
     return _current.get()
 
 
@@ -130,22 +130,22 @@ def _read(path: str, package: str, name: str) -> tuple[Definition, list[Diagnost
     text, errors = decode_text(data, path)
     message, more = parse_message(text, path, name, package)
     errors = [found for found in (*errors, *more) if found.level is Level.ERROR]
-    errors += _unknown_to_the_firmware(message)
+    errors += _unsupported(message)
     constants = tuple((str(constant.type), constant.name, constant.value) for constant in message.constants)
-    fields = tuple((field.name, _spelled(field, message)) for field in message.fields)
+    fields = tuple((field.name, _type_text(field, message)) for field in message.fields)
     definition = Definition(message=message, text=text, topics=message.topic_names, fields=fields, constants=constants)
     return definition, errors
 
 
-def _misgiven(paths: Iterable[str]) -> Iterator[Diagnostic]:
-    """Only messages, and none twice: one file is made of each."""
+def _invalid_paths(paths: Iterable[str]) -> Iterator[Diagnostic]:
+    """Yield errors for paths that are not messages, or are given twice."""
     seen: dict[str, str] = {}
     for path in paths:
         other = seen.setdefault(snake_case(os.path.basename(path)), path)
         if not path.endswith(".msg"):
             yield Diagnostic(Location(path, 0), "S101", "expected a .msg file")
         elif other is not path:
-            yield Diagnostic(Location(path, 0), "M204", f"this message is given twice, also by {other}")
+            yield Diagnostic(Location(path, 0), "M204", f"this message is given twice, first as {other}")
 
 
 def _missing(folders: Iterable[str]) -> Iterator[Diagnostic]:
@@ -156,27 +156,28 @@ def _missing(folders: Iterable[str]) -> Iterator[Diagnostic]:
 
 def _unknown_type(field: Field, folders: Sequence[str], *, is_own: bool) -> Diagnostic:
     if not is_own:
-        text = f"unknown type '{field.type.base}': messages of other packages are not looked for in the folders of -i"
+        text = f"unknown type '{field.type.base}': the folders of -i are not searched for messages of other packages"
         return Diagnostic(field.location, "M301", text)
     other = OTHER_SPELLINGS.get(field.type.name)
     if other:
         return Diagnostic(field.location, "M301", f"unknown type '{field.type.base}', did you mean '{other}'?")
     known = [name.removesuffix(".msg") for folder in folders if os.path.isdir(folder) for name in os.listdir(folder)]
-    hint = suggestion(field.type.name, [*known, *PRIMITIVES]) if known else ": no folder to look for it, see -i"
+    hint = suggestion(field.type.name, [*known, *PRIMITIVES]) if known else ": pass its folder with -i"
     return Diagnostic(field.location, "M301", f"unknown type '{field.type.base}'{hint}")
 
 
-def _unknown_to_the_firmware(message: Message) -> Iterator[Diagnostic]:
+def _unsupported(message: Message) -> Iterator[Diagnostic]:
+    """Yield errors for the types and defaults that the templates of the firmware do not support."""
     for field in message.fields:
         if field.default is not None:
-            text = f"'{field.name}' has a default value, which the firmware's templates do not know"
+            text = f"'{field.name}' has a default value, which the firmware's templates do not support"
             yield Diagnostic(field.location, "T106", text)
         if field.type.array is ArrayKind.BOUNDED or field.type.string_bound is not None:
-            yield Diagnostic(field.location, "T106", f"'{field.type}': the firmware's templates know no bounds")
+            yield Diagnostic(field.location, "T106", f"'{field.type}': the firmware's templates do not support bounds")
         elif field.type.array is ArrayKind.UNBOUNDED:
             yield Diagnostic(field.location, "T106", f"'{field.type}': the firmware's templates need a length")
         elif field.type.name in STRINGS:
-            text = f"'{field.type}': the firmware's templates know no strings, use 'char' with a length"
+            text = f"'{field.type}': the firmware's templates do not support strings, use 'char' with a length"
             yield Diagnostic(field.location, "T106", text)
 
 
@@ -188,8 +189,8 @@ def _inconsistencies(messages: Sequence[Message], known: Iterable[Message], pack
     yield from check_nesting(known, (), package)
 
 
-def _spelled(field: Field, message: Message) -> str:
-    """Return the type as templates expect it: a nested one always with its package."""
+def _type_text(field: Field, message: Message) -> str:
+    """Return the type in the spelling that templates expect: a nested message always has its package."""
     base = field.type.name if field.type.is_primitive else message.key_of(field.type)
     if field.type.array is ArrayKind.SCALAR:
         return base

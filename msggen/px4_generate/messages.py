@@ -1,4 +1,4 @@
-"""Files of messages, as the firmware's `px_generate_uorb_topic_files.py` makes them of its templates."""
+"""The files that the firmware's `px_generate_uorb_topic_files.py` generates from its templates."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from msggen.px4_generate.definitions import Definition, Definitions, using
 from msggen.text.empy import EmpyTemplate, importing_from
 
 HELPER = "px_generate_uorb_topic_helper.py"
-"""The module of the firmware that its templates import."""
+"""The module that the templates of the firmware import."""
 
 
 class Kind(Enum):
-    """What is made of each message, and what of all together: the names of the templates."""
+    """The template for each message, and the template for all messages."""
 
     HEADERS = "msg.h.em", "uORBTopics.hpp.em"
     SOURCES = "msg.cpp.em", "uORBTopics.cpp.em"
@@ -31,7 +31,7 @@ class Kind(Enum):
 
 
 class Request(NamedTuple):
-    """What to make: of which files, of which package, by which templates; what they nest is found in `includes`."""
+    """The files to generate from, their package, and the folder of templates; `includes` has the nested messages."""
 
     kind: Kind
     files: tuple[str, ...]
@@ -51,12 +51,12 @@ def generate_messages(request: Request) -> dict[str, str]:
         for definition in read:
             names = _names(definition, request)
             made[_output(request.kind, definition)] = _expand(template, {**names, "all_topics": sorted(topics)})
-        made.update(_made_of_all(request, topics))
+        made.update(_file_of_all(request, topics))
     return made
 
 
-def _made_of_all(request: Request, topics: list[str]) -> dict[str, str]:
-    """Return the text of the file about all messages, by name, where there is a template for it."""
+def _file_of_all(request: Request, topics: list[str]) -> dict[str, str]:
+    """Return the text of the file for all messages, by name. It is empty if the template is missing."""
     name = request.kind.value[1]
     path = os.path.join(request.templates, name)
     if not os.path.isfile(path):
@@ -67,7 +67,7 @@ def _made_of_all(request: Request, topics: list[str]) -> dict[str, str]:
 
 
 def _find(folder: str, name: str) -> str:
-    """Return the path of a template. Raises InputError where it is not there."""
+    """Return the path of a template. Raises InputError if it is missing."""
     path = os.path.join(folder, name)
     if os.path.isfile(path):
         return path
@@ -84,19 +84,19 @@ def _folders_with(name: str, parent: str) -> list[str]:
 
 
 def _output(kind: Kind, definition: Definition) -> str:
-    """Return the name of a message's file."""
+    """Return the name of the file for a message."""
     name = definition.message.name
     extension = os.path.splitext(kind.value[0].removesuffix(".em"))[1]
     return (name if kind is Kind.IDL_HEADERS else snake_case(name)) + extension
 
 
 def _search_path(request: Request) -> dict[str, list[str]]:
-    """Return the folders of each package, as the script has them; std_msgs is where it expects it."""
+    """Return the folders of each package, with the folder of std_msgs that the script uses."""
     return {"std_msgs": ["./msg/std_msgs"], request.package: list(request.includes)}
 
 
 def _names(definition: Definition, request: Request) -> dict[str, object]:
-    """Return what a template is given for a message; all of it is its own, to change if it likes."""
+    """Return the names for the template of a message. The template may change their values."""
     message = definition.message
     path = message.location.path
     search_path = _search_path(request)
@@ -116,7 +116,7 @@ def _names(definition: Definition, request: Request) -> dict[str, object]:
 
 
 def _expand(template: EmpyTemplate, names: Mapping[str, object]) -> str:
-    """Expand a message's template. Raises InputError that names the message too."""
+    """Expand the template of a message. Raises InputError with the path of the message."""
     try:
         return template.expand(names)
     except InputError as error:
@@ -128,13 +128,13 @@ def _expand(template: EmpyTemplate, names: Mapping[str, object]) -> str:
 
 
 def _about_helper(cause: BaseException | None) -> str:
-    """Return where the firmware's helper was looked for, if that is what was not found."""
+    """Return where the helper module of the firmware was searched, if it is the missing module, else ""."""
     is_helper = isinstance(cause, ModuleNotFoundError) and f"{cause.name}.py" == HELPER
-    return f": no folder from that of the template upwards has {HELPER}" if is_helper else ""
+    return f": {HELPER} is not in the folder of the template or a folder above it" if is_helper else ""
 
 
 def _helper_folder(templates: str) -> tuple[str, ...]:
-    """Return the nearest folder, from that of the templates upwards, that has the firmware's helper module."""
+    """Return the nearest folder with the helper module of the firmware: that of the templates or one above it."""
     folder = os.path.abspath(templates)
     while not os.path.isfile(os.path.join(folder, HELPER)):
         folder, below = os.path.dirname(folder), folder
@@ -144,7 +144,7 @@ def _helper_folder(templates: str) -> tuple[str, ...]:
 
 
 def _genmsg() -> dict[str, ModuleType]:
-    """Return the modules that stand in for `genmsg`, by the names that they are imported by."""
+    """Return the modules that replace `genmsg`, by the names under which templates import them."""
     prefix = f"{genmsg.__name__}."
     inner = {name.removeprefix(prefix): module for name, module in sys.modules.items() if name.startswith(prefix)}
     return {"genmsg": genmsg, **{f"genmsg.{name}": module for name, module in inner.items()}}

@@ -1,4 +1,4 @@
-"""A catalog through templates of the user's own, Jinja2 or EmPy, to any text: docs/render.md has the names they use."""
+"""The renderer of the user's own templates, Jinja2 or EmPy. docs/render.md lists the names that they can use."""
 
 THINGS = ("message", "service", "endpoint", "catalog")
-"""What a template can be rendered for; the name by which it then knows it. The catalog it always knows."""
+"""The things for which a template can be rendered, by the name of each in the template. `catalog` is always defined."""

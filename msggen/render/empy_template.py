@@ -1,4 +1,4 @@
-"""EmPy templates, with the same names as those of Jinja2; the filters are functions."""
+"""EmPy templates, with the same names as in Jinja2 templates; the filters are functions."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from msggen.text.words import FILTERS, unknown_name
 
 
 class Empy:
-    """One template, to be expanded any number of times. It may import modules from its folder."""
+    """A template that can be expanded any number of times. It may import modules from its folder."""
 
     def __init__(self, path: str) -> None:
-        """Read the template at `path`. Raises InputError: it cannot be read, or is no EmPy."""
+        """Read the template at `path`. Raises InputError if it cannot be read or is not valid EmPy."""
         self.path = path
         self._template = EmpyTemplate(path)
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The files that were read so far: the template, what it has included, and modules of its own."""
+        """The files that were read so far: the template, its includes, and its own modules."""
         return self._template.inputs
 
     def expand(self, names: Mapping[str, object]) -> str:
-        """Return the text that the template makes of `names`. Raises InputError, with the line at error."""
+        """Return the text of the template for `names`. Raises InputError with the line of the error."""
         try:
             return self._template.expand({**FILTERS, **names}, [os.path.dirname(self.path) or os.curdir])
         except InputError as error:
             cause = error.__cause__
-            said = unknown_name(cause.obj, cause.name or "") if isinstance(cause, AttributeError) else ""
-            if not said:
+            text = unknown_name(cause.obj, cause.name or "") if isinstance(cause, AttributeError) else ""
+            if not text:
                 raise
             found = error.diagnostics[0]
-            message = found.message.replace(f"AttributeError: {cause}", said, 1)
+            message = found.message.replace(f"AttributeError: {cause}", text, 1)
             raise InputError([found._replace(message=message)]) from cause

@@ -1,4 +1,4 @@
-"""Jinja2 templates: strict, with the few filters of `words`, and with errors said to people."""
+"""Jinja2 templates: strict, with the filters of `words`, and with errors that name the file and the line."""
 
 from __future__ import annotations
 
@@ -15,45 +15,45 @@ from msggen.text.words import FILTERS, unknown_name
 
 
 class JinjaTemplate:
-    """One template, to be expanded any number of times. What it includes lies in its folder, or below."""
+    """A template that can be expanded any number of times. It can include files from its folder and from subfolders."""
 
     def __init__(self, path: str) -> None:
-        """Read the template at `path`. Raises InputError: it cannot be read, or is no Jinja2."""
+        """Read the template at `path`. Raises InputError if it cannot be read or is not valid Jinja2."""
         self.path = path
         self._loader = _Loader(os.path.dirname(path))
         environment = make_environment(self._loader)
         self._loader.read(path)
-        with _told(path, self._loader.files):
+        with _reported(path, self._loader.files):
             self._template = environment.get_template(os.path.basename(path))
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The files that were read so far: the template, and what it has included."""
+        """The files that were read so far: the template and its includes."""
         return tuple(self._loader.files)
 
     def expand(self, names: Mapping[str, object]) -> str:
-        """Return the text that the template makes of `names`. Raises InputError, with the line at error."""
-        with _told(self.path, self._loader.files):
+        """Return the text of the template for `names`. Raises InputError with the line of the error."""
+        with _reported(self.path, self._loader.files):
             return self._template.render(names)
 
 
 class Pattern:
-    """A line that names outputs, given on the command line as `option`."""
+    """A pattern for the names of outputs, given on the command line as `option`."""
 
     def __init__(self, text: str, option: str) -> None:
-        """Raises InputError for what is no Jinja2."""
+        """Parse the pattern. Raises InputError if it is not valid Jinja2."""
         self._option = option
-        with _told(option, {}):
+        with _reported(option, {}):
             self._template = make_environment(jinja2.BaseLoader()).from_string(text)
 
     def expand(self, names: Mapping[str, object]) -> str:
-        """Return the name. Raises InputError."""
-        with _told(self._option, {}):
+        """Return the name of the output for `names`. Raises InputError."""
+        with _reported(self._option, {}):
             return self._template.render(names)
 
 
 def make_environment(loader: jinja2.BaseLoader) -> jinja2.Environment:
-    """Return an environment for templates of code: blocks leave no empty lines, and every name must be there."""
+    """Return an environment for templates of code: blocks leave no empty lines, and every name must be defined."""
     environment = jinja2.Environment(
         loader=loader,
         undefined=_Undefined,
@@ -69,7 +69,7 @@ def make_environment(loader: jinja2.BaseLoader) -> jinja2.Environment:
 
 
 class _Loader(jinja2.FileSystemLoader):
-    """Reads templates from a folder, and notes which."""
+    """A loader that reads templates from a folder and records their paths."""
 
     def __init__(self, folder: str) -> None:
         super().__init__(folder)
@@ -80,7 +80,10 @@ class _Loader(jinja2.FileSystemLoader):
         environment: jinja2.Environment,  # noqa: ARG002 - Jinja2's signature
         template: str,
     ) -> tuple[str, str, Callable[[], bool]]:
-        """Return what Jinja2 asks for. Raises TemplateNotFound, or InputError for a file that cannot be read."""
+        """Return text, path and up-to-date check of a template.
+
+        Raises TemplateNotFound, or InputError for a file that cannot be read.
+        """
         folder = self.searchpath[0]
         path = os.path.join(folder, *jinja2.loaders.split_template_path(template))
         if not os.path.isfile(path):
@@ -100,7 +103,7 @@ class _Loader(jinja2.FileSystemLoader):
 
 
 class _Undefined(jinja2.StrictUndefined):
-    """Says in plain words what is not there, and what is near."""
+    """An undefined name, with a message that suggests the nearest defined one."""
 
     __slots__ = ()
 
@@ -111,15 +114,15 @@ class _Undefined(jinja2.StrictUndefined):
             if owner is jinja2.utils.missing:
                 hint = f": it needs --each {name}" if name in THINGS else suggestion(name, THINGS)
                 return f"'{name}' is not defined{hint}"
-            said = unknown_name(owner, name)
-            if said:
-                return said + suggestion(name, [known for known in dir(owner) if not known.startswith("_")])
+            text = unknown_name(owner, name)
+            if text:
+                return text + suggestion(name, [known for known in dir(owner) if not known.startswith("_")])
         return super()._undefined_message
 
 
 @contextmanager
-def _told(path: str, files: Mapping[str, None]) -> Iterator[None]:
-    """Raise what goes wrong in a template as InputError, at the innermost line of `files`, or else at `path`."""
+def _reported(path: str, files: Mapping[str, None]) -> Iterator[None]:
+    """Raise exceptions of a template as InputError, at the innermost line in one of `files`, or else at `path`."""
     try:
         yield
     except InputError:
@@ -130,23 +133,23 @@ def _told(path: str, files: Mapping[str, None]) -> Iterator[None]:
         raise input_error(place[0], "T201", _with_hint(error.message or "not Jinja2"), place[1]) from None
     except Exception as error:  # noqa: BLE001 - a template is code: it may raise anything
         place = _place(error, path, files)
-        raise input_error(place[0], *_said(error), place[1]) from None
+        raise input_error(place[0], *_describe(error), place[1]) from None
 
 
-def _said(error: Exception) -> tuple[str, str]:
-    """Return the code and the words for what was raised."""
+def _describe(error: Exception) -> tuple[str, str]:
+    """Return the code and the message for an exception."""
     if isinstance(error, jinja2.UndefinedError):
         return "T202", str(error)
     if isinstance(error, jinja2.TemplateNotFound):
-        named = ", ".join(f"'{name}'" for name in getattr(error, "templates", None) or [error.name])
-        return "T203", f"no template {named} in the folder of this one"
+        names = ", ".join(f"'{name}'" for name in getattr(error, "templates", None) or [error.name])
+        return "T203", f"no template {names} in the folder of this template"
     if isinstance(error, jinja2.TemplateError):
         return "T204", str(error)
     return "T204", f"{type(error).__name__}: {error}".rstrip(": ")
 
 
 def _place(error: Exception, path: str, files: Mapping[str, None]) -> tuple[str, int]:
-    """Return the file and line of the innermost template that was at work; an option has no lines."""
+    """Return the file and the line of the innermost template in the traceback; an option has no lines."""
     place = path, 1 if files else 0
     trace = error.__traceback__
     while trace:
@@ -157,6 +160,6 @@ def _place(error: Exception, path: str, files: Mapping[str, None]) -> tuple[str,
 
 
 def _with_hint(message: str) -> str:
-    """Add the nearest filter to a message that says there is none of a name."""
+    """Return a message, with a suggestion if it is about an unknown filter."""
     wrong = re.match(r"No filter named '(.*?)'", message)
     return message.rstrip(".") + (suggestion(wrong[1], [*FILTERS, *jinja2.filters.FILTERS]) if wrong else "")

@@ -1,4 +1,4 @@
-"""One template for many things: which, what their outputs are called, and what is in them. Nothing is written here."""
+"""The outputs of a template for many things: their names and their texts. They are written elsewhere."""
 
 from __future__ import annotations
 
@@ -14,38 +14,39 @@ from msggen.render.jinja_template import JinjaTemplate, Pattern
 from msggen.render.views import CatalogView, Views
 
 OPTION = "--name"
-"""What a pattern of names is given by."""
+"""The option for a pattern of names."""
 
 _NAMES = {
     "message": "{{ message.name | snake_case }}",
     "service": "{{ service.name | snake_case }}",
     "endpoint": "{{ endpoint.ros_name[1:] }}",
 }
-"""What outputs are called where no pattern says otherwise, before the suffix; that for a catalog as the template."""
+"""The default patterns of the names of outputs, without the suffix. The output for a catalog is named as the template.
+"""
 
 
 class Template(Protocol):
-    """What Jinja2 and EmPy have in common."""
+    """A template of Jinja2 or EmPy."""
 
     path: str
 
     @property
     def inputs(self) -> Collection[str]:
-        """The files that were read so far: the template, and what it has included."""
+        """The files that were read so far: the template and its includes."""
 
     def expand(self, names: Mapping[str, object]) -> str:
-        """Return the text that the template makes of `names`. Raises InputError."""
+        """Return the text of the template for `names`. Raises InputError."""
 
 
 class Item(NamedTuple):
-    """What a template is rendered for, once: a label to tell it by, and the names that the template has."""
+    """A thing for which a template is rendered: its label for errors, and the names in the template."""
 
     label: str
     names: Mapping[str, object]
 
 
 def open_template(path: str) -> Template:
-    """Return the template at `path`. Raises InputError: it cannot be read, or is no template."""
+    """Return the template at `path`. Raises InputError if it cannot be read or is not a valid template."""
     kind = os.path.splitext(path)[1]
     if kind == ".j2":
         return JinjaTemplate(path)
@@ -53,16 +54,19 @@ def open_template(path: str) -> Template:
         from msggen.render.empy_template import Empy
 
         return Empy(path)
-    raise input_error(path, "T205", "expected a template of Jinja2, named *.j2, or of EmPy, named *.em", 0)
+    raise input_error(path, "T205", "expected a Jinja2 template (*.j2) or an EmPy template (*.em)", 0)
 
 
 def items_of(catalog: Catalog, thing: str) -> tuple[Item, ...]:
-    """Return what there is of `thing`: message, service, endpoint or catalog. Raises InputError where there is none."""
+    """Return all items of the kind `thing`: message, service, endpoint or catalog.
+
+    Raises InputError if the catalog has none.
+    """
     view = Views(catalog).catalog
     items = tuple(Item(label, {"catalog": view, thing: found}) for label, found in _found(view, thing))
     if items:
         return items
-    hint = ": name the dds_topics.yaml that has them with --topics" if thing == "endpoint" else ""
+    hint = ": pass the dds_topics.yaml that lists them with --topics" if thing == "endpoint" else ""
     raise input_error("--each", "T208", f"the sources have no {thing}s{hint}", 0)
 
 
@@ -77,9 +81,9 @@ def _found(view: CatalogView, thing: str) -> Iterator[tuple[str, object]]:
 
 
 def output_names(items: Sequence[Item], thing: str, path: str, pattern: str | None) -> tuple[str, ...]:
-    """Return the name of each item's output: by `pattern`, or else with the suffix of the template at `path`.
+    """Return the name of the output for each item: from `pattern`, or a default with the suffix of the template.
 
-    Raises InputError for names that cannot be, and for two outputs of one name.
+    `path` is that of the template. Raises InputError for invalid names, and for two outputs with the same name.
     """
     stem, dot, suffix = os.path.splitext(os.path.basename(path))[0].partition(".")
     made = Pattern(f"{_NAMES.get(thing, stem)}{dot}{suffix}" if pattern is None else pattern, OPTION)
@@ -95,17 +99,17 @@ def output_names(items: Sequence[Item], thing: str, path: str, pattern: str | No
         parents = (name[:end] for end, character in enumerate(name) if character == "/")
         folder = next((parent for parent in parents if parent.casefold() in owners), None)
         if folder:
-            raise input_error(OPTION, "T207", f"'{folder}' would be an output, and the folder of '{name}'", 0)
+            raise input_error(OPTION, "T207", f"'{folder}' would be both an output and the folder of '{name}'", 0)
     return names
 
 
 def _checked(name: str) -> str:
-    """Return `name` in its shortest form. Raises InputError unless it is one of a file in the output folder."""
+    """Return `name` in its shortest form. Raises InputError if it is not a file in the output folder."""
     shortest = posixpath.normpath(name)
     if not name.strip():
         raise input_error(OPTION, "T206", "the name of the output is empty", 0)
     if not name.isprintable():
-        raise input_error(OPTION, "T206", f"{name!r} has a control character in it", 0)
+        raise input_error(OPTION, "T206", f"{name!r} contains a control character", 0)
     if posixpath.isabs(name) or shortest.split("/")[0] == "..":
         raise input_error(OPTION, "T206", f"'{name}' leads out of the output folder", 0)
     if shortest == "." or name.endswith("/"):
@@ -114,18 +118,18 @@ def _checked(name: str) -> str:
 
 
 def check_places(folder: str, names: Sequence[str], inputs: Collection[str]) -> None:
-    """Raise InputError where a folder is in the way of an output, or one would replace an input of this run."""
+    """Raise InputError if an output has the name of a folder, or would replace an input of this run."""
     kept = {os.path.realpath(path) for path in inputs}
     for name in names:
         path = os.path.join(folder, name)
         if os.path.isdir(path):
-            raise input_error(path, "T206", "a folder is in the way of the output of this name", 0)
+            raise input_error(path, "T206", "cannot write the output: a folder has this name", 0)
         if os.path.realpath(path) in kept:
             raise input_error(path, "T206", "this output would replace a file that it is made from", 0)
 
 
 def texts_of(template: Template, items: Sequence[Item]) -> tuple[str, ...]:
-    """Return what `template` makes of each item. Raises InputError, and says for which items."""
+    """Return the text of `template` for each item. Raises InputError with the labels of the items."""
     return _each(items, lambda item: _encodable(template.expand(item.names), template.path))
 
 
@@ -138,7 +142,7 @@ def _encodable(text: str, path: str) -> str:
 
 
 def _each(items: Sequence[Item], function: Callable[[Item], str]) -> tuple[str, ...]:
-    """Return the text that `function` makes of each item. Errors of one place are told once, with all who have them."""
+    """Return the result of `function` for each item. Raises InputError, with one error for each place and its items."""
     texts: list[str] = []
     errors: dict[tuple[Location, str], tuple[str, list[str]]] = {}
     for item in items:
@@ -148,13 +152,11 @@ def _each(items: Sequence[Item], function: Callable[[Item], str]) -> tuple[str, 
             for place, code, message in error.diagnostics:
                 errors.setdefault((place, code), (message, []))[1].append(item.label)
     if errors:
-        raise InputError(
-            Diagnostic(*which, f"{_listed(labels)}{message}") for which, (message, labels) in errors.items()
-        )
+        raise InputError(Diagnostic(*which, f"{_list(labels)}{message}") for which, (message, labels) in errors.items())
     return tuple(texts)
 
 
-def _listed(labels: Sequence[str]) -> str:
+def _list(labels: Sequence[str]) -> str:
     first, *others = labels
     if not first:
         return ""

@@ -1,6 +1,6 @@
-"""What templates see: the documented model. docs/render.md lists every name, and a test holds the two together.
+"""The documented model for templates. docs/render.md lists all names, and a test compares it with this module.
 
-A view joins what model, layout and identity know of one thing. Each fact is asked for when a template first does.
+A view combines the facts from model, layout and identity about one thing. Each fact is computed on first access.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from msggen.tags import ATTRIBUTES, Tag
 
 
 class Views:
-    """The views of one catalog, each made once: two places that name a message name the same thing."""
+    """The views of one catalog. Each message has one view, so that views can be compared by identity."""
 
     def __init__(self, catalog: Catalog) -> None:
         self.model = catalog
@@ -34,17 +34,17 @@ class Views:
 
 
 class _View:
-    """What the views share."""
+    """The base class of the views."""
 
     def __repr__(self) -> str:
-        """Return a short text, for a template that writes a whole where it meant one of its names."""
+        """Return a short text, for a template that writes a view instead of one of its names."""
         name = getattr(self, "ros_name", None) or getattr(self, "name", None) or getattr(self, "package", "")
         return f"<{type(self).__name__.removesuffix('View').lower()} {name}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CatalogView(_View):
-    """All definitions of one firmware, and of further packages."""
+    """All definitions of a firmware and of further packages."""
 
     _model: Catalog
     _views: Views
@@ -56,17 +56,17 @@ class CatalogView(_View):
 
     @property
     def release(self) -> str:
-        """The release whose conventions names and ids follow."""
+        """The release whose conventions determine names and ids."""
         return self._model.conventions.release
 
     @cached_property
     def messages(self) -> tuple[MessageView, ...]:
-        """The messages of all packages, by package and name."""
+        """The messages of all packages, sorted by package and name."""
         return tuple(map(self._views.message, self._model.messages.values()))
 
     @cached_property
     def services(self) -> tuple[ServiceView, ...]:
-        """The services, by name."""
+        """The services, sorted by name."""
         return tuple(ServiceView(service, self._views) for service in self._model.services)
 
     @cached_property
@@ -76,33 +76,33 @@ class CatalogView(_View):
 
     @cached_property
     def endpoints(self) -> tuple[EndpointView, ...]:
-        """What crosses the bridge, in the order of dds_topics.yaml."""
+        """The endpoints of the bridge, in the order of dds_topics.yaml."""
         return tuple(EndpointView(endpoint, self._views) for endpoint in endpoints(self._model))
 
     @property
     def bridge_extra(self) -> Mapping[str, object]:
-        """What dds_topics.yaml has besides the lists of topics that msggen knows, by name."""
+        """The parts of dds_topics.yaml that msggen does not interpret, by key."""
         return dict(self._model.bridge_extra)
 
 
 class _Definition(_View):
-    """What the views of messages and services share."""
+    """The base class of the views of messages and services."""
 
     _model: Message | Service
 
     @property
     def name(self) -> str:
-        """`VehicleStatus`, `VehicleCommand`."""
+        """The name: `VehicleStatus`, `VehicleCommand`."""
         return self._model.name
 
     @property
     def package(self) -> str:
-        """`px4_msgs`."""
+        """The ROS package: `px4_msgs`."""
         return self._model.package
 
     @property
     def comment(self) -> str:
-        """What the definition says about the whole."""
+        """The comment about the definition as a whole."""
         return self._model.comment
 
 
@@ -115,17 +115,17 @@ class MessageView(_Definition):
 
     @property
     def ros_type(self) -> str:
-        """`px4_msgs/msg/VehicleStatus`."""
+        """The ROS 2 type: `px4_msgs/msg/VehicleStatus`."""
         return self._model.ros_type
 
     @property
     def dds_type(self) -> str:
-        """`px4_msgs::msg::dds_::VehicleStatus_`."""
+        """The DDS type: `px4_msgs::msg::dds_::VehicleStatus_`."""
         return self._model.dds_type
 
     @cached_property
     def fields(self) -> tuple[FieldView, ...]:
-        """The fields, in the order of the definition, which is that of the wire."""
+        """The fields, in the order of the definition and of the wire."""
         return tuple(map(self._field, self._model.fields))
 
     @cached_property
@@ -135,7 +135,7 @@ class MessageView(_Definition):
 
     @cached_property
     def nested(self) -> tuple[MessageView, ...]:
-        """The messages nested in it, at any depth, once each, sorted by ROS type."""
+        """The nested messages at any depth, each once, sorted by ROS type."""
         return tuple(map(self._views.message, self._views.model.nested_all(self._model)))
 
     @cached_property
@@ -145,29 +145,29 @@ class MessageView(_Definition):
 
     @property
     def cdr_size(self) -> int | None:
-        """Bytes of a sample in XCDR1, without its header; None unless static."""
+        """The number of bytes of a sample in XCDR1, without its header; None if not static."""
         return self._layouts[0].size if self._layouts else None
 
     @property
     def cdr_size_xcdr2(self) -> int | None:
-        """The same in XCDR2."""
+        """The number of bytes of a sample in XCDR2, without its header; None if not static."""
         return self._layouts[1].size if self._layouts else None
 
     @cached_property
     def struct_size(self) -> int | None:
-        """Bytes of the firmware's C++ struct without padding at its end; None unless static."""
+        """The size of the firmware's C++ struct without trailing padding; None if not static."""
         return struct_size(self._views.model, self._model) if self.is_static else None
 
     @cached_property
     def leaves(self) -> tuple[LeafView, ...]:
-        """The primitives and arrays of primitives, all nested messages unfolded; none unless static."""
+        """The primitives and arrays of primitives, with all nested messages unfolded; empty if not static."""
         if not self._layouts:
             return ()
         pairs = zip(*(layout.leaves for layout in self._layouts), strict=True)
         return tuple(
             LeafView(
-                path=_written(leaf.path),
-                field=_reached(self, leaf.path),
+                path=_path_text(leaf.path),
+                field=_field_at(self, leaf.path),
                 count=leaf.element_count,
                 item_size=leaf.size,
                 offset=leaf.offset,
@@ -179,12 +179,12 @@ class MessageView(_Definition):
 
     @property
     def message_version(self) -> int:
-        """MESSAGE_VERSION, or 0."""
+        """The value of MESSAGE_VERSION, or 0."""
         return self._model.message_version
 
     @property
     def condition(self) -> str:
-        """The condition under which the firmware's build lists it, as CMake spells it; "" for none."""
+        """The condition under which the firmware's build includes the message, in CMake's syntax, or ""."""
         return self._model.condition
 
     @property
@@ -194,28 +194,28 @@ class MessageView(_Definition):
 
     @cached_property
     def message_hash(self) -> int:
-        """What the firmware's compatibility check compares."""
+        """The hash that the compatibility check of the firmware compares."""
         return message_hash(self._views.model, self._model)
 
     @cached_property
     def type_hash(self) -> str:
-        """ROS 2's `RIHS01_...`."""
+        """The ROS 2 type hash: `RIHS01_...`."""
         return type_hash(self._views.model, self._model)
 
     @cached_property
     def topics(self) -> tuple[TopicView, ...]:
-        """Its uORB topics, in the order of the definition; none if uORB does not carry it."""
+        """The uORB topics of the message, in the order of the definition; empty if uORB does not carry it."""
         found = (self._views.topics.get(name) for name in self._model.topic_names)
         return tuple(topic for topic in found if topic and topic.message is self)
 
     @property
     def queue_length(self) -> int:
-        """How many samples uORB keeps: ORB_QUEUE_LENGTH, or 1."""
+        """The length of the uORB queue: ORB_QUEUE_LENGTH, or 1."""
         return self._model.queue_length
 
     @cached_property
     def endpoints(self) -> tuple[EndpointView, ...]:
-        """What crosses the bridge with this type."""
+        """The endpoints with this type."""
         return tuple(endpoint for endpoint in self._views.catalog.endpoints if endpoint.message is self)
 
     @cached_property
@@ -228,7 +228,7 @@ class MessageView(_Definition):
 
     @cached_property
     def _places(self) -> dict[str, dict[str, int]]:
-        """What FieldView says of bytes, by field; empty unless static."""
+        """The offsets, sizes and paddings of FieldView, by field; empty if not static."""
         if not self._layouts:
             return {}
         first, second = (layout.extents() for layout in self._layouts)
@@ -256,18 +256,18 @@ class MessageView(_Definition):
 
 
 class _Described(_View):
-    """What a definition says about a field or a constant."""
+    """The base class of the views of fields and constants."""
 
     _model: Field | Constant
 
     @property
     def name(self) -> str:
-        """`gyro_rad`, `CLIPPING_X`."""
+        """The name: `gyro_rad`, `CLIPPING_X`."""
         return self._model.name
 
     @property
     def type(self) -> str:
-        """As the definition spells it: `float32[3]`."""
+        """The type, spelled as in the definition: `float32[3]`."""
         return str(self._model.type)
 
     @property
@@ -277,17 +277,17 @@ class _Described(_View):
 
     @property
     def comment(self) -> str:
-        """The sentences, without the tags."""
+        """The comment, without the tags."""
         return self._comment.text
 
     @property
     def tags(self) -> dict[str, str]:
-        """What stands in every `[@name ...]`, by name: those that PX4 is not known to use too."""
+        """The content of every tag `[@name ...]` by name, with tags that PX4 does not use."""
         return dict(self._comment.tags)
 
     @property
     def documentation(self) -> str:
-        """Tags and sentences, as in the definition."""
+        """Tags and comment, as in the definition."""
         return str(self._comment)
 
     @property
@@ -296,7 +296,7 @@ class _Described(_View):
 
 
 def _content(tag: Tag) -> property:
-    """Return a property with the content of a tag, "" where the definition has none."""
+    """Return a property with the content of a tag, "" if the tag is missing."""
 
     def content(self: _Described) -> str:
         return self._comment.tag(tag.name)
@@ -310,32 +310,32 @@ for _tag in ATTRIBUTES:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FieldView(_Described):
-    """A field of a message. What it says of bytes is None unless the message is static."""
+    """A field of a message. Its offsets, sizes and padding are None if the message is not static."""
 
     _model: Field
     message: MessageView | None
-    """The message that is nested here; None for primitives."""
+    """The nested message; None for primitives."""
     enum_constants: tuple[ConstantView, ...]
-    """The constants that are its values: those whose names begin with the prefix in `[@enum PREFIX]`."""
+    """The constants that are values of the field: those whose names begin with the prefix in `[@enum PREFIX]`."""
     offset: int | None = None
-    """Where its first value lies in XCDR1, counted from behind the header."""
+    """The offset of its first value in XCDR1, from the end of the header."""
     size: int | None = None
-    """Bytes from its first value to its last in XCDR1."""
+    """The number of bytes from its first to its last value in XCDR1."""
     padding: int | None = None
-    """Bytes of padding before it in XCDR1."""
+    """The number of padding bytes before it in XCDR1."""
     offset_xcdr2: int | None = None
-    """The offset in XCDR2; an array of messages has its delimiter before that."""
+    """The offset in XCDR2; the delimiter header of an array of messages is before it."""
     size_xcdr2: int | None = None
     """The size in XCDR2."""
 
     @property
     def array(self) -> str:
-        """`scalar`, `fixed` (`T[N]`), `bounded` (`T[<=N]`) or `unbounded` (`T[]`)."""
+        """The kind of array: `scalar`, `fixed` (`T[N]`), `bounded` (`T[<=N]`) or `unbounded` (`T[]`)."""
         return self._model.type.array.name.lower()
 
     @property
     def is_array(self) -> bool:
-        """Whether it is anything but `scalar`."""
+        """Whether `array` is not `scalar`."""
         return self._model.type.array is not ArrayKind.SCALAR
 
     @property
@@ -362,7 +362,7 @@ class ConstantView(_Described):
 
     @property
     def value(self) -> Value:
-        """A number, a bool or a text."""
+        """The value: a number, a bool or a string."""
         return self._model.value
 
 
@@ -371,19 +371,19 @@ class LeafView:
     """A primitive or an array of primitives, at any depth of a message."""
 
     path: str
-    """How to reach it: `esc[0].esc_rpm`."""
+    """The path from the message: `esc[0].esc_rpm`."""
     field: FieldView
-    """The field that it is, of the message that has it."""
+    """The field of the innermost message."""
     count: int
-    """How many values: 1, or the length of the array."""
+    """The number of values: 1, or the length of the array."""
     item_size: int
-    """Bytes of one value."""
+    """The number of bytes of one value."""
     offset: int
-    """Where it lies in XCDR1, counted from behind the header."""
+    """The offset in XCDR1, from the end of the header."""
     padding: int
-    """Bytes of padding before it in XCDR1."""
+    """The number of padding bytes before it in XCDR1."""
     offset_xcdr2: int
-    """Where it lies in XCDR2."""
+    """The offset in XCDR2."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -395,110 +395,110 @@ class TopicView(_View):
 
     @property
     def name(self) -> str:
-        """`vehicle_odometry`."""
+        """The name: `vehicle_odometry`."""
         return self._model.name
 
     @property
     def orb_id(self) -> int:
-        """Its position among all topics, sorted by name."""
+        """The position in the list of all topics, sorted by name."""
         return self._model.orb_id
 
     @property
     def condition(self) -> str:
-        """The condition under which the firmware's build lists its message; "" for none."""
+        """The condition under which the firmware's build includes its message, or ""."""
         return self._model.condition
 
     @property
     def message(self) -> MessageView:
-        """What it carries."""
+        """The message that it carries."""
         return self._views.message(self._model.message)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EndpointView(_View):
-    """A topic that crosses the bridge to DDS and ROS 2."""
+    """A topic that the bridge carries to or from DDS and ROS 2."""
 
     _model: Endpoint
     _views: Views
 
     @property
     def ros_name(self) -> str:
-        """`/fmu/out/vehicle_status_v1`."""
+        """The ROS 2 name: `/fmu/out/vehicle_status_v1`."""
         return self._model.ros_name
 
     @property
     def dds_name(self) -> str:
-        """`rt/fmu/out/vehicle_status_v1`."""
+        """The DDS name: `rt/fmu/out/vehicle_status_v1`."""
         return self._model.dds_name
 
     @property
     def direction(self) -> str:
-        """Seen from the vehicle: `out` or `in`."""
+        """The direction, seen from the vehicle: `out` or `in`."""
         return self._model.entry.direction.value
 
     @property
     def message(self) -> MessageView:
-        """What it carries."""
+        """The message that it carries."""
         return self._views.message(self._model.message)
 
     @cached_property
     def topic(self) -> TopicView:
-        """The uORB topic behind it."""
+        """The uORB topic of the endpoint."""
         return self._views.topics[self._model.entry.uorb_topic]
 
     @property
     def object_id(self) -> int:
-        """The id that the firmware's client gives it."""
+        """The id in the XRCE client of the firmware."""
         return self._model.object_id
 
     @property
     def rate_limit_hz(self) -> float | None:
-        """None where the YAML has none, 0.0 for no limit."""
+        """The rate limit in the YAML: 0.0 for no limit, None if the YAML has no entry."""
         return self._model.entry.rate_limit_hz
 
     @property
     def publish_interval_ms(self) -> int | None:
-        """The shortest time between two samples that PX4 sends, 0 for all in uORB's queue; None on the way in."""
+        """The shortest time between two samples that PX4 sends; 0 for all samples in uORB's queue. None for `in`."""
         return self._model.publish_interval_ms
 
     @property
     def instance(self) -> int | None:
-        """The uORB instance, or None where the YAML names none."""
+        """The uORB instance that the YAML names, or None."""
         return self._model.entry.instance
 
     @property
     def is_multi(self) -> bool:
-        """Whether PX4 publishes it on a uORB instance of its own: an entry of `subscriptions_multi`."""
+        """Whether PX4 publishes the samples on a uORB instance of their own: an entry of `subscriptions_multi`."""
         return self._model.entry.multi
 
     @property
     def route_field(self) -> str | None:
-        """The field of which each value gets a uORB instance of its own, or None."""
+        """The field that selects the uORB instance, or None. Each of its values gets an instance of its own."""
         return self._model.entry.route_field
 
     @property
     def max_instances(self) -> int | None:
-        """How many values of `route_field` get an instance, or None."""
+        """The number of values of `route_field` that get an instance, or None."""
         return self._model.entry.max_instances
 
     @property
     def options(self) -> Mapping[str, object]:
-        """The options for Zenoh's client, in the order of the YAML."""
+        """The options for the Zenoh client, in the order of the YAML."""
         return dict(self._model.entry.options)
 
     @property
     def extra(self) -> Mapping[str, object]:
-        """What msggen does not know in the entry, by key, as the YAML has it."""
+        """The values in the entry that msggen does not interpret, by key."""
         return dict(self._model.entry.extra)
 
     @property
     def writer_qos(self) -> Qos:
-        """The quality of service of who writes: PX4 on the way out, the application on the way in."""
+        """The quality of service of the writer: PX4 for `out`, the application for `in`."""
         return self._model.writer_qos
 
     @property
     def reader_qos(self) -> Qos:
-        """That of who reads."""
+        """The quality of service of the reader."""
         return self._model.reader_qos
 
 
@@ -511,26 +511,26 @@ class ServiceView(_Definition):
 
     @property
     def ros_type(self) -> str:
-        """`px4_msgs/srv/VehicleCommand`."""
+        """The ROS 2 type: `px4_msgs/srv/VehicleCommand`."""
         return f"{self._model.package}/srv/{self._model.name}"
 
     @property
     def request(self) -> MessageView:
-        """The half that the client sends."""
+        """The message that the client sends."""
         return self._views.message(self._model.request)
 
     @property
     def response(self) -> MessageView:
-        """The half that comes back."""
+        """The message that the server returns."""
         return self._views.message(self._model.response)
 
 
-def _reached(message: MessageView, path: Path) -> FieldView:
+def _field_at(message: MessageView, path: Path) -> FieldView:
     """Return the field at the end of `path`."""
     (name, _), *rest = path
     field = next(field for field in message.fields if field.name == name)
-    return _reached(field.message, tuple(rest)) if field.message else field
+    return _field_at(field.message, tuple(rest)) if field.message else field
 
 
-def _written(path: Path) -> str:
+def _path_text(path: Path) -> str:
     return ".".join(name if index is None else f"{name}[{index}]" for name, index in path)

@@ -1,1 +1,1 @@
-"""Template engines, and the words that templates share."""
+"""Template engines, and the filters that templates share."""

@@ -1,6 +1,6 @@
-"""A template from reading to text, and its errors said to people.
+"""EmPy templates, with errors that name the file and the line.
 
-The work is done in `program`, which is imported with EmPy itself only when a template is used.
+The module `empy_program`, which imports EmPy, is imported only when a template is used.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 class EmpyTemplate:
-    """One template, to be expanded any number of times: it is parsed once, and its code compiled once."""
+    """A template that can be expanded any number of times: it is parsed and compiled once."""
 
     def __init__(self, path: str, text: str | None = None) -> None:
-        """Read the template at `path`, or take `text` for what stands there.
+        """Read the template at `path`, or use `text` as its content.
 
-        Raises InputError: EmPy 3.3 is not installed, the file cannot be read, or its markup is wrong.
+        Raises InputError if EmPy 3.3 is not installed, if the file cannot be read, or if its markup is invalid.
         """
         self.path = path
         self._modules: dict[str, ModuleType] = {}
@@ -33,16 +33,16 @@ class EmpyTemplate:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The files that were read so far: the template, what it has included, and modules of its own."""
+        """The files that were read so far: the template, its includes, and its own modules."""
         modules = (getattr(module, "__file__", None) for module in self._modules.values())
         return (self.path, *self._program.included, *filter(None, modules))
 
     def expand(self, names: Mapping[str, object], prepare_path: Sequence[str] = ()) -> str:
-        """Return the text that the template makes of `names`; it may import from the folders of `prepare_path` too.
+        """Return the text of the template for `names`. It may also import modules from the folders of `prepare_path`.
 
-        The names are not changed. What the template changes of `sys.path` and `sys.stdout` is undone, and modules
-        from those folders are its own: no one else sees them, and they are kept for the next time.
-        Raises InputError where the template, or what it calls, raises anything; that of another input is let through.
+        The mapping of names is not changed. Changes of `sys.path` and `sys.stdout` are undone. Modules from
+        `prepare_path` are visible only to this template, and are kept for its next expansion.
+        Raises InputError for any exception that the template raises. An InputError about another input is not wrapped.
         """
         with importing_from(prepare_path, self._modules):
             try:
@@ -51,8 +51,8 @@ class EmpyTemplate:
             except (Exception, SystemExit) as error:
                 if isinstance(error, InputError):
                     raise
-                code, said = _said(error, self.path)
-                raise input_error(self.path, code, said, self._program.line_of(error)) from error
+                code, text = _describe(error, self.path)
+                raise input_error(self.path, code, text, self._program.line_of(error)) from error
         return text
 
 
@@ -67,7 +67,7 @@ def _read(path: str) -> str:
 
 
 def _program(path: str, text: str) -> Program:
-    """Return the template `text`, parsed."""
+    """Return the parsed template. Raises InputError."""
     _check_empy(path)
     from msggen.text.empy_program import MarkupError, Program
 
@@ -78,7 +78,7 @@ def _program(path: str, text: str) -> Program:
 
 
 def _check_empy(path: str) -> None:
-    """Raise InputError where `em` is not there, or is something else than EmPy 3.3."""
+    """Raise InputError if the module `em` is missing or is not EmPy 3.3."""
     wanted = "this template needs EmPy 3.3 (pip install 'empy>=3.3,<4')"
     try:
         import em
@@ -86,11 +86,11 @@ def _check_empy(path: str) -> None:
         raise input_error(path, "T101", f"{wanted}: {error}", 0) from error
     version = str(getattr(em, "__version__", "without a version"))
     if not version.startswith("3.3"):
-        raise input_error(path, "T101", f"{wanted}: the module 'em' found is {version}, from {em.__file__}", 0)
+        raise input_error(path, "T101", f"{wanted}, found the module 'em' {version} at {em.__file__}", 0)
 
 
-def _said(error: BaseException, path: str) -> tuple[str, str]:
-    """Return the code and the words for what the template at `path` raised."""
+def _describe(error: BaseException, path: str) -> tuple[str, str]:
+    """Return the code and the message for an exception that the template at `path` raised."""
     from msggen.text.empy_program import is_of_empy
 
     if is_of_empy(error):
@@ -100,13 +100,13 @@ def _said(error: BaseException, path: str) -> tuple[str, str]:
             return "T104", f"not Python: {error.msg}"
         return "T105", f"{type(error).__name__}: {error.msg}, raised at {error.filename}:{error.lineno}"
     if isinstance(error, SystemExit):
-        return "T105", f"the template ended the run: exit({'' if error.code is None else error.code!r})"
+        return "T105", f"the template called exit({'' if error.code is None else error.code!r})"
     text = f"{type(error).__name__}: {error}".rstrip(": ")
-    return "T105", f"{text}{_meant(error)}{_raised_at(error)}"
+    return "T105", f"{text}{_suggest(error)}{_raised_at(error)}"
 
 
-def _meant(error: BaseException) -> str:
-    """Return what was perhaps meant by an unknown name, or ""."""
+def _suggest(error: BaseException) -> str:
+    """Return a suggestion for an unknown name, or ""."""
     name = getattr(error, "name", None) or ""
     if isinstance(error, AttributeError):
         return suggestion(name, (known for known in dir(error.obj) if not known.startswith("_")))
@@ -117,7 +117,7 @@ def _meant(error: BaseException) -> str:
 
 
 def _raised_at(error: BaseException) -> str:
-    """Return where a module that the template uses raised `error`, or "" where the template or a library did."""
+    """Return the place in a module of the template that raised `error`, or "" for the template and for libraries."""
     libraries = (os.path.dirname(os.__file__), os.path.dirname(os.path.dirname(__file__)), "<")
     places = [(frame.f_code.co_filename, line) for frame, line in walk_tb(error.__traceback__)]
     path, line = next((place for place in reversed(places) if not place[0].startswith(libraries)), ("", 0))
@@ -126,9 +126,9 @@ def _raised_at(error: BaseException) -> str:
 
 @contextmanager
 def importing_from(folders: Sequence[str], modules: dict[str, ModuleType]) -> Iterator[None]:
-    """Have `modules` imported, and look for others in `folders` first.
+    """Add `modules` to `sys.modules`, and `folders` to the front of `sys.path`.
 
-    Afterwards `sys.path` and `sys.modules` are as they were, and `modules` holds what was imported from `folders` too.
+    Afterwards `sys.path` and `sys.modules` are restored, and `modules` also holds the modules imported from `folders`.
     """
     path, before = sys.path[:], dict(sys.modules) if folders or modules else {}
     roots = tuple(os.path.join(os.path.abspath(folder), "") for folder in folders)

@@ -1,7 +1,7 @@
-"""A parsed template: EmPy's own scanner and tokens, and a short way through those that templates use most.
+"""Parsed EmPy templates, made with the scanner and the tokens of EmPy.
 
-EmPy parses a template anew and compiles its code anew each time it is expanded; here this is done once. What is
-rare is left to EmPy's tokens themselves, so that it comes out as they have it.
+EmPy parses and compiles a template each time it is expanded. Here this is done once for the markup that most templates
+use. EmPy itself runs all rare markup, so the output is the same.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Run: TypeAlias = "Callable[[Machine], None]"
 Block: TypeAlias = "list[tuple[int, Run]]"
 
 _BOOKKEEPING = re.compile(r"[hH]ooks?\b|(?:set|push|pop)Context|\.contexts?\b|set(?:Name|Line)\b|identify|@[!?]")
-"""Templates that read or change what EmPy notes while it reads: they are left to EmPy as a whole."""
+"""Markup that reads or changes the state of EmPy's parser: EmPy itself runs a template that has it."""
 
 _NAME = re.compile(r"\s*([_a-zA-Z][_a-zA-Z0-9]*)\s*")
 
 
 class MarkupError(Exception):
-    """The markup of a template is wrong, on `line`."""
+    """An error in the markup of a template, on `line`."""
 
     def __init__(self, message: str, line: int) -> None:
         super().__init__(message)
@@ -35,12 +35,12 @@ class MarkupError(Exception):
 
 
 def is_of_empy(error: BaseException) -> bool:
-    """Whether EmPy itself raised it, about markup."""
+    """Whether `error` is an error of EmPy about markup."""
     return isinstance(error, em.Error)
 
 
 class Program:
-    """A template, ready to run."""
+    """A parsed template."""
 
     def __init__(self, path: str, text: str) -> None:
         """Parse `text`. Raises MarkupError."""
@@ -52,7 +52,7 @@ class Program:
         self._block = None if _BOOKKEEPING.search(text) else self._parse()
 
     def run(self, names: dict[str, object]) -> str:
-        """Return the text made of `names`, which come to hold what the template assigns. Raises anything."""
+        """Return the text of the template for `names`, to which its assignments are added. Raises any exception."""
         output = _Output()
         stdout, sys.stdout = sys.stdout, _Stdout(sys.stdout)
         try:
@@ -60,7 +60,7 @@ class Program:
             machine.included = self.included
             try:
                 if self._block is None:
-                    self._read_again(machine)
+                    self._run_in_empy(machine)
                 else:
                     machine.push()
                     self._run(self._block, machine)
@@ -72,7 +72,7 @@ class Program:
         return output.text()
 
     def line_of(self, error: BaseException) -> int:
-        """Return the line of the template that `error` was raised by: of its code, or else of its markup."""
+        """Return the line of the template that raised `error`: a line of its code, or else of its markup."""
         if isinstance(error, SyntaxError) and error.filename == self._path and error.lineno:
             return error.lineno
         line, trace = 0, error.__traceback__
@@ -81,7 +81,7 @@ class Program:
             trace = trace.tb_next
         return line or (self._failed[1] if self._failed[0] is error else 1)
 
-    def _read_again(self, machine: Machine) -> None:
+    def _run_in_empy(self, machine: Machine) -> None:
         try:
             machine.file(StringIO(self._text))
         except BaseException as error:
@@ -91,10 +91,10 @@ class Program:
     def _run(self, block: Block, machine: Machine) -> None:
         line = 1
         try:
-            for line, run in block:  # noqa: B007 - used where it fails
+            for line, run in block:  # noqa: B007 - used after an exception
                 run(machine)
         except BaseException as error:
-            if self._failed[0] is not error:  # else a block within has noted it
+            if self._failed[0] is not error:  # an inner block may have recorded it
                 self._failed = error, line
             raise
 
@@ -110,7 +110,7 @@ class Program:
                     scanner.feed(f"{em.DEFAULT_PREFIX}\n")
                 scanner.read_into(tokens)
         except em.TransientParseError as error:
-            raise MarkupError(f"what begins here has no end: {error}", self._line(scanner.failed)) from error
+            raise MarkupError(f"unterminated markup: {error}", self._line(scanner.failed)) from error
         except em.ParseError as error:
             raise MarkupError(str(error), self._line(scanner.failed)) from error
         return self._block_of(tokens, scanner)
@@ -128,7 +128,7 @@ class Program:
         return block
 
     def _run_of(self, token: Any, line: int, scanner: _Scanner) -> Run | None:
-        """Return what does the same as `token`; None for what does nothing."""
+        """Return a function that does the same as `token`, or None if the token does nothing."""
         kind = type(token)
         if kind in (em.CommentToken, em.WhitespaceToken):
             return None
@@ -142,7 +142,7 @@ class Program:
             return _execute(_Code(token.code, self._path, line, "exec"))
         if kind is em.ControlToken and token.type in ("if", "for"):
             return self._control(token, line, scanner)
-        return _as_empy_does(token)
+        return _run_token(token)
 
     def _expression(self, text: str, line: int) -> Callable[[Machine], object]:
         if text in ("1", "True"):
@@ -152,21 +152,21 @@ class Program:
         return _Code(text, self._path, line, "eval").evaluate
 
     def _control(self, token: Any, line: int, scanner: _Scanner) -> Run:
-        """Return what does the same as an `if` or a `for`; what EmPy will complain about is left to it."""
+        """Return a function that does the same as an `if` or a `for`. EmPy runs those with errors, and reports them."""
         try:
             parts = token.build(["elif", "else"] if token.type == "if" else ["else"])
         except em.ParseError:
-            return _as_empy_does(token)
+            return _run_token(token)
         otherwise = self._block_of(parts.pop()[1], scanner) if parts[-1][0].type == "else" else []
         if any(secondary.type == "else" for secondary, _ in parts):
-            return _as_empy_does(token)
+            return _run_token(token)
         blocks = [self._block_of(tokens, scanner) for _, tokens in parts]
         if token.type == "if":
             tests = [self._expression(head.rest, self._line(scanner.starts[head])) for head, _ in parts]
             return self._if([*zip(tests, blocks, strict=True)], otherwise)
         sides = token.IN_RE.split(token.rest, 1)
         if len(sides) != len(("target", "values")):
-            return _as_empy_does(token)
+            return _run_token(token)
         return self._for(sides[0], self._expression(sides[1], line), blocks[0], otherwise)
 
     def _if(self, branches: list[tuple[Callable[[Machine], object], Block]], otherwise: Block) -> Run:
@@ -218,12 +218,15 @@ def _execute(code: _Code) -> Run:
     return code.execute
 
 
-def _as_empy_does(token: Any) -> Run:
+def _run_token(token: Any) -> Run:
     return lambda machine: token.run(machine, None)
 
 
 class _Code:
-    """Python code of a template, compiled when it first runs: EmPy takes no offence at what never does."""
+    """Python code of a template.
+
+    It is compiled when it first runs, because EmPy ignores errors in code that never runs.
+    """
 
     def __init__(self, text: str, path: str, line: int, mode: str) -> None:
         self._text, self._path, self._line, self._mode = text, path, line, mode
@@ -236,14 +239,14 @@ class _Code:
         exec(self._compiled or self._compile(), machine.globals)  # noqa: S102 - a template is code
 
     def _compile(self) -> CodeType:
-        """Compile such that the code's lines are those of the template."""
+        """Compile the code with the line numbers of the template."""
         self._compiled = _compile(self._text, self._mode, self._path, self._line)
         return self._compiled
 
 
 @lru_cache(maxsize=4096)
 def _compile(text: str, mode: str, path: str = "<string>", line: int = 1) -> CodeType:
-    """Return `text` compiled, after what EmPy (statements) or `eval` (expressions) take off it."""
+    """Compile `text` without the whitespace that EmPy (statements) or `eval` (expressions) removes."""
     if mode == "eval":
         text = text.lstrip(" \t")
     else:
@@ -254,19 +257,19 @@ def _compile(text: str, mode: str, path: str = "<string>", line: int = 1) -> Cod
 
 
 class Machine(em.Interpreter):  # type: ignore[misc]  # EmPy has no types
-    """EmPy's interpreter, which templates know as `empy`; it remembers the code it has compiled."""
+    """An interpreter of EmPy that caches compiled code; templates know it as `empy`."""
 
     included: dict[str, None]
-    """The files that were included."""
+    """The included files."""
 
     def include(self, fileOrFilename: Any, locals: Any = None) -> None:  # noqa: A002, N803 - EmPy's names
-        """Include as EmPy does."""
+        """Include a file as EmPy does, and record it."""
         if isinstance(fileOrFilename, str):
             self.included[fileOrFilename] = None
         super().include(fileOrFilename, locals)
 
     def evaluate(self, expression: str, locals: Mapping[str, object] | None = None) -> object:  # noqa: A002 - EmPy's name
-        """Evaluate as EmPy does."""
+        """Evaluate an expression as EmPy does, with cached code."""
         if self.hooksEnabled or expression in ("0", "1", "False", "True"):
             return super().evaluate(expression, locals)
         self.push()
@@ -276,7 +279,7 @@ class Machine(em.Interpreter):  # type: ignore[misc]  # EmPy has no types
             self.pop()
 
     def execute(self, statements: str, locals: Any = None) -> None:  # noqa: A002 - EmPy's name
-        """Execute as EmPy does."""
+        """Execute statements as EmPy does, with cached code."""
         if self.hooksEnabled:
             super().execute(statements, locals)
             return
@@ -287,20 +290,20 @@ class Machine(em.Interpreter):  # type: ignore[misc]  # EmPy has no types
             self.pop()
 
     def write(self, data: str) -> None:
-        """Write as EmPy does, in fewer steps."""
+        """Write as EmPy does, with fewer calls."""
         self.streams.data[-1].write(data)
 
     def __del__(self) -> None:
-        """Shut down one that a template made and left, while that can still be written anywhere."""
+        """Shut down an interpreter that a template created and did not shut down, while `sys.stdout` is a proxy."""
         if self.streams and isinstance(sys.stdout, em.ProxyFile):
             self.shutdown()
 
     def installProxy(self) -> None:  # noqa: N802 - EmPy's name
-        """Do nothing: Program.run does it, and undoes it."""
+        """Do nothing, because Program.run installs and removes the proxy."""
 
 
 class _Scanner(em.Scanner):  # type: ignore[misc]  # EmPy has no types
-    """EmPy's scanner, which notes where each token starts."""
+    """A scanner of EmPy that records where each token starts."""
 
     def __init__(self, prefix: str, text: str) -> None:
         super().__init__(prefix, text)
@@ -329,7 +332,7 @@ class _Scanner(em.Scanner):  # type: ignore[misc]  # EmPy has no types
 
 
 class _Output:
-    """What EmPy writes to; it outlives its closing."""
+    """The output stream of EmPy. Its text can be read after EmPy has closed it."""
 
     def __init__(self) -> None:
         self._parts: list[str] = []
@@ -344,7 +347,7 @@ class _Output:
 
 
 class _Stdout(em.ProxyFile):  # type: ignore[misc]  # EmPy has no types
-    """What `print` of a template writes to: as EmPy has it, to the stream of whoever began to run first."""
+    """The `sys.stdout` of a template. As in EmPy, it writes to the stream of the interpreter that was started first."""
 
     def write(self, data: str) -> None:
         running = self.stack.data

@@ -10,7 +10,7 @@ from msggen.disk.resources import resource
 
 
 def make_environment(*filters: Callable[..., str]) -> jinja2.Environment:
-    """Return a strict environment that loads from `templates/`; each filter has the name of its function."""
+    """Return a strict environment that loads from `templates/`. The name of a filter is that of its function."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(resource("templates")),
         undefined=jinja2.StrictUndefined,

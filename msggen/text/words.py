@@ -1,4 +1,4 @@
-"""The few filters that templates get besides Jinja2's own: names in other spellings, and comments."""
+"""The filters of templates in addition to those of Jinja2: spellings of names, and comments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _WIDTH = 100
 
 
 def paragraphs(lines: list[str]) -> list[str]:
-    """Join the lines of running text; lists and tables keep their lines."""
+    """Return running text with its lines joined to paragraphs; lists and tables keep their lines."""
     paragraphs: list[str] = []
     joinable = False
     for line in lines:
@@ -27,27 +27,27 @@ def paragraphs(lines: list[str]) -> list[str]:
 
 
 def unknown_name(owner: object, name: str) -> str:
-    """Return in plain words that a thing of the catalog has no such name, or "" where `owner` is another object."""
+    """Return the error for an unknown name of a view, or "" if `owner` is not a view."""
     kind = type(owner).__name__
     return f"a {kind.removesuffix('View').lower()} has no '{name}'" if kind.endswith("View") else ""
 
 
 def pascal_case(name: str) -> str:
-    """Return `name` as types are spelled: `gyro_rad` as `GyroRad`."""
+    """Return `name` in PascalCase: `GyroRad` for `gyro_rad`."""
     return re.sub(r"(?:^|_)([a-z0-9])", lambda match: match[1].upper(), name)
 
 
 def camel_case(name: str) -> str:
-    """Return `name` as JavaScript spells variables: `gyro_rad` as `gyroRad`."""
+    """Return `name` in camelCase: `gyroRad` for `gyro_rad`."""
     spelled = pascal_case(name)
     return spelled[:1].lower() + spelled[1:]
 
 
 def comment(text: str, prefix: str = "//", indent: int = 0) -> str:
-    """Return `text` as lines of comments, each with `prefix`, all but the first indented; running text is filled.
+    """Return `text` as comment lines with `prefix`, wrapped and, except the first line, indented.
 
-    No line ends in a backslash: C would take the next one for comment too. Raises TypeError for an indent that is no
-    number.
+    No line ends with a backslash, because C would continue the comment on the next line. Raises TypeError if `indent`
+    is not a number.
     """
     if not isinstance(indent, int):
         raise TypeError(f"comment: expected a number of spaces as indent, got {indent!r}")

@@ -178,9 +178,9 @@ class Wrong(NamedTuple):
         Wrong("std_msgs=std_mgs", "std_mgs: S101 no such folder, did you mean 'std_msgs'?"),
         Wrong("std_msgs=empty", "empty: S102 no .msg file here"),
         Wrong("geometry_msgs=std_msgs", "std_msgs/package.xml: S106 the package is named 'std_msgs', found"),
-        Wrong("class=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 no module can be made"),
-        Wrong("topics=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 no module can be made"),
-        Wrong("stream=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 no module can be made"),
+        Wrong("class=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 the name of the ROS package"),
+        Wrong("topics=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 the name of the ROS package"),
+        Wrong("stream=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 the name of the ROS package"),
     ],
     ids=lambda wrong: wrong.folder,
 )

@@ -276,5 +276,6 @@ def test_two_messages_that_would_be_one_class_are_refused(tmp_path: Path) -> Non
             make(catalog)
         (found,) = caught.value.diagnostics
         assert str(found) == (
-            f"{tmp_path}/msg/A_1.msg:1:1: M202 the class of 'A_1' would be 'A1', as that of {tmp_path}/msg/A1.msg"
+            f"{tmp_path}/msg/A_1.msg:1:1: M202 "
+            f"the class of 'A_1' would be 'A1', the same as that of {tmp_path}/msg/A1.msg"
         )

@@ -914,7 +914,7 @@ def test_a_namespace_goes_in_front_of_every_name(namespace: str, prefix: str, px
 
 @pytest.mark.parametrize("wrong", ["", "/", "1uav", "uav 1", "uav-1", "a//b", "../a", "uav\n", "ü"])
 def test_what_is_no_namespace_is_refused(wrong: str, px4_types: Any) -> None:
-    with pytest.raises(ValueError, match="is no namespace"):
+    with pytest.raises(ValueError, match="is not a valid namespace"):
         px4_types.topics.namespaced(wrong)
 
 

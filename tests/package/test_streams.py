@@ -176,7 +176,7 @@ def test_there_are_no_views_and_batches(msg: Any, scan: Any, name: str) -> None:
         ({"labels": ["apples"]}, "Scan.labels[0]: expected up to 4 characters, got 6"),
         ({"labels": "left"}, "Scan.labels: expected values, got one: 'left'"),
         ({"labels": [1]}, "Scan.labels[0]: expected a str, got 1"),
-        ({"labels": ["\ud83d"]}, "Scan.labels[0]: expected text, got half a character at 0"),
+        ({"labels": ["\ud83d"]}, "Scan.labels[0]: expected text, got an unpaired surrogate at index 0"),
         ({"ranges": 1.0}, "Scan.ranges: expected values, got one: 1.0"),
         ({"ranges": [1e300]}, "Scan.ranges[0]: expected float32, up to 3.4028235677973366e+38, got 1e+300"),
         ({"corners": [None]}, "Scan.corners[0]: expected Point, got None"),
@@ -255,7 +255,7 @@ def test_too_many_elements_are_refused_both_ways(scan: Any, msg: Any, cdr: Any) 
     ("offset", "byte", "text"),
     [
         (8, 200, "Scan.header.frame_id: expected 200 bytes at byte 12, got 75"),
-        (8, 3, "Scan.header.frame_id: expected a NUL at the end of a text, got b'las'"),
+        (8, 3, "Scan.header.frame_id: expected a NUL at the end of the text, got b'las'"),
         (13, 0xFF, "Scan.header.frame_id: expected UTF-8, got b'l\\xffser\\x00'"),
         (27, 1, "Scan.ranges: expected 16777218 values, got 14"),
         (59, 1, "Scan.labels: expected 16777219 values, got 6"),

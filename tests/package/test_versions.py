@@ -527,7 +527,7 @@ def test_any_version_converts_to_any_other_and_to_nothing_else(tmp_path: Path) -
     converted = convert(package.LampV0(1, 2, 3), package.Lamp)
     assert (converted.message, converted.dropped, converted.defaulted) == (package.Lamp(1, 3), ("only_0",), ())
     assert convert(package.Lamp(1, 3), package.Lamp).message == package.Lamp(1, 3)
-    with pytest.raises(TypeError, match="Fan is no version of px4_msgs/msg/Lamp"):
+    with pytest.raises(TypeError, match="Fan is not a version of px4_msgs/msg/Lamp"):
         convert(package.LampV0(), package.Fan)
 
 

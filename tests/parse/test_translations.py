@@ -267,9 +267,9 @@ def test_a_field_of_the_same_name_that_is_set_in_an_unclear_way_is_not_carried_o
     assert package.Gust(scaled=2.0).downgrade().defaulted == ()
 
 
-DOCUMENTED = """Return the message as version 1, and the fields that could not be carried over.
+DOCUMENTED = """Return the message as version 1, and the fields that could not be copied.
 
-        PX4's translation sets what names do not tell:
+        Fields that PX4's translation does not copy by name:
 
         - `source` from `index`
         - `synthetic` = NaN
@@ -277,9 +277,9 @@ DOCUMENTED = """Return the message as version 1, and the fields that could not b
         - `gain` = 0.1
         - `alt` = `alt if valid else NaN`
         - `control[0:2]` from `control[0:2]`, `control[2:4]` = 0.0
-        - `mode` is left at its default: the statement could not be read
+        - `mode` keeps its default: the statement could not be parsed
 
-        Carried over by name, though PX4's translation leaves it out: `count`.
+        Fields that are copied by name, although PX4's translation omits them: `count`.
 
         Raises EncodeError for a value that its field cannot hold.
         """
@@ -319,7 +319,7 @@ def test_the_docstring_of_a_method_says_what_the_header_does(tmp_path: Path) -> 
 
 def test_a_translation_that_cannot_be_read_at_all_is_said_in_the_docstring(tmp_path: Path) -> None:
     package = package_of(tree({"Lamp": ("uint8 x\n", "uint8 x\n")}, class_of("Lamp", "copy(o, n);")), tmp_path)
-    assert "PX4's translation could not be read: values are carried" in package.LampV0.upgrade.__doc__
+    assert "PX4's translation could not be parsed: all fields are copied" in package.LampV0.upgrade.__doc__
     assert package.LampV0(x=3).upgrade().message.x == 3
 
 
@@ -456,7 +456,7 @@ def test_a_translation_to_a_message_of_another_name_is_known_to_convert_alone(tm
     assert convert(converted.message, package.PositionV0).message.alt_valid is False
     assert not hasattr(package.Aux, "downgrade")
     for target in (package.Fan, package.Position):
-        with pytest.raises(TypeError, match="is no version of px4_msgs/msg/Aux"):
+        with pytest.raises(TypeError, match="is not a version of px4_msgs/msg/Aux"):
             convert(converted.message, target)
 
 
@@ -510,7 +510,7 @@ def test_the_header_that_bump_writes_is_read(working_folder: Path) -> None:
     package = import_package(read_catalog(with_archived(find_sources("."))), working_folder / "out")
     up = package.LampV0(x=1).upgrade()
     assert (up.message, up.dropped, up.defaulted) == (package.Lamp(x=1), ("gone",), ())
-    assert "could not be read" not in package.LampV0.upgrade.__doc__ + package.Lamp.downgrade.__doc__
+    assert "could not be parsed" not in package.LampV0.upgrade.__doc__ + package.Lamp.downgrade.__doc__
 
 
 # --- Hostile headers

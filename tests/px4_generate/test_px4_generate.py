@@ -180,7 +180,7 @@ def test_what_the_script_computes_and_msggen_does_not_is_an_error(
     asks(expression)
     write_definitions(Path(), {SCRIPT: f"{assignment}\n"})
     assert generate_bridge() == FAILED
-    text = "'deadline_ms' is computed by the firmware's generate_dds_topics.py, and msggen does not know how"
+    text = "the firmware's generate_dds_topics.py computes 'deadline_ms', which msggen does not support"
     assert errors(capsys) == [f"{CLIENT}/dds_topics.h.em:3:1: T107 {text}"]
 
 
@@ -195,7 +195,10 @@ def test_what_the_script_does_not_compute_may_be_absent() -> None:
 def test_without_the_script_nobody_knows(capsys: pytest.CaptureFixture[str]) -> None:
     asks("pub.get('route_field'), pub.get('a_key_of_tomorrow'), pub.get('deadline_ms')")
     assert generate_bridge() == FAILED
-    assert "no entry has 'deadline_ms', and there is no generate_dds_topics.py" in errors(capsys)[0]
+    assert (
+        "no entry has 'deadline_ms', and generate_dds_topics.py, which may compute it, is not next to the template"
+        in errors(capsys)[0]
+    )
 
 
 def compare(script: Path, arguments: list[str]) -> None:
@@ -244,17 +247,19 @@ REFUSED = {
     "msg/Own.msg:2:10: M403 topic 'cell_report' is already declared by msg/CellReport.msg": (
         f"{STAMP}# TOPICS cell_report\n"
     ),
-    "msg/Own.msg:2:1: T106 'x' has a default value, which the firmware's templates do not know": f"{STAMP}uint8 x 5\n",
-    "msg/Own.msg:2:1: T106 'uint8[<=5]': the firmware's templates know no bounds": f"{STAMP}uint8[<=5] x\n",
+    "msg/Own.msg:2:1: T106 'x' has a default value, which the firmware's templates do not support": (
+        f"{STAMP}uint8 x 5\n"
+    ),
+    "msg/Own.msg:2:1: T106 'uint8[<=5]': the firmware's templates do not support bounds": f"{STAMP}uint8[<=5] x\n",
     "msg/Own.msg:2:1: T106 'uint8[]': the firmware's templates need a length": f"{STAMP}uint8[] x\n",
-    "msg/Own.msg:2:1: T106 'string': the firmware's templates know no strings, use 'char' with a length": (
+    "msg/Own.msg:2:1: T106 'string': the firmware's templates do not support strings, use 'char' with a length": (
         f"{STAMP}string x\n"
     ),
-    "msg/Own.msg:2:1: T106 'wstring[2]': the firmware's templates know no strings, use 'char' with a length": (
+    "msg/Own.msg:2:1: T106 'wstring[2]': the firmware's templates do not support strings, use 'char' with a length": (
         f"{STAMP}wstring[2] x\n"
     ),
-    "msg/Own.msg:2:1: M301 unknown type 'std_msgs/Header': messages of other packages are not looked for "
-    "in the folders of -i": f"{STAMP}std_msgs/Header x\n",
+    "msg/Own.msg:2:1: M301 unknown type 'std_msgs/Header': the folders of -i are not searched for "
+    "messages of other packages": f"{STAMP}std_msgs/Header x\n",
 }
 
 
@@ -299,12 +304,12 @@ def test_a_message_given_twice_is_told(capsys: pytest.CaptureFixture[str]) -> No
     write_definitions(Path(), {"msg/versioned/CellReport.msg": STAMP})
     assert generate("--headers", "msg/CellReport.msg", "msg/versioned/CellReport.msg") == FAILED
     place = "msg/versioned/CellReport.msg"
-    assert errors(capsys) == [f"{place}: M204 this message is given twice, also by msg/CellReport.msg"]
+    assert errors(capsys) == [f"{place}: M204 this message is given twice, first as msg/CellReport.msg"]
 
 
 def test_a_nested_message_needs_its_folder(capsys: pytest.CaptureFixture[str]) -> None:
     assert generate("--headers", includes=[]) == FAILED
-    assert "msg/PackStatus.msg:5:1: M301 unknown type 'CellReport': no folder to look for it, see -i" in errors(capsys)
+    assert "msg/PackStatus.msg:5:1: M301 unknown type 'CellReport': pass its folder with -i" in errors(capsys)
 
 
 def test_the_first_folder_that_has_a_message_counts() -> None:
@@ -366,7 +371,7 @@ def test_a_missing_helper_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert generate("--headers") == FAILED
     (said,) = errors(capsys)
     assert said.startswith(f"{TEMPLATES}/uorb/msg.h.em:6:1: T105 ModuleNotFoundError: ")
-    assert ": no folder from that of the template upwards has px_generate_uorb_topic_helper.py" in said
+    assert ": px_generate_uorb_topic_helper.py is not in the folder of the template or a folder above it" in said
 
 
 def test_a_name_that_genmsg_has_and_msggen_has_not_is_told(capsys: pytest.CaptureFixture[str]) -> None:

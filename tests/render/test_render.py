@@ -305,7 +305,7 @@ ERRORS = [
     Case("any.em:2:1", "T104", f"{BOTH}not Python", "\n@(message..name)", template="any.em"),
     Case("any.em:2:1", "T103", "", "\n@[for x in y]@", template="any.em"),
     # neither
-    Case("any.h", "T205", "named *.j2, or of EmPy, named *.em", template="any.h"),
+    Case("any.h", "T205", "expected a Jinja2 template (*.j2) or an EmPy template (*.em)", template="any.h"),
     # names of outputs
     named("{{ message.name", "T201", "unexpected end of template"),
     named("{{ message.nam }}", "T202", f"{BOTH}a message has no 'nam', did you mean 'name'?"),
@@ -320,10 +320,12 @@ ERRORS = [
     named("{{ message.name }}\n", "T206", "control character"),
     named("types.h", "T207", "'types.h' would be the output for both Bar and Foo"),
     named("{{ {'Bar': 'x.h', 'Foo': 'a/../X.h'}[message.name] }}", "T207", "'X.h' would be the output for both"),
-    named("{{ {'Bar': 'x/y', 'Foo': 'x'}[message.name] }}", "T207", "'x' would be an output, and the folder of 'x/y'"),
+    named(
+        "{{ {'Bar': 'x/y', 'Foo': 'x'}[message.name] }}", "T207", "'x' would be both an output and the folder of 'x/y'"
+    ),
     # nothing to do
     Case("--each", "T208", "the sources have no services", options=("--each", "service", "--px4", "bare")),
-    Case("--each", "T208", "name the dds_topics.yaml", options=("--each", "endpoint", "--px4", "bare")),
+    Case("--each", "T208", "pass the dds_topics.yaml", options=("--each", "endpoint", "--px4", "bare")),
     # definitions
     Case("in/dds_topics.yaml", "S101", "", options=("--px4", "in/dds_topics.yaml")),
     Case("bad/Foo.msg:2:1", "M301", "did you mean 'float32'?", options=("--px4", "bad")),
@@ -385,7 +387,7 @@ def test_a_folder_in_the_way_is_an_error(capsys: pytest.CaptureFixture[str]) -> 
     write(any__j2="")
     write_definitions(Path("out"), {"foo/mine": "mine"})
     assert render("any.j2") == FAILED
-    assert capsys.readouterr().err.startswith("out/foo: T206 a folder is in the way")
+    assert capsys.readouterr().err.startswith("out/foo: T206 cannot write the output: a folder has this name")
     assert made() == {"foo/mine": "mine"}
 
 

@@ -371,7 +371,7 @@ def test_the_readme_says_where_there_is_no_commit() -> None:
     git(Path(), "init", "-q")  # a repository around it, which does not have the firmware
     firmware()
     package()
-    assert "no git repository has these files" in (PACKAGE / "README.md").read_text()
+    assert "unknown: the files are not in a git repository" in (PACKAGE / "README.md").read_text()
 
 
 def test_the_readme_follows_the_firmware_until_it_is_edited() -> None:

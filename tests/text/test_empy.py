@@ -79,8 +79,8 @@ PLAIN = [
 ]
 
 INVALID = [
-    ("@(x", 1, "T103", "what begins here has no end"),
-    ("fine\n@[for i in xs]\n@(i\n@[end for]", 3, "T103", "what begins here has no end"),
+    ("@(x", 1, "T103", "unterminated markup"),
+    ("fine\n@[for i in xs]\n@(i\n@[end for]", 3, "T103", "unterminated markup"),
     ("fine\n\n@[if x]\nnever ended\n", 3, "T103", "control 'if' needs more tokens"),
     ("\n@[bogus x]", 2, "T103", "unknown control markup: 'bogus'"),
     ("\n@[end if]", 2, "T103", "'end' requires primary markup"),
@@ -102,7 +102,7 @@ INVALID = [
     ("fine\n@[for a, b in xs]\n@[end for]", 2, "T105", "TypeError"),
     ("fine\n@[def f(n)]\n@(1 / n)\n@[end def]@f(0)", 4, "T105", "ZeroDivisionError"),
     ("fine\n\n@{import no_such_module}", 3, "T105", "ModuleNotFoundError: No module named 'no_such_module'"),
-    ("fine\n@{exit(3)}", 2, "T105", "the template ended the run: exit(3)"),
+    ("fine\n@{exit(3)}", 2, "T105", "the template called exit(3)"),
     ("@{print('\\ud800')}", 1, "T105", "UnicodeEncodeError"),
     ("fine\n@?name\n@empy.identify()\n@missing", 4, "T105", "NameError"),
 ]
@@ -293,7 +293,9 @@ def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, data: bytes | None, 
 
 def test_another_version_of_empy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(em, "__version__", "4.2")
-    with pytest.raises(InputError, match=r"^some.em: T101 .*pip install 'empy>=3.3,<4'.* found is 4.2, from .*em"):
+    with pytest.raises(
+        InputError, match=r"^some.em: T101 .*pip install 'empy>=3.3,<4'.* found the module 'em' 4.2 at .*em"
+    ):
         EmpyTemplate("some.em", "")
 
 

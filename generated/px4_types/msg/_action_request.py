@@ -84,7 +84,7 @@ class ActionRequest(_cdr.Message):
         self.mode = mode
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 11 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 11 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.action, self.source, self.mode)
         except _cdr.ENCODE_FAILURES as error:
@@ -92,7 +92,7 @@ class ActionRequest(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActionRequest:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.action, message.source, message.mode) = _unpack(data)

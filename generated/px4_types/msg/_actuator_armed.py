@@ -79,7 +79,7 @@ class ActuatorArmed(_cdr.Message):
         self.in_esc_calibration_mode = in_esc_calibration_mode
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 15 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 15 bytes of values."""
         try:
             if (
                 False | self.armed | self.prearmed | self.ready_to_arm | self.lockdown | self.kill
@@ -95,7 +95,7 @@ class ActuatorArmed(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorArmed:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

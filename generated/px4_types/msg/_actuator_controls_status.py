@@ -42,7 +42,7 @@ class ActuatorControlsStatus(_cdr.Message):
         self.control_power = control_power
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             (control_power_0, control_power_1, control_power_2) = self.control_power
             return _pack(_USUAL, self.timestamp, control_power_0, control_power_1, control_power_2)
@@ -51,7 +51,7 @@ class ActuatorControlsStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorControlsStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

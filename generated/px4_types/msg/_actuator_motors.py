@@ -60,7 +60,7 @@ class ActuatorMotors(_cdr.Message):
         self.control = control
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 68 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 68 bytes of values."""
         try:
             (
                 control_0, control_1, control_2, control_3, control_4, control_5, control_6, control_7,
@@ -76,7 +76,7 @@ class ActuatorMotors(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorMotors:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

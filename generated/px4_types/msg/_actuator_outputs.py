@@ -54,7 +54,7 @@ class ActuatorOutputs(_cdr.Message):
         self.output = _arrays.zeros("f", 16) if output is None else output
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 76 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.noutputs, _to_raw("f", 16, self.output))
         except _cdr.ENCODE_FAILURES as error:
@@ -62,7 +62,7 @@ class ActuatorOutputs(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorOutputs:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.noutputs, output_raw) = _unpack(data)

@@ -23,7 +23,7 @@ class ActuatorServos(_cdr.Message):
 
     Fields: timestamp [us], timestamp_sample [us], control [-].
 
-    uORB topic: actuator_servos. Version 1, 76 bytes.
+    uORB topic: actuator_servos. Version 1. 76 bytes.
     """
 
     __slots__ = ("timestamp", "timestamp_sample", "control")
@@ -56,7 +56,7 @@ class ActuatorServos(_cdr.Message):
         self.control = control
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 76 bytes of values."""
         try:
             (
                 control_0, control_1, control_2, control_3, control_4, control_5, control_6, control_7,
@@ -72,7 +72,7 @@ class ActuatorServos(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorServos:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -46,7 +46,7 @@ class ActuatorServosTrim(_cdr.Message):
         self.trim = trim
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 68 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 68 bytes of values."""
         try:
             (
                 trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7, trim_8, trim_9, trim_10,
@@ -61,7 +61,7 @@ class ActuatorServosTrim(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorServosTrim:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -69,7 +69,7 @@ class ActuatorTest(_cdr.Message):
         self.timeout_ms = timeout_ms
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.action, self.function, self.value, self.timeout_ms,
@@ -79,7 +79,7 @@ class ActuatorTest(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ActuatorTest:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

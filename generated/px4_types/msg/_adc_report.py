@@ -64,7 +64,7 @@ class AdcReport(_cdr.Message):
         self.v_ref = v_ref
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 116 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 116 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.device_id, _to_raw("h", 16, self.channel_id),
@@ -75,7 +75,7 @@ class AdcReport(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> AdcReport:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

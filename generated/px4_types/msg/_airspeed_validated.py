@@ -26,7 +26,7 @@ class AirspeedValidated(_cdr.Message):
     calibraded_airspeed_synth_m_s [m/s], airspeed_derivative_filtered [m/s^2], throttle_filtered [-],
     pitch_filtered [rad].
 
-    uORB topic: airspeed_validated. Version 1, 44 bytes.
+    uORB topic: airspeed_validated. Version 1. 44 bytes.
     """
 
     __slots__ = (
@@ -125,7 +125,7 @@ class AirspeedValidated(_cdr.Message):
         self.pitch_filtered = pitch_filtered
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 44 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 44 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.indicated_airspeed_m_s, self.calibrated_airspeed_m_s,
@@ -138,7 +138,7 @@ class AirspeedValidated(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> AirspeedValidated:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

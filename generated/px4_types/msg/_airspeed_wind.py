@@ -127,7 +127,7 @@ class AirspeedWind(_cdr.Message):
         self.source = source
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 61 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 61 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.windspeed_north, self.windspeed_east,
@@ -140,7 +140,7 @@ class AirspeedWind(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> AirspeedWind:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

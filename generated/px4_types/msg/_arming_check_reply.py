@@ -32,7 +32,7 @@ class ArmingCheckReply(_cdr.Message):
     mode_req_global_position_relaxed, mode_req_mission, mode_req_home_position, mode_req_prevent_arming,
     mode_req_manual_control.
 
-    uORB topic: arming_check_reply. Version 1, 227 bytes.
+    uORB topic: arming_check_reply. Version 1. 227 bytes.
     """
 
     __slots__ = (
@@ -173,7 +173,7 @@ class ArmingCheckReply(_cdr.Message):
         self.mode_req_manual_control = mode_req_manual_control
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 227 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 227 bytes of values."""
         try:
             (events_0, events_1, events_2, events_3, events_4) = self.events
             if len(events_0.arguments) != 25:
@@ -215,7 +215,7 @@ class ArmingCheckReply(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ArmingCheckReply:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         events_0 = _new(Event)
         events_1 = _new(Event)

@@ -24,7 +24,7 @@ class ArmingCheckRequest(_cdr.Message):
 
     Fields: timestamp [us], request_id [-], valid_registrations_mask [-].
 
-    uORB topic: arming_check_request. Version 1, 16 bytes.
+    uORB topic: arming_check_request. Version 1. 16 bytes.
     """
 
     __slots__ = ("timestamp", "request_id", "valid_registrations_mask")
@@ -52,7 +52,7 @@ class ArmingCheckRequest(_cdr.Message):
         self.valid_registrations_mask = valid_registrations_mask
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.request_id, self.valid_registrations_mask)
         except _cdr.ENCODE_FAILURES as error:
@@ -60,7 +60,7 @@ class ArmingCheckRequest(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ArmingCheckRequest:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

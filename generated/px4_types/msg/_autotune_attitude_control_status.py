@@ -152,7 +152,7 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
         self.state = state
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 101 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 101 bytes of values."""
         try:
             (coeff_0, coeff_1, coeff_2, coeff_3, coeff_4) = self.coeff
             (coeff_var_0, coeff_var_1, coeff_var_2, coeff_var_3, coeff_var_4) = self.coeff_var
@@ -168,7 +168,7 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> AutotuneAttitudeControlStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -24,7 +24,7 @@ class AuxGlobalPosition(_cdr.Message):
     Fields: timestamp [us], timestamp_sample [us], id [-], source, lat [deg], lon [deg], alt [m], eph
     [m], epv [m], lat_lon_reset_counter [-].
 
-    uORB topic: aux_global_position. Version 1, 53 bytes.
+    uORB topic: aux_global_position. Version 1. 53 bytes.
     """
 
     __slots__ = (
@@ -111,7 +111,7 @@ class AuxGlobalPosition(_cdr.Message):
         self.lat_lon_reset_counter = lat_lon_reset_counter
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 53 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 53 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.id, self.source, self.lat, self.lon,
@@ -122,7 +122,7 @@ class AuxGlobalPosition(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> AuxGlobalPosition:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

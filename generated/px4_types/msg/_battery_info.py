@@ -47,7 +47,7 @@ class BatteryInfo(_cdr.Message):
         self.serial_number = serial_number
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 41 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 41 bytes of values."""
         try:
             if len(self.serial_number) != 32:
                 raise _cdr.Refused
@@ -57,7 +57,7 @@ class BatteryInfo(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> BatteryInfo:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.id, message.serial_number) = _unpack(data)

@@ -31,7 +31,7 @@ class BatteryStatus(_cdr.Message):
     volt_based_soc_estimate [-], voltage_prediction [V], prediction_error [V],
     estimation_covariance_norm [-].
 
-    uORB topic: battery_status. Version 1, 176 bytes.
+    uORB topic: battery_status. Version 1. 176 bytes.
     """
 
     __slots__ = (
@@ -323,7 +323,7 @@ class BatteryStatus(_cdr.Message):
         self.estimation_covariance_norm = estimation_covariance_norm
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 176 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 176 bytes of values."""
         try:
             (
                 voltage_cell_v_0, voltage_cell_v_1, voltage_cell_v_2, voltage_cell_v_3, voltage_cell_v_4,
@@ -352,7 +352,7 @@ class BatteryStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> BatteryStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -46,7 +46,7 @@ class ButtonEvent(_cdr.Message):
         self.triggered = triggered
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 9 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 9 bytes of values."""
         try:
             if (False | self.triggered) not in (0, 1):
                 raise _cdr.Refused
@@ -56,7 +56,7 @@ class ButtonEvent(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ButtonEvent:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.triggered) = _unpack(data)

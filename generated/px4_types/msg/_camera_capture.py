@@ -82,7 +82,7 @@ class CameraCapture(_cdr.Message):
         self.result = result
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 65 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 65 bytes of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
             return _pack(
@@ -94,7 +94,7 @@ class CameraCapture(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> CameraCapture:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

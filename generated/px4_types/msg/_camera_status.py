@@ -47,7 +47,7 @@ class CameraStatus(_cdr.Message):
         self.active_comp_id = active_comp_id
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 10 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 10 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.active_sys_id, self.active_comp_id)
         except _cdr.ENCODE_FAILURES as error:
@@ -55,7 +55,7 @@ class CameraStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> CameraStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.active_sys_id, message.active_comp_id) = _unpack(data)

@@ -56,7 +56,7 @@ class CameraTrigger(_cdr.Message):
         self.feedback = feedback
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 21 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 21 bytes of values."""
         try:
             if (False | self.feedback) not in (0, 1):
                 raise _cdr.Refused
@@ -66,7 +66,7 @@ class CameraTrigger(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> CameraTrigger:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

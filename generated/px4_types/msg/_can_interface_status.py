@@ -57,7 +57,7 @@ class CanInterfaceStatus(_cdr.Message):
         self.frames_rx = frames_rx
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.interface, self.io_errors, self.frames_tx, self.frames_rx,
@@ -67,7 +67,7 @@ class CanInterfaceStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> CanInterfaceStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

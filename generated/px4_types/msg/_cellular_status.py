@@ -183,7 +183,7 @@ class CellularStatus(_cdr.Message):
         self.sinr = sinr
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 64 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 64 bytes of values."""
         try:
             if len(self.cell_tower_id) != 9:
                 raise _cdr.Refused
@@ -198,7 +198,7 @@ class CellularStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> CellularStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

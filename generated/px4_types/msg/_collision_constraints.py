@@ -49,7 +49,7 @@ class CollisionConstraints(_cdr.Message):
         self.adapted_setpoint = adapted_setpoint
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 24 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 24 bytes of values."""
         try:
             (original_setpoint_0, original_setpoint_1) = self.original_setpoint
             (adapted_setpoint_0, adapted_setpoint_1) = self.adapted_setpoint
@@ -62,7 +62,7 @@ class CollisionConstraints(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> CollisionConstraints:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

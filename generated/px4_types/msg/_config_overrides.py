@@ -25,7 +25,7 @@ class ConfigOverrides(_cdr.Message):
     Fields: timestamp [us], disable_auto_disarm, defer_failsafes, defer_failsafes_timeout_s [s],
     disable_auto_set_home, source_type, source_id.
 
-    uORB topics: config_overrides, config_overrides_request, config_overrides_confirm. Version 1, 15
+    uORB topics: config_overrides, config_overrides_request, config_overrides_confirm. Version 1. 15
     bytes.
     """
 
@@ -83,7 +83,7 @@ class ConfigOverrides(_cdr.Message):
         self.source_id = source_id
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 15 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 15 bytes of values."""
         try:
             if (False | self.disable_auto_disarm | self.defer_failsafes | self.disable_auto_set_home) not in (0, 1):
                 raise _cdr.Refused
@@ -96,7 +96,7 @@ class ConfigOverrides(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ConfigOverrides:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -112,7 +112,7 @@ class ControlAllocatorStatus(_cdr.Message):
         self.actuator_group_preflight_check_active = actuator_group_preflight_check_active
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 61 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 61 bytes of values."""
         try:
             (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2) = self.unallocated_torque
             (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2) = self.unallocated_thrust
@@ -133,7 +133,7 @@ class ControlAllocatorStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ControlAllocatorStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -67,7 +67,7 @@ class DatamanRequest(_cdr.Message):
         self.data_length = data_length
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 76 bytes of values."""
         try:
             if len(self.data) != 56:
                 raise _cdr.Refused
@@ -80,7 +80,7 @@ class DatamanRequest(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DatamanRequest:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -76,7 +76,7 @@ class DatamanResponse(_cdr.Message):
         self.status = status
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 73 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 73 bytes of values."""
         try:
             if len(self.data) != 56:
                 raise _cdr.Refused
@@ -89,7 +89,7 @@ class DatamanResponse(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DatamanResponse:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

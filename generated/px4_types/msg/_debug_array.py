@@ -58,7 +58,7 @@ class DebugArray(_cdr.Message):
         self.data = _arrays.zeros("f", 58) if data is None else data
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 252 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 252 bytes of values."""
         try:
             if len(self.name) != 10:
                 raise _cdr.Refused
@@ -68,7 +68,7 @@ class DebugArray(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DebugArray:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.id, message.name, data_raw) = _unpack(data)

@@ -47,7 +47,7 @@ class DebugKeyValue(_cdr.Message):
         self.value = value
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 24 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 24 bytes of values."""
         try:
             if len(self.key) != 10:
                 raise _cdr.Refused
@@ -57,7 +57,7 @@ class DebugKeyValue(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DebugKeyValue:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.key, message.value) = _unpack(data)

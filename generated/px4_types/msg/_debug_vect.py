@@ -57,7 +57,7 @@ class DebugVect(_cdr.Message):
         self.z = z
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 32 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 32 bytes of values."""
         try:
             if len(self.name) != 10:
                 raise _cdr.Refused
@@ -67,7 +67,7 @@ class DebugVect(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DebugVect:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.name, message.x, message.y, message.z) = _unpack(data)

@@ -97,7 +97,7 @@ class DeviceInformation(_cdr.Message):
         self.serial_number = serial_number
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 177 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 177 bytes of values."""
         try:
             if len(self.name) != 80:
                 raise _cdr.Refused
@@ -116,7 +116,7 @@ class DeviceInformation(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DeviceInformation:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -76,7 +76,7 @@ class DifferentialPressure(_cdr.Message):
         self.error_count = error_count
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 36 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 36 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, self.differential_pressure_pa,
@@ -87,7 +87,7 @@ class DifferentialPressure(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DifferentialPressure:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

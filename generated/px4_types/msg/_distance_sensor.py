@@ -145,7 +145,7 @@ class DistanceSensor(_cdr.Message):
         self.mode = mode
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 58 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 58 bytes of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
             return _pack(
@@ -158,7 +158,7 @@ class DistanceSensor(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DistanceSensor:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

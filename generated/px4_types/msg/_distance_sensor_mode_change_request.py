@@ -47,7 +47,7 @@ class DistanceSensorModeChangeRequest(_cdr.Message):
         self.request_on_off = request_on_off
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 9 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 9 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.request_on_off)
         except _cdr.ENCODE_FAILURES as error:
@@ -55,7 +55,7 @@ class DistanceSensorModeChangeRequest(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DistanceSensorModeChangeRequest:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.request_on_off) = _unpack(data)

@@ -83,7 +83,7 @@ class DronecanNodeStatus(_cdr.Message):
         self.vendor_specific_status_code = vendor_specific_status_code
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 22 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 22 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.node_id, self.uptime_sec, self.health, self.mode, self.sub_mode,
@@ -94,7 +94,7 @@ class DronecanNodeStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> DronecanNodeStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

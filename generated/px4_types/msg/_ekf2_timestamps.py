@@ -86,7 +86,7 @@ class Ekf2Timestamps(_cdr.Message):
         self.visual_odometry_timestamp_rel = visual_odometry_timestamp_rel
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 22 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 22 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.airspeed_timestamp_rel, self.airspeed_validated_timestamp_rel,
@@ -99,7 +99,7 @@ class Ekf2Timestamps(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Ekf2Timestamps:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

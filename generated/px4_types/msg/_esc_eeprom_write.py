@@ -66,7 +66,7 @@ class EscEepromWrite(_cdr.Message):
         self.write_mask = write_mask
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 68 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 68 bytes of values."""
         try:
             (write_mask_0, write_mask_1) = self.write_mask
             if len(self.data) != 48:
@@ -80,7 +80,7 @@ class EscEepromWrite(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EscEepromWrite:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -116,7 +116,7 @@ class EscReport(_cdr.Message):
         self.esc_power = esc_power
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 35 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 35 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.esc_errorcount, self.esc_rpm, self.esc_voltage, self.esc_current,
@@ -128,7 +128,7 @@ class EscReport(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EscReport:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -89,7 +89,7 @@ class EscStatus(_cdr.Message):
         self.esc = _cdr.fresh(EscReport, 12) if esc is None else esc
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 491 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 491 bytes of values."""
         try:
             (
                 esc_0, esc_1, esc_2, esc_3, esc_4, esc_5, esc_6, esc_7, esc_8, esc_9, esc_10, esc_11,
@@ -133,7 +133,7 @@ class EscStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EscStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         esc_0 = _new(EscReport)
         esc_1 = _new(EscReport)

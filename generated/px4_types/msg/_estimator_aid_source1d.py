@@ -115,7 +115,7 @@ class EstimatorAidSource1d(_cdr.Message):
         self.fused = fused
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 62 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 62 bytes of values."""
         try:
             if (False | self.innovation_rejected | self.fused) not in (0, 1):
                 raise _cdr.Refused
@@ -130,7 +130,7 @@ class EstimatorAidSource1d(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorAidSource1d:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -113,7 +113,7 @@ class EstimatorAidSource3d(_cdr.Message):
         self.fused = fused
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 118 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 118 bytes of values."""
         try:
             (observation_0, observation_1, observation_2) = self.observation
             (observation_variance_0, observation_variance_1, observation_variance_2) = self.observation_variance
@@ -138,7 +138,7 @@ class EstimatorAidSource3d(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorAidSource3d:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -78,7 +78,7 @@ class EstimatorBias(_cdr.Message):
         self.innov_test_ratio = innov_test_ratio
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, self.bias, self.bias_var,
@@ -89,7 +89,7 @@ class EstimatorBias(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorBias:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -79,7 +79,7 @@ class EstimatorBias3d(_cdr.Message):
         self.innov_test_ratio = innov_test_ratio
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 80 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 80 bytes of values."""
         try:
             (bias_0, bias_1, bias_2) = self.bias
             (bias_var_0, bias_var_1, bias_var_2) = self.bias_var
@@ -96,7 +96,7 @@ class EstimatorBias3d(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorBias3d:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

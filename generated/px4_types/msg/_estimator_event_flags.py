@@ -148,7 +148,7 @@ class EstimatorEventFlags(_cdr.Message):
         self.reset_hgt_to_ev = reset_hgt_to_ev
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 37 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 37 bytes of values."""
         try:
             if (
                 False | self.gps_checks_passed | self.reset_vel_to_gps | self.reset_vel_to_flow
@@ -173,7 +173,7 @@ class EstimatorEventFlags(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorEventFlags:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

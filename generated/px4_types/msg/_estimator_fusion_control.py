@@ -137,7 +137,7 @@ class EstimatorFusionControl(_cdr.Message):
         self.rngbcn_active = rngbcn_active
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 34 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 34 bytes of values."""
         try:
             (gps_intended_0, gps_intended_1) = self.gps_intended
             (agp_intended_0, agp_intended_1, agp_intended_2, agp_intended_3) = self.agp_intended
@@ -165,7 +165,7 @@ class EstimatorFusionControl(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorFusionControl:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

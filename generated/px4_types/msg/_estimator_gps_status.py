@@ -133,7 +133,7 @@ class EstimatorGpsStatus(_cdr.Message):
         self.filtered_horizontal_speed_m_s = filtered_horizontal_speed_m_s
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
             if (
                 False | self.checks_passed | self.check_fail_gps_fix | self.check_fail_min_sat_count
@@ -157,7 +157,7 @@ class EstimatorGpsStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorGpsStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -155,7 +155,7 @@ class EstimatorInnovations(_cdr.Message):
         self.hagl_rate = hagl_rate
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 140 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 140 bytes of values."""
         try:
             (gps_hvel_0, gps_hvel_1) = self.gps_hvel
             (gps_hpos_0, gps_hpos_1) = self.gps_hpos
@@ -178,7 +178,7 @@ class EstimatorInnovations(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorInnovations:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -125,7 +125,7 @@ class EstimatorSelectorStatus(_cdr.Message):
         self.accel_fault_detected = accel_fault_detected
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 158 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 158 bytes of values."""
         try:
             (
                 combined_test_ratio_0, combined_test_ratio_1, combined_test_ratio_2, combined_test_ratio_3,
@@ -173,7 +173,7 @@ class EstimatorSelectorStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorSelectorStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

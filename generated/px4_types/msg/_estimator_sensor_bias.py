@@ -146,7 +146,7 @@ class EstimatorSensorBias(_cdr.Message):
         self.mag_bias_stable = mag_bias_stable
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 122 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 122 bytes of values."""
         try:
             (gyro_bias_0, gyro_bias_1, gyro_bias_2) = self.gyro_bias
             (gyro_bias_variance_0, gyro_bias_variance_1, gyro_bias_variance_2) = self.gyro_bias_variance
@@ -174,7 +174,7 @@ class EstimatorSensorBias(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorSensorBias:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -58,7 +58,7 @@ class EstimatorStates(_cdr.Message):
         self.covariances = _arrays.zeros("f", 24) if covariances is None else covariances
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 216 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 216 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, _to_raw("f", 25, self.states), self.n_states,
@@ -69,7 +69,7 @@ class EstimatorStates(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorStates:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -351,7 +351,7 @@ class EstimatorStatus(_cdr.Message):
         self.mag_strength_ref_gs = mag_strength_ref_gs
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 136 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 136 bytes of values."""
         try:
             (output_tracking_error_0, output_tracking_error_1, output_tracking_error_2) = self.output_tracking_error
             if (
@@ -380,7 +380,7 @@ class EstimatorStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

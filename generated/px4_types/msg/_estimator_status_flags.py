@@ -401,7 +401,7 @@ class EstimatorStatusFlags(_cdr.Message):
         self.fs_bad_acc_clipping = fs_bad_acc_clipping
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 87 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 87 bytes of values."""
         try:
             if (
                 False | self.cs_tilt_align | self.cs_yaw_align | self.cs_gnss_pos | self.cs_opt_flow
@@ -447,7 +447,7 @@ class EstimatorStatusFlags(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> EstimatorStatusFlags:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

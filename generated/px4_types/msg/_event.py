@@ -23,7 +23,7 @@ class Event(_cdr.Message):
 
     Fields: timestamp [us], id, event_sequence, arguments, log_levels.
 
-    uORB topic: event. Version 1, 40 bytes.
+    uORB topic: event. Version 1. 40 bytes.
     """
 
     __slots__ = ("timestamp", "id", "event_sequence", "arguments", "log_levels")
@@ -64,7 +64,7 @@ class Event(_cdr.Message):
         self.log_levels = log_levels
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
             if len(self.arguments) != 25:
                 raise _cdr.Refused
@@ -76,7 +76,7 @@ class Event(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Event:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -305,7 +305,7 @@ class FailsafeFlags(_cdr.Message):
         self.gnss_lost = gnss_lost
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 95 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 95 bytes of values."""
         try:
             if (
                 False | self.angular_velocity_invalid | self.attitude_invalid | self.local_altitude_invalid
@@ -344,7 +344,7 @@ class FailsafeFlags(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FailsafeFlags:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -99,7 +99,7 @@ class FailureDetectorStatus(_cdr.Message):
         self.motor_stop_mask = motor_stop_mask
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 24 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 24 bytes of values."""
         try:
             if (
                 False | self.fd_roll | self.fd_pitch | self.fd_alt | self.fd_ext | self.fd_arm_escs
@@ -116,7 +116,7 @@ class FailureDetectorStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FailureDetectorStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

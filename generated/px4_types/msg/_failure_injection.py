@@ -102,7 +102,7 @@ class FailureInjection(_cdr.Message):
         self.failure_type = failure_type
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 26 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 26 bytes of values."""
         try:
             (instance_mask_0, instance_mask_1, instance_mask_2, instance_mask_3) = self.instance_mask
             if len(self.unit) != 4:
@@ -118,7 +118,7 @@ class FailureInjection(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FailureInjection:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

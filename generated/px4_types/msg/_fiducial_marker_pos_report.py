@@ -57,7 +57,7 @@ class FiducialMarkerPosReport(_cdr.Message):
         self.q = q
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 56 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 56 bytes of values."""
         try:
             (rel_pos_0, rel_pos_1, rel_pos_2) = self.rel_pos
             (cov_rel_pos_0, cov_rel_pos_1, cov_rel_pos_2) = self.cov_rel_pos
@@ -71,7 +71,7 @@ class FiducialMarkerPosReport(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FiducialMarkerPosReport:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -52,7 +52,7 @@ class FiducialMarkerYawReport(_cdr.Message):
         self.yaw_var_ned = yaw_var_ned
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 24 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 24 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.yaw_ned, self.yaw_var_ned,
@@ -62,7 +62,7 @@ class FiducialMarkerYawReport(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FiducialMarkerYawReport:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -72,7 +72,7 @@ class FigureEightStatus(_cdr.Message):
         self.z = z
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 36 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 36 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.major_radius, self.minor_radius, self.orientation, self.frame,
@@ -83,7 +83,7 @@ class FigureEightStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FigureEightStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

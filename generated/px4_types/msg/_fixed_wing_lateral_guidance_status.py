@@ -92,7 +92,7 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
         self.wind_est_valid = wind_est_valid
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 41 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 41 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.course_setpoint, self.lateral_acceleration_ff, self.bearing_feas,
@@ -104,7 +104,7 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FixedWingLateralGuidanceStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -63,7 +63,7 @@ class FixedWingLateralSetpoint(_cdr.Message):
         self.lateral_acceleration = lateral_acceleration
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.course, self.airspeed_direction, self.lateral_acceleration,
@@ -73,7 +73,7 @@ class FixedWingLateralSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FixedWingLateralSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

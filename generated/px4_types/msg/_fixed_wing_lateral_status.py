@@ -47,7 +47,7 @@ class FixedWingLateralStatus(_cdr.Message):
         self.can_run_factor = can_run_factor
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.lateral_acceleration_setpoint, self.can_run_factor,
@@ -57,7 +57,7 @@ class FixedWingLateralStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FixedWingLateralStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

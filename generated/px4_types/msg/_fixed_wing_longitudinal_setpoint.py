@@ -78,7 +78,7 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
         self.throttle_direct = throttle_direct
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 28 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 28 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.altitude, self.height_rate, self.equivalent_airspeed,
@@ -89,7 +89,7 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FixedWingLongitudinalSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -73,7 +73,7 @@ class FixedWingRunwayControl(_cdr.Message):
         self.wheel_steering_nudging_rate = wheel_steering_nudging_rate
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             if (False | self.wheel_steering_enabled) not in (0, 1):
                 raise _cdr.Refused
@@ -86,7 +86,7 @@ class FixedWingRunwayControl(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FixedWingRunwayControl:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -49,7 +49,7 @@ class FlightPhaseEstimation(_cdr.Message):
         self.flight_phase = flight_phase
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 9 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 9 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.flight_phase)
         except _cdr.ENCODE_FAILURES as error:
@@ -57,7 +57,7 @@ class FlightPhaseEstimation(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FlightPhaseEstimation:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.flight_phase) = _unpack(data)

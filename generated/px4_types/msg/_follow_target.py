@@ -72,7 +72,7 @@ class FollowTarget(_cdr.Message):
         self.est_cap = est_cap
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 41 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 41 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.lat, self.lon, self.alt, self.vy, self.vx, self.vz, self.est_cap,
@@ -82,7 +82,7 @@ class FollowTarget(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FollowTarget:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

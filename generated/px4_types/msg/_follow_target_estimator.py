@@ -98,7 +98,7 @@ class FollowTargetEstimator(_cdr.Message):
         self.fusion_count = fusion_count
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 96 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 96 bytes of values."""
         try:
             (pos_est_0, pos_est_1, pos_est_2) = self.pos_est
             (vel_est_0, vel_est_1, vel_est_2) = self.vel_est
@@ -116,7 +116,7 @@ class FollowTargetEstimator(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FollowTargetEstimator:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

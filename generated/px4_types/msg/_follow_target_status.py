@@ -79,7 +79,7 @@ class FollowTargetStatus(_cdr.Message):
         self.gimbal_pitch = gimbal_pitch
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 44 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 44 bytes of values."""
         try:
             (desired_position_raw_0, desired_position_raw_1, desired_position_raw_2) = self.desired_position_raw
             if (False | self.in_emergency_ascent) not in (0, 1):
@@ -94,7 +94,7 @@ class FollowTargetStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FollowTargetStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -95,7 +95,7 @@ class FuelTankStatus(_cdr.Message):
         self.temperature = temperature
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.maximum_fuel_capacity, self.consumed_fuel,
@@ -107,7 +107,7 @@ class FuelTankStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> FuelTankStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

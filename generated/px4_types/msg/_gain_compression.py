@@ -54,7 +54,7 @@ class GainCompression(_cdr.Message):
         self.spectral_damper_out = spectral_damper_out
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 44 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 44 bytes of values."""
         try:
             (compression_gains_0, compression_gains_1, compression_gains_2) = self.compression_gains
             (spectral_damper_hpf_0, spectral_damper_hpf_1, spectral_damper_hpf_2) = self.spectral_damper_hpf
@@ -69,7 +69,7 @@ class GainCompression(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GainCompression:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

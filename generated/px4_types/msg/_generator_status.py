@@ -146,7 +146,7 @@ class GeneratorStatus(_cdr.Message):
         self.generator_temperature = generator_temperature
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 50 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 50 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.status, self.battery_current, self.load_current,
@@ -159,7 +159,7 @@ class GeneratorStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GeneratorStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -82,7 +82,7 @@ class GeofenceResult(_cdr.Message):
         self.geofence_action = geofence_action
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 12 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 12 bytes of values."""
         try:
             if (
                 False | self.geofence_max_dist_triggered | self.geofence_max_alt_triggered
@@ -98,7 +98,7 @@ class GeofenceResult(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GeofenceResult:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -52,7 +52,7 @@ class GeofenceStatus(_cdr.Message):
         self.status = status
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 13 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 13 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.geofence_id, self.status)
         except _cdr.ENCODE_FAILURES as error:
@@ -60,7 +60,7 @@ class GeofenceStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GeofenceStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.geofence_id, message.status) = _unpack(data)

@@ -53,7 +53,7 @@ class GimbalControls(_cdr.Message):
         self.control = control
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 28 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 28 bytes of values."""
         try:
             (control_0, control_1, control_2) = self.control
             return _pack(
@@ -64,7 +64,7 @@ class GimbalControls(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalControls:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

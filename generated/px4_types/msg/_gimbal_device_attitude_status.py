@@ -132,7 +132,7 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
         self.received_from_mavlink = received_from_mavlink
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 54 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 54 bytes of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
             if (False | self.received_from_mavlink) not in (0, 1):
@@ -148,7 +148,7 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalDeviceAttitudeStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -137,7 +137,7 @@ class GimbalDeviceInformation(_cdr.Message):
         self.gimbal_device_id = gimbal_device_id
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 149 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 149 bytes of values."""
         try:
             if len(self.vendor_name) != 32:
                 raise _cdr.Refused
@@ -156,7 +156,7 @@ class GimbalDeviceInformation(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalDeviceInformation:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

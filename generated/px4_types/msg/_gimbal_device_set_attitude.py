@@ -93,7 +93,7 @@ class GimbalDeviceSetAttitude(_cdr.Message):
         self.angular_velocity_z = angular_velocity_z
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
             return _pack(
@@ -105,7 +105,7 @@ class GimbalDeviceSetAttitude(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalDeviceSetAttitude:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -106,7 +106,7 @@ class GimbalManagerInformation(_cdr.Message):
         self.yaw_max = yaw_max
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.cap_flags, self.gimbal_device_id, self.roll_min, self.roll_max,
@@ -117,7 +117,7 @@ class GimbalManagerInformation(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalManagerInformation:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

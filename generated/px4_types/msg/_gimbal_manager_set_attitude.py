@@ -107,7 +107,7 @@ class GimbalManagerSetAttitude(_cdr.Message):
         self.angular_velocity_z = angular_velocity_z
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 48 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 48 bytes of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
             return _pack(
@@ -120,7 +120,7 @@ class GimbalManagerSetAttitude(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalManagerSetAttitude:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

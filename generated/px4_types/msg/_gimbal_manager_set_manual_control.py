@@ -102,7 +102,7 @@ class GimbalManagerSetManualControl(_cdr.Message):
         self.yaw_rate = yaw_rate
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 36 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 36 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.origin_sysid, self.origin_compid, self.target_system,
@@ -114,7 +114,7 @@ class GimbalManagerSetManualControl(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalManagerSetManualControl:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -74,7 +74,7 @@ class GimbalManagerStatus(_cdr.Message):
         self.secondary_control_compid = secondary_control_compid
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 17 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 17 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.flags, self.gimbal_device_id, self.primary_control_sysid,
@@ -85,7 +85,7 @@ class GimbalManagerStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GimbalManagerStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -98,7 +98,7 @@ class GotoSetpoint(_cdr.Message):
         self.max_heading_rate = max_heading_rate
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 52 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 52 bytes of values."""
         try:
             (position_0, position_1, position_2) = self.position
             if (
@@ -117,7 +117,7 @@ class GotoSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GotoSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -71,7 +71,7 @@ class GpioConfig(_cdr.Message):
         self.config = config
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 24 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 24 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.device_id, self.mask, self.state, self.config)
         except _cdr.ENCODE_FAILURES as error:
@@ -79,7 +79,7 @@ class GpioConfig(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GpioConfig:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -51,7 +51,7 @@ class GpioOut(_cdr.Message):
         self.state = state
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.device_id, self.mask, self.state)
         except _cdr.ENCODE_FAILURES as error:
@@ -59,7 +59,7 @@ class GpioOut(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GpioOut:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.device_id, message.mask, message.state) = _unpack(data)

@@ -69,7 +69,7 @@ class GpsDump(_cdr.Message):
         self.data = data
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 96 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 96 bytes of values."""
         try:
             if len(self.data) != 79:
                 raise _cdr.Refused
@@ -79,7 +79,7 @@ class GpsDump(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> GpsDump:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -46,7 +46,7 @@ class Gripper(_cdr.Message):
         self.command = command
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 9 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 9 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.command)
         except _cdr.ENCODE_FAILURES as error:
@@ -54,7 +54,7 @@ class Gripper(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Gripper:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.command) = _unpack(data)

@@ -82,7 +82,7 @@ class HealthReport(_cdr.Message):
         self.arming_check_error_flags = arming_check_error_flags
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 64 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 64 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.can_arm_mode_flags, self.can_run_mode_flags,
@@ -94,7 +94,7 @@ class HealthReport(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> HealthReport:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -135,7 +135,7 @@ class HeaterStatus(_cdr.Message):
         self.temperature_source = temperature_source
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 58 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 58 bytes of values."""
         try:
             if (False | self.heater_on | self.temperature_target_met) not in (0, 1):
                 raise _cdr.Refused
@@ -151,7 +151,7 @@ class HeaterStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> HeaterStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -24,7 +24,7 @@ class HomePosition(_cdr.Message):
     Fields: timestamp [us], lat [deg], lon [deg], alt [m], x [m], y [m], z [m], roll [rad], pitch [rad],
     yaw [rad], valid_alt, valid_hpos, valid_lpos, manual_home, update_count.
 
-    uORB topic: home_position. Version 1, 60 bytes.
+    uORB topic: home_position. Version 1. 60 bytes.
     """
 
     __slots__ = (
@@ -120,7 +120,7 @@ class HomePosition(_cdr.Message):
         self.update_count = update_count
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 60 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 60 bytes of values."""
         try:
             if (False | self.valid_alt | self.valid_hpos | self.valid_lpos | self.manual_home) not in (0, 1):
                 raise _cdr.Refused
@@ -134,7 +134,7 @@ class HomePosition(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> HomePosition:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -85,7 +85,7 @@ class HoverThrustEstimate(_cdr.Message):
         self.valid = valid
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 41 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 41 bytes of values."""
         try:
             if (False | self.valid) not in (0, 1):
                 raise _cdr.Refused
@@ -99,7 +99,7 @@ class HoverThrustEstimate(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> HoverThrustEstimate:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

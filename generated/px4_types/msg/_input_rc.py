@@ -143,7 +143,7 @@ class InputRc(_cdr.Message):
         self.link_snr = link_snr
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 81 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 81 bytes of values."""
         try:
             if (False | self.rc_failsafe | self.rc_lost) not in (0, 1):
                 raise _cdr.Refused
@@ -158,7 +158,7 @@ class InputRc(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> InputRc:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -71,7 +71,7 @@ class InternalCombustionEngineControl(_cdr.Message):
         self.user_request = user_request
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 25 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 25 bytes of values."""
         try:
             if (False | self.ignition_on) not in (0, 1):
                 raise _cdr.Refused
@@ -84,7 +84,7 @@ class InternalCombustionEngineControl(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> InternalCombustionEngineControl:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

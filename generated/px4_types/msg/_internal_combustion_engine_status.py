@@ -228,7 +228,7 @@ class InternalCombustionEngineStatus(_cdr.Message):
         self.pid_idle_rpm_integral = pid_idle_rpm_integral
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 92 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 92 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.state, self.substate, self.flags, self.engine_load_percent,
@@ -245,7 +245,7 @@ class InternalCombustionEngineStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> InternalCombustionEngineStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -118,7 +118,7 @@ class IridiumsbdStatus(_cdr.Message):
         self.rx_session_pending = rx_session_pending
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 35 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 35 bytes of values."""
         try:
             if (
                 False | self.ring_pending | self.tx_buf_write_pending | self.tx_session_pending
@@ -137,7 +137,7 @@ class IridiumsbdStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> IridiumsbdStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -62,7 +62,7 @@ class IrlockReport(_cdr.Message):
         self.size_y = size_y
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 28 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 28 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.signature, self.pos_x, self.pos_y, self.size_x, self.size_y,
@@ -72,7 +72,7 @@ class IrlockReport(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> IrlockReport:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -53,7 +53,7 @@ class LandingGear(_cdr.Message):
         self.landing_gear = landing_gear
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 9 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 9 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.landing_gear)
         except _cdr.ENCODE_FAILURES as error:
@@ -61,7 +61,7 @@ class LandingGear(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LandingGear:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.landing_gear) = _unpack(data)

@@ -56,7 +56,7 @@ class LandingTargetInnovations(_cdr.Message):
         self.innov_cov_y = innov_cov_y
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 24 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 24 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.innov_x, self.innov_y, self.innov_cov_x, self.innov_cov_y,
@@ -66,7 +66,7 @@ class LandingTargetInnovations(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LandingTargetInnovations:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -148,7 +148,7 @@ class LandingTargetPose(_cdr.Message):
         self.z_abs = z_abs
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 76 bytes of values."""
         try:
             if (
                 False | self.is_static | self.rel_pos_valid | self.rel_vel_valid | self.rel_vel_ekf2_valid
@@ -166,7 +166,7 @@ class LandingTargetPose(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LandingTargetPose:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -48,7 +48,7 @@ class LateralControlConfiguration(_cdr.Message):
         self.lateral_accel_max = lateral_accel_max
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 12 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 12 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.lateral_accel_max)
         except _cdr.ENCODE_FAILURES as error:
@@ -56,7 +56,7 @@ class LateralControlConfiguration(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LateralControlConfiguration:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.lateral_accel_max) = _unpack(data)

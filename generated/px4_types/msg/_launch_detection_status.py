@@ -56,7 +56,7 @@ class LaunchDetectionStatus(_cdr.Message):
         self.selected_control_surface_disarmed = selected_control_surface_disarmed
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 10 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 10 bytes of values."""
         try:
             if (False | self.selected_control_surface_disarmed) not in (0, 1):
                 raise _cdr.Refused
@@ -68,7 +68,7 @@ class LaunchDetectionStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LaunchDetectionStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -97,7 +97,7 @@ class LedControl(_cdr.Message):
         self.priority = priority
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 13 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 13 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.led_mask, self.color, self.mode, self.num_blinks, self.priority,
@@ -107,7 +107,7 @@ class LedControl(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LedControl:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -104,7 +104,7 @@ class LoggerStatus(_cdr.Message):
         self.num_messages = num_messages
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 37 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 37 bytes of values."""
         try:
             if (False | self.is_logging) not in (0, 1):
                 raise _cdr.Refused
@@ -118,7 +118,7 @@ class LoggerStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LoggerStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -101,7 +101,7 @@ class LongitudinalControlConfiguration(_cdr.Message):
         self.disable_underspeed_protection = disable_underspeed_protection
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 38 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 38 bytes of values."""
         try:
             if (False | self.enforce_low_height_condition | self.disable_underspeed_protection) not in (0, 1):
                 raise _cdr.Refused
@@ -115,7 +115,7 @@ class LongitudinalControlConfiguration(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> LongitudinalControlConfiguration:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -94,7 +94,7 @@ class MagWorkerData(_cdr.Message):
         self.z = z
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 100 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 100 bytes of values."""
         try:
             (
                 calibration_counter_total_0, calibration_counter_total_1, calibration_counter_total_2,
@@ -124,7 +124,7 @@ class MagWorkerData(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MagWorkerData:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -63,7 +63,7 @@ class MagnetometerBiasEstimate(_cdr.Message):
         self.stable = stable
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 64 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 64 bytes of values."""
         try:
             (bias_x_0, bias_x_1, bias_x_2, bias_x_3) = self.bias_x
             (bias_y_0, bias_y_1, bias_y_2, bias_y_3) = self.bias_y
@@ -82,7 +82,7 @@ class MagnetometerBiasEstimate(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MagnetometerBiasEstimate:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -153,7 +153,7 @@ class ManualControlSetpoint(_cdr.Message):
         self.buttons = buttons
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 68 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 68 bytes of values."""
         try:
             if (False | self.valid | self.sticks_moving) not in (0, 1):
                 raise _cdr.Refused
@@ -167,7 +167,7 @@ class ManualControlSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ManualControlSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

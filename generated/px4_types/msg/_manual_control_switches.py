@@ -144,7 +144,7 @@ class ManualControlSwitches(_cdr.Message):
         self.switch_changes = switch_changes
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 36 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 36 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.mode_slot, self.arm_switch,
@@ -158,7 +158,7 @@ class ManualControlSwitches(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ManualControlSwitches:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

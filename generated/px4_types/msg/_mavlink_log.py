@@ -50,7 +50,7 @@ class MavlinkLog(_cdr.Message):
         self.severity = severity
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 136 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 136 bytes of values."""
         try:
             if len(self.text) != 127:
                 raise _cdr.Refused
@@ -60,7 +60,7 @@ class MavlinkLog(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MavlinkLog:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.text, message.severity) = _unpack(data)

@@ -83,7 +83,7 @@ class MavlinkTunnel(_cdr.Message):
         self.payload = payload
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 141 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 141 bytes of values."""
         try:
             if len(self.payload) != 128:
                 raise _cdr.Refused
@@ -96,7 +96,7 @@ class MavlinkTunnel(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MavlinkTunnel:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -54,7 +54,7 @@ class MessageFormatRequest(_cdr.Message):
         self.topic_name = topic_name
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 60 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 60 bytes of values."""
         try:
             if len(self.topic_name) != 50:
                 raise _cdr.Refused
@@ -64,7 +64,7 @@ class MessageFormatRequest(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MessageFormatRequest:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.protocol_version, message.topic_name) = _unpack(data)

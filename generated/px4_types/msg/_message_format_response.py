@@ -57,7 +57,7 @@ class MessageFormatResponse(_cdr.Message):
         self.message_hash = message_hash
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 68 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 68 bytes of values."""
         try:
             if len(self.topic_name) != 50:
                 raise _cdr.Refused
@@ -72,7 +72,7 @@ class MessageFormatResponse(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MessageFormatResponse:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -94,7 +94,7 @@ class Mission(_cdr.Message):
         self.safe_points_id = safe_points_id
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.mission_dataman_id, self.fence_dataman_id,
@@ -106,7 +106,7 @@ class Mission(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Mission:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -116,7 +116,7 @@ class MissionResult(_cdr.Message):
         self.execution_mode = execution_mode
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 39 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 39 bytes of values."""
         try:
             if (False | self.valid | self.warning | self.finished | self.failure | self.item_do_jump_changed) not in (0, 1):
                 raise _cdr.Refused
@@ -131,7 +131,7 @@ class MissionResult(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MissionResult:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

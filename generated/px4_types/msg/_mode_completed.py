@@ -55,7 +55,7 @@ class ModeCompleted(_cdr.Message):
         self.nav_state = nav_state
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 10 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 10 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.result, self.nav_state)
         except _cdr.ENCODE_FAILURES as error:
@@ -63,7 +63,7 @@ class ModeCompleted(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ModeCompleted:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.result, message.nav_state) = _unpack(data)

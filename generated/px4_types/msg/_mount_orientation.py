@@ -41,7 +41,7 @@ class MountOrientation(_cdr.Message):
         self.attitude_euler_angle = attitude_euler_angle
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             (attitude_euler_angle_0, attitude_euler_angle_1, attitude_euler_angle_2) = self.attitude_euler_angle
             return _pack(
@@ -53,7 +53,7 @@ class MountOrientation(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> MountOrientation:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -126,7 +126,7 @@ class NavigatorMissionItem(_cdr.Message):
         self.vtol_back_transition = vtol_back_transition
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 47 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 47 bytes of values."""
         try:
             if (
                 False | self.loiter_exit_xtrack | self.force_heading | self.altitude_is_relative
@@ -144,7 +144,7 @@ class NavigatorMissionItem(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> NavigatorMissionItem:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

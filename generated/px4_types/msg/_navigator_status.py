@@ -53,7 +53,7 @@ class NavigatorStatus(_cdr.Message):
         self.failure = failure
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 10 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 10 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.nav_state, self.failure)
         except _cdr.ENCODE_FAILURES as error:
@@ -61,7 +61,7 @@ class NavigatorStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> NavigatorStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.nav_state, message.failure) = _unpack(data)

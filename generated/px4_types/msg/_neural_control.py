@@ -56,7 +56,7 @@ class NeuralControl(_cdr.Message):
         self.inference_time = inference_time
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 92 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 92 bytes of values."""
         try:
             (
                 observation_0, observation_1, observation_2, observation_3, observation_4, observation_5,
@@ -76,7 +76,7 @@ class NeuralControl(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> NeuralControl:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -94,7 +94,7 @@ class ObstacleDistance(_cdr.Message):
         self.angle_offset = angle_offset
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 168 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 168 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.frame, self.sensor_type, _to_raw("H", 72, self.distances),
@@ -105,7 +105,7 @@ class ObstacleDistance(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ObstacleDistance:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -81,7 +81,7 @@ class OffboardControlMode(_cdr.Message):
         self.direct_actuator = direct_actuator
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 15 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 15 bytes of values."""
         try:
             if (
                 False | self.position | self.velocity | self.acceleration | self.attitude | self.body_rate
@@ -97,7 +97,7 @@ class OffboardControlMode(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OffboardControlMode:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

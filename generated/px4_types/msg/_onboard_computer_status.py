@@ -151,7 +151,7 @@ class OnboardComputerStatus(_cdr.Message):
         self.link_rx_max = link_rx_max
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 240 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 240 bytes of values."""
         try:
             (
                 temperature_core_0, temperature_core_1, temperature_core_2, temperature_core_3,
@@ -204,7 +204,7 @@ class OnboardComputerStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OnboardComputerStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

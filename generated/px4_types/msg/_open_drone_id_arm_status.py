@@ -47,7 +47,7 @@ class OpenDroneIdArmStatus(_cdr.Message):
         self.error = error
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 59 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 59 bytes of values."""
         try:
             if len(self.error) != 50:
                 raise _cdr.Refused
@@ -57,7 +57,7 @@ class OpenDroneIdArmStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OpenDroneIdArmStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.status, message.error) = _unpack(data)

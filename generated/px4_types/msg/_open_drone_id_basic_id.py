@@ -58,7 +58,7 @@ class OpenDroneIdBasicId(_cdr.Message):
         self.uas_id = uas_id
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 50 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 50 bytes of values."""
         try:
             if len(self.id_or_mac) != 20:
                 raise _cdr.Refused
@@ -72,7 +72,7 @@ class OpenDroneIdBasicId(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OpenDroneIdBasicId:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

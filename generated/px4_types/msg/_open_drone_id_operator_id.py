@@ -52,7 +52,7 @@ class OpenDroneIdOperatorId(_cdr.Message):
         self.operator_id = operator_id
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 49 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 49 bytes of values."""
         try:
             if len(self.id_or_mac) != 20:
                 raise _cdr.Refused
@@ -66,7 +66,7 @@ class OpenDroneIdOperatorId(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OpenDroneIdOperatorId:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -107,7 +107,7 @@ class OpenDroneIdSystem(_cdr.Message):
         self.operator_altitude_geo = operator_altitude_geo
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 60 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 60 bytes of values."""
         try:
             if len(self.id_or_mac) != 20:
                 raise _cdr.Refused
@@ -122,7 +122,7 @@ class OpenDroneIdSystem(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OpenDroneIdSystem:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -46,7 +46,7 @@ class OrbTestLarge(_cdr.Message):
         self.junk = junk
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 524 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 524 bytes of values."""
         try:
             if len(self.junk) != 512:
                 raise _cdr.Refused
@@ -56,7 +56,7 @@ class OrbTestLarge(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OrbTestLarge:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.val, message.junk) = _unpack(data)

@@ -51,7 +51,7 @@ class OrbTestMedium(_cdr.Message):
         self.junk = junk
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 76 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 76 bytes of values."""
         try:
             if len(self.junk) != 64:
                 raise _cdr.Refused
@@ -61,7 +61,7 @@ class OrbTestMedium(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OrbTestMedium:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.val, message.junk) = _unpack(data)

@@ -88,7 +88,7 @@ class OrbitStatus(_cdr.Message):
         self.yaw_behaviour = yaw_behaviour
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 37 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 37 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.radius, self.frame, self.x, self.y, self.z, self.yaw_behaviour,
@@ -98,7 +98,7 @@ class OrbitStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> OrbitStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

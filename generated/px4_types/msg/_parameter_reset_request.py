@@ -51,7 +51,7 @@ class ParameterResetRequest(_cdr.Message):
         self.reset_all = reset_all
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 11 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 11 bytes of values."""
         try:
             if (False | self.reset_all) not in (0, 1):
                 raise _cdr.Refused
@@ -61,7 +61,7 @@ class ParameterResetRequest(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ParameterResetRequest:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.parameter_index, message.reset_all) = _unpack(data)

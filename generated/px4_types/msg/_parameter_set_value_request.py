@@ -56,7 +56,7 @@ class ParameterSetValueRequest(_cdr.Message):
         self.float_value = float_value
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.parameter_index, self.int_value, self.float_value,
@@ -66,7 +66,7 @@ class ParameterSetValueRequest(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ParameterSetValueRequest:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

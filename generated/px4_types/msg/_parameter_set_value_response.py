@@ -52,7 +52,7 @@ class ParameterSetValueResponse(_cdr.Message):
         self.parameter_index = parameter_index
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 18 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 18 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.request_timestamp, self.parameter_index)
         except _cdr.ENCODE_FAILURES as error:
@@ -60,7 +60,7 @@ class ParameterSetValueResponse(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ParameterSetValueResponse:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

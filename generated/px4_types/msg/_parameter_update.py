@@ -84,7 +84,7 @@ class ParameterUpdate(_cdr.Message):
         self.custom_default = custom_default
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 34 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 34 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.instance, self.get_count, self.set_count, self.find_count,
@@ -95,7 +95,7 @@ class ParameterUpdate(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> ParameterUpdate:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -71,7 +71,7 @@ class Ping(_cdr.Message):
         self.component_id = component_id
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 30 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 30 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.ping_time, self.ping_sequence, self.dropped_packets, self.rtt_ms,
@@ -82,7 +82,7 @@ class Ping(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Ping:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

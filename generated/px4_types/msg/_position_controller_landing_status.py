@@ -64,7 +64,7 @@ class PositionControllerLandingStatus(_cdr.Message):
         self.abort_status = abort_status
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 14 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 14 bytes of values."""
         try:
             if (False | self.flaring) not in (0, 1):
                 raise _cdr.Refused
@@ -76,7 +76,7 @@ class PositionControllerLandingStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PositionControllerLandingStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

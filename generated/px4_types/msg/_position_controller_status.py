@@ -84,7 +84,7 @@ class PositionControllerStatus(_cdr.Message):
         self.type = type
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 37 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 37 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.nav_roll, self.nav_pitch, self.nav_bearing, self.target_bearing,
@@ -95,7 +95,7 @@ class PositionControllerStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PositionControllerStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -181,7 +181,7 @@ class PositionSetpoint(_cdr.Message):
         self.cruising_throttle = cruising_throttle
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 92 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 92 bytes of values."""
         try:
             if (False | self.valid | self.loiter_direction_counter_clockwise | self.gliding_enabled) not in (0, 1):
                 raise _cdr.Refused
@@ -197,7 +197,7 @@ class PositionSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PositionSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -56,7 +56,7 @@ class PositionSetpointTriplet(_cdr.Message):
         self.next = PositionSetpoint() if next is None else next
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 292 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 292 bytes of values."""
         try:
             previous = self.previous
             current = self.current
@@ -92,7 +92,7 @@ class PositionSetpointTriplet(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PositionSetpointTriplet:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         previous = _new(PositionSetpoint)
         current = _new(PositionSetpoint)

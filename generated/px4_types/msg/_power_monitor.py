@@ -100,7 +100,7 @@ class PowerMonitor(_cdr.Message):
         self.al = al
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 36 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 36 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.voltage_v, self.current_a, self.power_w, self.rconf, self.rsv,
@@ -111,7 +111,7 @@ class PowerMonitor(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PowerMonitor:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -47,7 +47,7 @@ class PpsCapture(_cdr.Message):
         self.pps_rate_exceeded_counter = pps_rate_exceeded_counter
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 17 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 17 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.rtc_timestamp, self.pps_rate_exceeded_counter)
         except _cdr.ENCODE_FAILURES as error:
@@ -55,7 +55,7 @@ class PpsCapture(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PpsCapture:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -67,7 +67,7 @@ class PrecLandStatus(_cdr.Message):
         self.state = state
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 9 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 9 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.state)
         except _cdr.ENCODE_FAILURES as error:
@@ -75,7 +75,7 @@ class PrecLandStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PrecLandStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.state) = _unpack(data)

@@ -71,7 +71,7 @@ class PurePursuitStatus(_cdr.Message):
         self.bearing_to_waypoint = bearing_to_waypoint
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 28 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 28 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.lookahead_distance, self.target_bearing, self.crosstrack_error,
@@ -82,7 +82,7 @@ class PurePursuitStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> PurePursuitStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

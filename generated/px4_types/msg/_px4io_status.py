@@ -216,7 +216,7 @@ class Px4ioStatus(_cdr.Message):
         self.raw_inputs = _arrays.zeros("H", 18) if raw_inputs is None else raw_inputs
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 144 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 144 bytes of values."""
         try:
             (pwm_0, pwm_1, pwm_2, pwm_3, pwm_4, pwm_5, pwm_6, pwm_7) = self.pwm
             (
@@ -261,7 +261,7 @@ class Px4ioStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Px4ioStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -56,7 +56,7 @@ class QshellReq(_cdr.Message):
         self.request_sequence = request_sequence
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 116 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 116 bytes of values."""
         try:
             if len(self.cmd) != 100:
                 raise _cdr.Refused
@@ -66,7 +66,7 @@ class QshellReq(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> QshellReq:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -47,7 +47,7 @@ class QshellRetval(_cdr.Message):
         self.return_sequence = return_sequence
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.return_value, self.return_sequence)
         except _cdr.ENCODE_FAILURES as error:
@@ -55,7 +55,7 @@ class QshellRetval(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> QshellRetval:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.return_value, message.return_sequence) = _unpack(data)

@@ -76,7 +76,7 @@ class RadioStatus(_cdr.Message):
         self.fix = fix
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 18 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 18 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.rssi, self.remote_rssi, self.txbuf, self.noise,
@@ -87,7 +87,7 @@ class RadioStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RadioStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

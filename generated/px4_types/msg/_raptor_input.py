@@ -85,7 +85,7 @@ class RaptorInput(_cdr.Message):
         self.previous_action = previous_action
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 88 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 88 bytes of values."""
         try:
             (position_0, position_1, position_2) = self.position
             (orientation_0, orientation_1, orientation_2, orientation_3) = self.orientation
@@ -106,7 +106,7 @@ class RaptorInput(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RaptorInput:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -207,7 +207,7 @@ class RaptorStatus(_cdr.Message):
         self.internal_reference_linear_velocity = internal_reference_linear_velocity
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 88 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 88 bytes of values."""
         try:
             (
                 internal_reference_position_0, internal_reference_position_1, internal_reference_position_2,
@@ -244,7 +244,7 @@ class RaptorStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RaptorStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

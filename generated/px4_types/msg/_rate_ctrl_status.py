@@ -51,7 +51,7 @@ class RateCtrlStatus(_cdr.Message):
         self.yawspeed_integ = yawspeed_integ
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.rollspeed_integ, self.pitchspeed_integ, self.yawspeed_integ,
@@ -61,7 +61,7 @@ class RateCtrlStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RateCtrlStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -115,7 +115,7 @@ class RcChannels(_cdr.Message):
         self.frame_drop_count = frame_drop_count
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 128 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 128 bytes of values."""
         try:
             if (False | self.signal_lost) not in (0, 1):
                 raise _cdr.Refused
@@ -129,7 +129,7 @@ class RcChannels(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RcChannels:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -81,7 +81,7 @@ class RcParameterMap(_cdr.Message):
         self.value_max = value_max
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 124 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 124 bytes of values."""
         try:
             (valid_0, valid_1, valid_2) = self.valid
             (param_index_0, param_index_1, param_index_2) = self.param_index
@@ -103,7 +103,7 @@ class RcParameterMap(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RcParameterMap:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -24,7 +24,7 @@ class RegisterExtComponentReply(_cdr.Message):
     Fields: timestamp [us], request_id, name, px4_ros2_api_version, success, arming_check_id, mode_id,
     mode_executor_id, not_user_selectable.
 
-    uORB topic: register_ext_component_reply. Version 1, 49 bytes.
+    uORB topic: register_ext_component_reply. Version 1. 49 bytes.
     """
 
     __slots__ = (
@@ -91,7 +91,7 @@ class RegisterExtComponentReply(_cdr.Message):
         self.not_user_selectable = not_user_selectable
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 49 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 49 bytes of values."""
         try:
             if len(self.name) != 25:
                 raise _cdr.Refused
@@ -106,7 +106,7 @@ class RegisterExtComponentReply(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RegisterExtComponentReply:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

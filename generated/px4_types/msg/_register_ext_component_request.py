@@ -25,7 +25,7 @@ class RegisterExtComponentRequest(_cdr.Message):
     register_mode, register_mode_executor, enable_replace_internal_mode, replace_internal_mode,
     activate_mode_immediately, not_user_selectable, request_offboard_setpoints.
 
-    uORB topic: register_ext_component_request. Version 2, 52 bytes.
+    uORB topic: register_ext_component_request. Version 2. 52 bytes.
     """
 
     __slots__ = (
@@ -113,7 +113,7 @@ class RegisterExtComponentRequest(_cdr.Message):
         self.request_offboard_setpoints = request_offboard_setpoints
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 52 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 52 bytes of values."""
         try:
             if len(self.name) != 25:
                 raise _cdr.Refused
@@ -134,7 +134,7 @@ class RegisterExtComponentRequest(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RegisterExtComponentRequest:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

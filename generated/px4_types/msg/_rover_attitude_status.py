@@ -46,7 +46,7 @@ class RoverAttitudeStatus(_cdr.Message):
         self.adjusted_yaw_setpoint = adjusted_yaw_setpoint
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.measured_yaw, self.adjusted_yaw_setpoint)
         except _cdr.ENCODE_FAILURES as error:
@@ -54,7 +54,7 @@ class RoverAttitudeStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RoverAttitudeStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

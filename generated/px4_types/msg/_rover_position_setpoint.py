@@ -67,7 +67,7 @@ class RoverPositionSetpoint(_cdr.Message):
         self.yaw = yaw
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 36 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 36 bytes of values."""
         try:
             (position_ned_0, position_ned_1) = self.position_ned
             (start_ned_0, start_ned_1) = self.start_ned
@@ -80,7 +80,7 @@ class RoverPositionSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RoverPositionSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -56,7 +56,7 @@ class RoverRateStatus(_cdr.Message):
         self.pid_yaw_rate_integral = pid_yaw_rate_integral
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.measured_yaw_rate, self.adjusted_yaw_rate_setpoint,
@@ -67,7 +67,7 @@ class RoverRateStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RoverRateStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

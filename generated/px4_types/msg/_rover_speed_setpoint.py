@@ -48,7 +48,7 @@ class RoverSpeedSetpoint(_cdr.Message):
         self.speed_body_y = speed_body_y
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.speed_body_x, self.speed_body_y)
         except _cdr.ENCODE_FAILURES as error:
@@ -56,7 +56,7 @@ class RoverSpeedSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RoverSpeedSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.speed_body_x, message.speed_body_y) = _unpack(data)

@@ -78,7 +78,7 @@ class RoverSpeedStatus(_cdr.Message):
         self.pid_throttle_body_y_integral = pid_throttle_body_y_integral
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 32 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 32 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.measured_speed_body_x, self.adjusted_speed_body_x_setpoint,
@@ -90,7 +90,7 @@ class RoverSpeedStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RoverSpeedStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -44,7 +44,7 @@ class RoverSteeringSetpoint(_cdr.Message):
         self.normalized_steering_setpoint = normalized_steering_setpoint
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 12 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 12 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.normalized_steering_setpoint)
         except _cdr.ENCODE_FAILURES as error:
@@ -52,7 +52,7 @@ class RoverSteeringSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RoverSteeringSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.normalized_steering_setpoint) = _unpack(data)

@@ -49,7 +49,7 @@ class RoverThrottleSetpoint(_cdr.Message):
         self.throttle_body_y = throttle_body_y
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.throttle_body_x, self.throttle_body_y)
         except _cdr.ENCODE_FAILURES as error:
@@ -57,7 +57,7 @@ class RoverThrottleSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RoverThrottleSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

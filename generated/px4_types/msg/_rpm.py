@@ -47,7 +47,7 @@ class Rpm(_cdr.Message):
         self.rpm_raw = rpm_raw
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.rpm_estimate, self.rpm_raw)
         except _cdr.ENCODE_FAILURES as error:
@@ -55,7 +55,7 @@ class Rpm(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Rpm:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.rpm_estimate, message.rpm_raw) = _unpack(data)

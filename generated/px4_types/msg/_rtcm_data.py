@@ -64,7 +64,7 @@ class RtcmData(_cdr.Message):
         self.data = data
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 315 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 315 bytes of values."""
         try:
             if len(self.data) != 300:
                 raise _cdr.Refused
@@ -74,7 +74,7 @@ class RtcmData(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RtcmData:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -86,7 +86,7 @@ class RtlStatus(_cdr.Message):
         self.safe_point_index = safe_point_index
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             if (False | self.is_evaluation_pending | self.has_vtol_approach) not in (0, 1):
                 raise _cdr.Refused
@@ -99,7 +99,7 @@ class RtlStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RtlStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

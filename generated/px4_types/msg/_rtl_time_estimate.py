@@ -52,7 +52,7 @@ class RtlTimeEstimate(_cdr.Message):
         self.safe_time_estimate = safe_time_estimate
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             if (False | self.valid) not in (0, 1):
                 raise _cdr.Refused
@@ -64,7 +64,7 @@ class RtlTimeEstimate(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> RtlTimeEstimate:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -76,7 +76,7 @@ class SatelliteInfo(_cdr.Message):
         self.prn = prn
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 249 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 249 bytes of values."""
         try:
             if len(self.svid) != 40:
                 raise _cdr.Refused
@@ -99,7 +99,7 @@ class SatelliteInfo(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SatelliteInfo:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -83,7 +83,7 @@ class SensorAccelFifo(_cdr.Message):
         self.z = _arrays.zeros("h", 32) if z is None else z
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 222 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 222 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, self.dt, self.scale,
@@ -94,7 +94,7 @@ class SensorAccelFifo(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorAccelFifo:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

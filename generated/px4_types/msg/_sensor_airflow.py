@@ -56,7 +56,7 @@ class SensorAirflow(_cdr.Message):
         self.status = status
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 21 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 21 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.device_id, self.speed, self.direction, self.status,
@@ -66,7 +66,7 @@ class SensorAirflow(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorAirflow:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

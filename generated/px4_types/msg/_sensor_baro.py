@@ -71,7 +71,7 @@ class SensorBaro(_cdr.Message):
         self.error_count = error_count
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 32 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 32 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, self.pressure,
@@ -82,7 +82,7 @@ class SensorBaro(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorBaro:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -105,7 +105,7 @@ class SensorCombined(_cdr.Message):
         self.gyro_calibration_count = gyro_calibration_count
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 48 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 48 bytes of values."""
         try:
             (gyro_rad_0, gyro_rad_1, gyro_rad_2) = self.gyro_rad
             (accelerometer_m_s2_0, accelerometer_m_s2_1, accelerometer_m_s2_2) = self.accelerometer_m_s2
@@ -120,7 +120,7 @@ class SensorCombined(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorCombined:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

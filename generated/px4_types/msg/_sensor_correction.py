@@ -175,7 +175,7 @@ class SensorCorrection(_cdr.Message):
         self.baro_offset_3 = baro_offset_3
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 296 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 296 bytes of values."""
         try:
             (
                 accel_device_ids_0, accel_device_ids_1, accel_device_ids_2, accel_device_ids_3,
@@ -228,7 +228,7 @@ class SensorCorrection(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorCorrection:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

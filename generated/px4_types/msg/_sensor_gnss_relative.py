@@ -153,7 +153,7 @@ class SensorGnssRelative(_cdr.Message):
         self.relative_position_normalized = relative_position_normalized
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 86 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 86 bytes of values."""
         try:
             (position_0, position_1, position_2) = self.position
             (position_accuracy_0, position_accuracy_1, position_accuracy_2) = self.position_accuracy
@@ -178,7 +178,7 @@ class SensorGnssRelative(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorGnssRelative:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -74,7 +74,7 @@ class SensorGnssStatus(_cdr.Message):
         self.quality_post_processing = quality_post_processing
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 17 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 17 bytes of values."""
         try:
             if (False | self.quality_available) not in (0, 1):
                 raise _cdr.Refused
@@ -87,7 +87,7 @@ class SensorGnssStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorGnssStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

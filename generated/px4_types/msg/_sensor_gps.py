@@ -315,7 +315,7 @@ class SensorGps(_cdr.Message):
         self.antenna_offset_z = antenna_offset_z
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 176 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 176 bytes of values."""
         try:
             if (False | self.vel_ned_valid | self.rtcm_crc_failed) not in (0, 1):
                 raise _cdr.Refused
@@ -336,7 +336,7 @@ class SensorGps(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorGps:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -97,7 +97,7 @@ class SensorGyroFft(_cdr.Message):
         self.peak_snr_z = peak_snr_z
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 100 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 100 bytes of values."""
         try:
             (peak_frequencies_x_0, peak_frequencies_x_1, peak_frequencies_x_2) = self.peak_frequencies_x
             (peak_frequencies_y_0, peak_frequencies_y_1, peak_frequencies_y_2) = self.peak_frequencies_y
@@ -117,7 +117,7 @@ class SensorGyroFft(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorGyroFft:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -128,7 +128,7 @@ class SensorOpticalFlow(_cdr.Message):
         self.mode = mode
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 77 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 77 bytes of values."""
         try:
             (pixel_flow_0, pixel_flow_1) = self.pixel_flow
             (delta_angle_0, delta_angle_1, delta_angle_2) = self.delta_angle
@@ -145,7 +145,7 @@ class SensorOpticalFlow(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorOpticalFlow:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -41,7 +41,7 @@ class SensorPreflightMag(_cdr.Message):
         self.mag_inconsistency_angle = mag_inconsistency_angle
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 12 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 12 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.mag_inconsistency_angle)
         except _cdr.ENCODE_FAILURES as error:
@@ -49,7 +49,7 @@ class SensorPreflightMag(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorPreflightMag:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.mag_inconsistency_angle) = _unpack(data)

@@ -150,7 +150,7 @@ class SensorUwb(_cdr.Message):
         self.offset_z = offset_z
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 68 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 68 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.sessionid, self.time_offset, self.counter, self.mac,
@@ -164,7 +164,7 @@ class SensorUwb(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorUwb:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -79,7 +79,7 @@ class SensorsStatus(_cdr.Message):
         self.external = external
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 60 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 60 bytes of values."""
         try:
             (device_ids_0, device_ids_1, device_ids_2, device_ids_3) = self.device_ids
             (inconsistency_0, inconsistency_1, inconsistency_2, inconsistency_3) = self.inconsistency
@@ -104,7 +104,7 @@ class SensorsStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorsStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

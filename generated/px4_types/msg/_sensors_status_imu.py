@@ -97,7 +97,7 @@ class SensorsStatusImu(_cdr.Message):
         self.gyro_priority = gyro_priority
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 96 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 96 bytes of values."""
         try:
             (
                 accel_device_ids_0, accel_device_ids_1, accel_device_ids_2, accel_device_ids_3,
@@ -137,7 +137,7 @@ class SensorsStatusImu(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SensorsStatusImu:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -116,7 +116,7 @@ class SetpointConfig(_cdr.Message):
         self.timeout_ms = timeout_ms
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 14 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 14 bytes of values."""
         try:
             if (False | self.should_apply) not in (0, 1):
                 raise _cdr.Refused
@@ -128,7 +128,7 @@ class SetpointConfig(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SetpointConfig:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -93,7 +93,7 @@ class SetpointConfigReply(_cdr.Message):
         self.mode_req_local_position = mode_req_local_position
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             if (
                 False | self.mode_req_angular_velocity | self.mode_req_attitude | self.mode_req_local_alt
@@ -110,7 +110,7 @@ class SetpointConfigReply(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SetpointConfigReply:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -122,7 +122,7 @@ class SystemPower(_cdr.Message):
         self.payload_v_valid = payload_v_valid
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 42 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 42 bytes of values."""
         try:
             (sensors3v3_0, sensors3v3_1, sensors3v3_2, sensors3v3_3) = self.sensors3v3
             return _pack(
@@ -136,7 +136,7 @@ class SystemPower(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> SystemPower:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

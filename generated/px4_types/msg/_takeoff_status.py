@@ -56,7 +56,7 @@ class TakeoffStatus(_cdr.Message):
         self.tilt_limit = tilt_limit
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.takeoff_state, self.tilt_limit)
         except _cdr.ENCODE_FAILURES as error:
@@ -64,7 +64,7 @@ class TakeoffStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TakeoffStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.takeoff_state, message.tilt_limit) = _unpack(data)

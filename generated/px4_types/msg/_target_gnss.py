@@ -105,7 +105,7 @@ class TargetGnss(_cdr.Message):
         self.vel_ned_updated = vel_ned_updated
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 65 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 65 bytes of values."""
         try:
             if (False | self.abs_pos_updated | self.vel_ned_updated) not in (0, 1):
                 raise _cdr.Refused
@@ -119,7 +119,7 @@ class TargetGnss(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TargetGnss:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -51,7 +51,7 @@ class TaskStackInfo(_cdr.Message):
         self.task_name = task_name
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 34 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 34 bytes of values."""
         try:
             if len(self.task_name) != 24:
                 raise _cdr.Refused
@@ -61,7 +61,7 @@ class TaskStackInfo(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TaskStackInfo:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.stack_free, message.task_name) = _unpack(data)

@@ -179,7 +179,7 @@ class TecsStatus(_cdr.Message):
         self.fast_descend_ratio = fast_descend_ratio
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 104 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 104 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.altitude_sp, self.altitude_reference,
@@ -196,7 +196,7 @@ class TecsStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TecsStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -269,7 +269,7 @@ class TelemetryStatus(_cdr.Message):
         self.parachute_system_healthy = parachute_system_healthy
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 86 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 86 bytes of values."""
         try:
             if (
                 False | self.flow_control | self.forwarding | self.mavlink_v2 | self.ftp
@@ -304,7 +304,7 @@ class TelemetryStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TelemetryStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -51,7 +51,7 @@ class TiltrotorExtraControls(_cdr.Message):
         self.collective_thrust_normalized_setpoint = collective_thrust_normalized_setpoint
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 16 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 16 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.collective_tilt_normalized_setpoint,
@@ -62,7 +62,7 @@ class TiltrotorExtraControls(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TiltrotorExtraControls:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -75,7 +75,7 @@ class TimesyncStatus(_cdr.Message):
         self.round_trip_time = round_trip_time
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 44 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 44 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.source_protocol, self.remote_timestamp, self.observed_offset,
@@ -86,7 +86,7 @@ class TimesyncStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TimesyncStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -80,7 +80,7 @@ class TrajectorySetpoint(_cdr.Message):
         self.yawspeed = yawspeed
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 64 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 64 bytes of values."""
         try:
             (position_0, position_1, position_2) = self.position
             (velocity_0, velocity_1, velocity_2) = self.velocity
@@ -96,7 +96,7 @@ class TrajectorySetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TrajectorySetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

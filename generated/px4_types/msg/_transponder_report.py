@@ -156,7 +156,7 @@ class TransponderReport(_cdr.Message):
         self.uas_id = uas_id
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 86 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 86 bytes of values."""
         try:
             if len(self.callsign) != 9:
                 raise _cdr.Refused
@@ -172,7 +172,7 @@ class TransponderReport(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TransponderReport:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -99,7 +99,7 @@ class TuneControl(_cdr.Message):
         self.volume = volume
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 21 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 21 bytes of values."""
         try:
             if (False | self.tune_override) not in (0, 1):
                 raise _cdr.Refused
@@ -112,7 +112,7 @@ class TuneControl(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> TuneControl:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -90,7 +90,7 @@ class UavcanParameterRequest(_cdr.Message):
         self.real_value = real_value
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 44 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 44 bytes of values."""
         try:
             if len(self.param_id) != 17:
                 raise _cdr.Refused
@@ -103,7 +103,7 @@ class UavcanParameterRequest(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> UavcanParameterRequest:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

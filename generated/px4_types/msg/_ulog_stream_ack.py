@@ -50,7 +50,7 @@ class UlogStreamAck(_cdr.Message):
         self.msg_sequence = msg_sequence
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 10 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 10 bytes of values."""
         try:
             return _pack(_USUAL, self.timestamp, self.msg_sequence)
         except _cdr.ENCODE_FAILURES as error:
@@ -58,7 +58,7 @@ class UlogStreamAck(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> UlogStreamAck:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.msg_sequence) = _unpack(data)

@@ -61,7 +61,7 @@ class UnregisterExtComponent(_cdr.Message):
         self.mode_executor_id = mode_executor_id
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 36 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 36 bytes of values."""
         try:
             if len(self.name) != 25:
                 raise _cdr.Refused
@@ -73,7 +73,7 @@ class UnregisterExtComponent(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> UnregisterExtComponent:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -84,7 +84,7 @@ class VehicleAirData(_cdr.Message):
         self.calibration_count = calibration_count
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 41 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 41 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.baro_device_id, self.baro_alt_meter,
@@ -96,7 +96,7 @@ class VehicleAirData(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleAirData:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -56,7 +56,7 @@ class VehicleAngularVelocity(_cdr.Message):
         self.xyz_derivative = xyz_derivative
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
             (xyz_0, xyz_1, xyz_2) = self.xyz
             (xyz_derivative_0, xyz_derivative_1, xyz_derivative_2) = self.xyz_derivative
@@ -69,7 +69,7 @@ class VehicleAngularVelocity(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleAngularVelocity:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

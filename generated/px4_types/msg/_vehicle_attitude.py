@@ -62,7 +62,7 @@ class VehicleAttitude(_cdr.Message):
         self.quat_reset_counter = quat_reset_counter
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 49 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 49 bytes of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
             (delta_q_reset_0, delta_q_reset_1, delta_q_reset_2, delta_q_reset_3) = self.delta_q_reset
@@ -75,7 +75,7 @@ class VehicleAttitude(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleAttitude:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

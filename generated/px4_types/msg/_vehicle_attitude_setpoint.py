@@ -25,7 +25,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
     Fields: timestamp [us], yaw_sp_move_rate [rad/s], q_d, thrust_body.
 
     uORB topics: vehicle_attitude_setpoint, mc_virtual_attitude_setpoint, fw_virtual_attitude_setpoint.
-    Version 1, 40 bytes.
+    Version 1. 40 bytes.
     """
 
     __slots__ = ("timestamp", "yaw_sp_move_rate", "q_d", "thrust_body")
@@ -60,7 +60,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
         self.thrust_body = thrust_body
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 40 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
             (q_d_0, q_d_1, q_d_2, q_d_3) = self.q_d
             (thrust_body_0, thrust_body_1, thrust_body_2) = self.thrust_body
@@ -73,7 +73,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleAttitudeSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

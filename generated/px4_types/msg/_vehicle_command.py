@@ -785,7 +785,7 @@ class VehicleCommand(_cdr.Message):
         self.from_external = from_external
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 56 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 56 bytes of values."""
         try:
             if (False | self.from_external) not in (0, 1):
                 raise _cdr.Refused
@@ -799,7 +799,7 @@ class VehicleCommand(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleCommand:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

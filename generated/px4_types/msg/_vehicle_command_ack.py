@@ -24,7 +24,7 @@ class VehicleCommandAck(_cdr.Message):
     Fields: timestamp [us], command [-], result, result_param1 [-], result_param2, target_system [-],
     target_component, from_external.
 
-    uORB topic: vehicle_command_ack. Version 1, 25 bytes.
+    uORB topic: vehicle_command_ack. Version 1. 25 bytes.
     """
 
     __slots__ = (
@@ -123,7 +123,7 @@ class VehicleCommandAck(_cdr.Message):
         self.from_external = from_external
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 25 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 25 bytes of values."""
         try:
             if (False | self.from_external) not in (0, 1):
                 raise _cdr.Refused
@@ -136,7 +136,7 @@ class VehicleCommandAck(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleCommandAck:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

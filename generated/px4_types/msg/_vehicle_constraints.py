@@ -52,7 +52,7 @@ class VehicleConstraints(_cdr.Message):
         self.want_takeoff = want_takeoff
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 17 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 17 bytes of values."""
         try:
             if (False | self.want_takeoff) not in (0, 1):
                 raise _cdr.Refused
@@ -62,7 +62,7 @@ class VehicleConstraints(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleConstraints:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

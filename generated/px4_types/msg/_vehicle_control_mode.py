@@ -110,7 +110,7 @@ class VehicleControlMode(_cdr.Message):
         self.flag_control_allocation_enabled = flag_control_allocation_enabled
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             if (
                 False | self.flag_armed | self.flag_multicopter_position_control_enabled
@@ -134,7 +134,7 @@ class VehicleControlMode(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleControlMode:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -138,7 +138,7 @@ class VehicleGlobalPosition(_cdr.Message):
         self.dead_reckoning = dead_reckoning
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 70 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 70 bytes of values."""
         try:
             if (False | self.lat_lon_valid | self.alt_valid | self.terrain_alt_valid | self.dead_reckoning) not in (0, 1):
                 raise _cdr.Refused
@@ -153,7 +153,7 @@ class VehicleGlobalPosition(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleGlobalPosition:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -108,7 +108,7 @@ class VehicleImu(_cdr.Message):
         self.gyro_calibration_count = gyro_calibration_count
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 60 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 60 bytes of values."""
         try:
             (delta_angle_0, delta_angle_1, delta_angle_2) = self.delta_angle
             (delta_velocity_0, delta_velocity_1, delta_velocity_2) = self.delta_velocity
@@ -123,7 +123,7 @@ class VehicleImu(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleImu:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -146,7 +146,7 @@ class VehicleImuStatus(_cdr.Message):
         self.temperature_gyro = temperature_gyro
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 132 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 132 bytes of values."""
         try:
             (accel_clipping_0, accel_clipping_1, accel_clipping_2) = self.accel_clipping
             (gyro_clipping_0, gyro_clipping_1, gyro_clipping_2) = self.gyro_clipping
@@ -168,7 +168,7 @@ class VehicleImuStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleImuStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

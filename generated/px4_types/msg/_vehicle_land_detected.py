@@ -113,7 +113,7 @@ class VehicleLandDetected(_cdr.Message):
         self.at_rest = at_rest
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 20 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             if (
                 False | self.freefall | self.ground_contact | self.maybe_landed | self.landed
@@ -133,7 +133,7 @@ class VehicleLandDetected(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleLandDetected:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

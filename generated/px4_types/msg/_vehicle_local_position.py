@@ -33,7 +33,7 @@ class VehicleLocalPosition(_cdr.Message):
     vz_max [m/s], hagl_min [m], hagl_max_z [m], hagl_max_xy [m].
 
     uORB topics: vehicle_local_position, vehicle_local_position_groundtruth,
-    external_ins_local_position, estimator_local_position. Version 1, 216 bytes.
+    external_ins_local_position, estimator_local_position. Version 1. 216 bytes.
     """
 
     __slots__ = (
@@ -338,7 +338,7 @@ class VehicleLocalPosition(_cdr.Message):
         self.hagl_max_xy = hagl_max_xy
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 216 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 216 bytes of values."""
         try:
             (delta_xy_0, delta_xy_1) = self.delta_xy
             (delta_vxy_0, delta_vxy_1) = self.delta_vxy
@@ -366,7 +366,7 @@ class VehicleLocalPosition(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleLocalPosition:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -92,7 +92,7 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
         self.yawspeed = yawspeed
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 64 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 64 bytes of values."""
         try:
             (acceleration_0, acceleration_1, acceleration_2) = self.acceleration
             (thrust_0, thrust_1, thrust_2) = self.thrust
@@ -105,7 +105,7 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleLocalPositionSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

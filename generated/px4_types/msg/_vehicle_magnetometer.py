@@ -61,7 +61,7 @@ class VehicleMagnetometer(_cdr.Message):
         self.calibration_count = calibration_count
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 33 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 33 bytes of values."""
         try:
             (magnetometer_ga_0, magnetometer_ga_1, magnetometer_ga_2) = self.magnetometer_ga
             return _pack(
@@ -73,7 +73,7 @@ class VehicleMagnetometer(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleMagnetometer:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

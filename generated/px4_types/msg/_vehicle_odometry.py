@@ -145,7 +145,7 @@ class VehicleOdometry(_cdr.Message):
         self.quality = quality
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 114 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 114 bytes of values."""
         try:
             (position_0, position_1, position_2) = self.position
             (q_0, q_1, q_2, q_3) = self.q
@@ -167,7 +167,7 @@ class VehicleOdometry(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleOdometry:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -95,7 +95,7 @@ class VehicleOpticalFlow(_cdr.Message):
         self.max_ground_distance = max_ground_distance
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 64 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 64 bytes of values."""
         try:
             (pixel_flow_0, pixel_flow_1) = self.pixel_flow
             (delta_angle_0, delta_angle_1, delta_angle_2) = self.delta_angle
@@ -109,7 +109,7 @@ class VehicleOpticalFlow(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleOpticalFlow:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

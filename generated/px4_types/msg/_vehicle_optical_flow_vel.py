@@ -95,7 +95,7 @@ class VehicleOpticalFlowVel(_cdr.Message):
         self.ref_gyro = ref_gyro
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 100 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 100 bytes of values."""
         try:
             (vel_body_0, vel_body_1) = self.vel_body
             (vel_ne_0, vel_ne_1) = self.vel_ne
@@ -118,7 +118,7 @@ class VehicleOpticalFlowVel(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleOpticalFlowVel:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -68,7 +68,7 @@ class VehicleRatesSetpoint(_cdr.Message):
         self.reset_integral = reset_integral
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 33 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 33 bytes of values."""
         try:
             (thrust_body_0, thrust_body_1, thrust_body_2) = self.thrust_body
             if (False | self.reset_integral) not in (0, 1):
@@ -82,7 +82,7 @@ class VehicleRatesSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleRatesSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -95,7 +95,7 @@ class VehicleRoi(_cdr.Message):
         self.yaw_offset = yaw_offset
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 48 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 48 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.mode, self.lat, self.lon, self.alt, self.roll_offset,
@@ -106,7 +106,7 @@ class VehicleRoi(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleRoi:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -32,7 +32,7 @@ class VehicleStatus(_cdr.Message):
     parachute_system_healthy, traffic_avoidance_system_present, rc_calibration_in_progress,
     calibration_enabled, pre_flight_checks_pass.
 
-    uORB topic: vehicle_status. Version 4, 83 bytes.
+    uORB topic: vehicle_status. Version 4. 83 bytes.
     """
 
     __slots__ = (
@@ -377,7 +377,7 @@ class VehicleStatus(_cdr.Message):
         self.pre_flight_checks_pass = pre_flight_checks_pass
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 83 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 83 bytes of values."""
         try:
             if (
                 False | self.accepts_offboard_setpoints | self.failsafe | self.failsafe_and_user_took_over
@@ -410,7 +410,7 @@ class VehicleStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -49,7 +49,7 @@ class VehicleTorqueSetpoint(_cdr.Message):
         self.xyz = xyz
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 28 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 28 bytes of values."""
         try:
             (xyz_0, xyz_1, xyz_2) = self.xyz
             return _pack(_USUAL, self.timestamp, self.timestamp_sample, xyz_0, xyz_1, xyz_2)
@@ -58,7 +58,7 @@ class VehicleTorqueSetpoint(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleTorqueSetpoint:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (header, message.timestamp, message.timestamp_sample, xyz_0, xyz_1, xyz_2) = _unpack(data)

@@ -126,7 +126,7 @@ class VteAidSource1d(_cdr.Message):
         self.history_steps = history_steps
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 53 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 53 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.time_last_predict, self.observation,
@@ -138,7 +138,7 @@ class VteAidSource1d(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VteAidSource1d:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -127,7 +127,7 @@ class VteAidSource3d(_cdr.Message):
         self.history_steps = history_steps
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 93 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 93 bytes of values."""
         try:
             (observation_0, observation_1, observation_2) = self.observation
             (observation_variance_0, observation_variance_1, observation_variance_2) = self.observation_variance
@@ -148,7 +148,7 @@ class VteAidSource3d(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VteAidSource3d:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

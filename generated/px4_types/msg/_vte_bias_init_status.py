@@ -52,7 +52,7 @@ class VteBiasInitStatus(_cdr.Message):
         self.delta_norm = delta_norm
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 36 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 36 bytes of values."""
         try:
             (raw_bias_0, raw_bias_1, raw_bias_2) = self.raw_bias
             (filtered_bias_0, filtered_bias_1, filtered_bias_2) = self.filtered_bias
@@ -65,7 +65,7 @@ class VteBiasInitStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VteBiasInitStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

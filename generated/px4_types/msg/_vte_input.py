@@ -58,7 +58,7 @@ class VteInput(_cdr.Message):
         self.acc_sample_count = acc_sample_count
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 48 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 48 bytes of values."""
         try:
             (acc_xyz_0, acc_xyz_1, acc_xyz_2) = self.acc_xyz
             (q_att_0, q_att_1, q_att_2, q_att_3) = self.q_att
@@ -71,7 +71,7 @@ class VteInput(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VteInput:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -63,7 +63,7 @@ class VteOrientation(_cdr.Message):
         self.cov_yaw_rate = cov_yaw_rate
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 28 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 28 bytes of values."""
         try:
             if (False | self.orientation_valid) not in (0, 1):
                 raise _cdr.Refused
@@ -76,7 +76,7 @@ class VteOrientation(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VteOrientation:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -106,7 +106,7 @@ class VtePosition(_cdr.Message):
         self.cov_acc_target = cov_acc_target
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 132 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 132 bytes of values."""
         try:
             (rel_pos_0, rel_pos_1, rel_pos_2) = self.rel_pos
             (vel_uav_0, vel_uav_1, vel_uav_2) = self.vel_uav
@@ -133,7 +133,7 @@ class VtePosition(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VtePosition:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

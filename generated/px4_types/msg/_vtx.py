@@ -119,7 +119,7 @@ class Vtx(_cdr.Message):
         self.power_label = power_label
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 34 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 34 bytes of values."""
         try:
             if len(self.band_name) != 12:
                 raise _cdr.Refused
@@ -134,7 +134,7 @@ class Vtx(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Vtx:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

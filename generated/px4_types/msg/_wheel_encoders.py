@@ -47,7 +47,7 @@ class WheelEncoders(_cdr.Message):
         self.wheel_angle = wheel_angle
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 24 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 24 bytes of values."""
         try:
             (wheel_speed_0, wheel_speed_1) = self.wheel_speed
             (wheel_angle_0, wheel_angle_1) = self.wheel_angle
@@ -59,7 +59,7 @@ class WheelEncoders(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> WheelEncoders:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -94,7 +94,7 @@ class Wind(_cdr.Message):
         self.beta_innov_var = beta_innov_var
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 48 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 48 bytes of values."""
         try:
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.windspeed_north, self.windspeed_east,
@@ -106,7 +106,7 @@ class Wind(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> Wind:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -84,7 +84,7 @@ class YawEstimatorStatus(_cdr.Message):
         self.weight = weight
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 108 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 108 bytes of values."""
         try:
             (yaw_0, yaw_1, yaw_2, yaw_3, yaw_4) = self.yaw
             (innov_vn_0, innov_vn_1, innov_vn_2, innov_vn_3, innov_vn_4) = self.innov_vn
@@ -103,7 +103,7 @@ class YawEstimatorStatus(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> YawEstimatorStatus:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
             (

@@ -37,7 +37,7 @@ class VehicleCommand_Request(_cdr.Message):
         self.request = VehicleCommand() if request is None else request
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 56 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 56 bytes of values."""
         try:
             request = self.request
             if (False | request.from_external) not in (0, 1):
@@ -53,7 +53,7 @@ class VehicleCommand_Request(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleCommand_Request:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         request = _new(VehicleCommand)
         try:

@@ -37,7 +37,7 @@ class VehicleCommand_Response(_cdr.Message):
         self.reply = VehicleCommandAck() if reply is None else reply
 
     def encode(self) -> bytes:
-        """Return the message as a CDR sample: 4 bytes of header, 25 of values."""
+        """Return the message as a CDR sample: 4 bytes of header and 25 bytes of values."""
         try:
             reply = self.reply
             if (False | reply.from_external) not in (0, 1):
@@ -51,7 +51,7 @@ class VehicleCommand_Response(_cdr.Message):
 
     @classmethod
     def decode(cls, data: _cdr.BytesLike, allow_surplus: bool = False) -> VehicleCommand_Response:
-        """Return the message in a CDR sample; `allow_surplus` accepts any number of bytes after it."""
+        """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         reply = _new(VehicleCommandAck)
         try:

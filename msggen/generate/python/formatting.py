@@ -1,7 +1,7 @@
-"""Values and text as Python source.
+"""The formatting of values and text as Python source.
 
-Whatever a definition says reaches Python source through `literal` or `documentation`, so that no comment can end
-the string it stands in.
+All text of a definition is formatted by `literal` or `documentation`, so that no comment can end the string that
+contains it.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from msggen.text.words import paragraphs
 _DANGEROUS_QUOTES = re.compile(r'"{2,}|"$')
 
 WIDTH = 110
-"""Columns of generated source."""
+"""The maximum line length of generated source."""
 
 
 def literal(value: object) -> str:
-    """Return `value` as a Python literal, printable strings in double quotes."""
+    """Return `value` as a Python literal, with printable strings in double quotes."""
     if isinstance(value, str):
         if not value.isprintable():
             return ascii(value)
-        # What can be printed, JSON quotes as Python does; most of it needs no escape.
+        # JSON quotes printable text as Python does. Most text needs no escape, so the slow call is skipped for it.
         plain = '"' not in value and "\\" not in value
         return f'"{value}"' if plain else json.dumps(value, ensure_ascii=False)
     if isinstance(value, float) and not math.isfinite(value):
@@ -35,9 +35,9 @@ def literal(value: object) -> str:
 
 
 def documentation(text: str, indent: int, *, closed: bool = False) -> str:
-    r"""Return `text` as the inside of a docstring, wrapped and indented; nothing in it can end the docstring.
+    r"""Return `text` as the content of a docstring, wrapped and indented; quotes are escaped.
 
-    `closed` puts the closing quotes on a line of their own where there are several lines.
+    With `closed`, a text of several lines ends with a line break, which puts the closing quotes on a line of their own.
     """
     safe = text.replace("\\", "\\\\")
     if '"' in safe:
@@ -46,7 +46,7 @@ def documentation(text: str, indent: int, *, closed: bool = False) -> str:
         return safe
     lines: list[str] = []
     for paragraph in paragraphs(safe.split("\n")):
-        lines += _filled(paragraph.split(" "), " ", WIDTH - indent - 6)
+        lines += _fill(paragraph.split(" "), " ", WIDTH - indent - 6)
     margin = "\n" + " " * indent
     text = "\n".join([lines[0], *(line and " " * indent + line for line in lines[1:])])
     return text + (margin if closed and len(lines) > 1 else "")
@@ -58,30 +58,33 @@ def arguments(values: Iterable[object]) -> str:
 
 
 def wrapped(items: Iterable[str], indent: int, kind: str = "") -> str:
-    """Return `items` with commas, in one line or, indented, in as many as they need; a "tuple" keeps its comma."""
+    """Return `items` separated by commas, on one line if they fit, else on indented lines.
+
+    The `kind` "tuple" adds the comma that a tuple of one item needs.
+    """
     listed = list(items)
     line = ", ".join(listed) + ("," if kind == "tuple" and len(listed) == 1 else "")
     if len(line) + indent + 20 <= WIDTH:
         return line
     margin = "\n" + " " * indent
-    return margin + margin.join(_filled(listed, ", ", WIDTH - indent - 1)) + ",\n" + " " * (indent - 4)
+    return margin + margin.join(_fill(listed, ", ", WIDTH - indent - 1)) + ",\n" + " " * (indent - 4)
 
 
 def wrapped_tuple(expression: str, indent: int) -> str:
-    """Return a tuple of names, wrapped like `wrapped`; any other expression as it is."""
+    """Return a tuple of names wrapped as by `wrapped`, and any other expression unchanged."""
     if not expression.startswith("(") or len(expression) + indent + 20 <= WIDTH:
         return expression
     return f"({wrapped(expression[1:-1].split(', '), indent + 4)})"
 
 
 def joined_by(items: Sequence[str], operator: str, indent: int) -> str:
-    """Return `items` joined by an operator, on as many lines as they need."""
+    """Return `items` joined by an operator, on one line if they fit, else on several lines."""
     margin = "\n" + " " * indent + operator.lstrip()
-    lines = _filled(items, operator, WIDTH - indent - 2)
+    lines = _fill(items, operator, WIDTH - indent - 2)
     return lines[0] if len(lines) == 1 else "\n" + " " * indent + margin.join(lines) + "\n" + " " * (indent - 4)
 
 
-def _filled(items: Iterable[str], separator: str, width: int) -> list[str]:
+def _fill(items: Iterable[str], separator: str, width: int) -> list[str]:
     lines: list[list[str]] = []
     room = -1
     for item in items:

@@ -1,4 +1,4 @@
-"""How Python holds the values of a field."""
+"""The Python types that hold the values of fields."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from msggen.model import ArrayKind, FieldType
 from msggen.primitives import OCTETS, STRINGS
 
 ARRAY_FROM = 16
-"""Length from which fixed arrays of numbers are held as array.array (docs/design.md has the measurements)."""
+"""The length from which fixed arrays of numbers are held as array.array (docs/design.md has the measurements)."""
 
 
 class Kind(Enum):
-    """How Python holds the value of a field."""
+    """The kind of Python object that holds the value of a field."""
 
     SCALAR = "one number, bool, text or message"
     BYTES = "bytes"
@@ -23,7 +23,7 @@ class Kind(Enum):
 
 @lru_cache(maxsize=4096)
 def kind_of(type_: FieldType) -> Kind:
-    """Return how Python holds the value of a field of this type."""
+    """Return the kind of Python object that holds the value of a field of this type."""
     if type_.array is ArrayKind.SCALAR:
         return Kind.SCALAR
     if not type_.is_primitive or type_.name == "bool" or type_.name in STRINGS:

@@ -1,4 +1,4 @@
-"""A message as the Python templates see it: every expression they need, with a name."""
+"""The model of a message class for the Python templates: all expressions that they need, by name."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _SHADOWING = frozenset({"int", "float", "bool", "bytes", "list", "str", "tuple"}
 
 
 class ClassConstant(NamedTuple):
-    """One constant; `spaced` puts a blank line before it."""
+    """A constant of a class. `spaced` puts a blank line before it."""
 
     attribute: str
     value: str
@@ -49,7 +49,7 @@ class ClassConstant(NamedTuple):
 
 
 class Attribute(NamedTuple):
-    """One attribute of a class; `name` is the definition's."""
+    """An attribute of a class. `name` is the name of the field in the definition."""
 
     name: str
     attribute: str
@@ -59,19 +59,19 @@ class Attribute(NamedTuple):
     comment: Comment
     annotation: str
     parameter: str
-    """The parameter of `__init__`, with annotation and default."""
+    """The parameter of `__init__` with its annotation and default."""
     initial: str
-    """What `__init__` assigns."""
+    """The expression that `__init__` assigns."""
 
     @property
     def documentation(self) -> str:
-        """What the definition says, type, tags and sentences, as the inside of a docstring."""
+        """Type, tags and comment of the definition, as the content of a docstring."""
         renamed = "" if self.attribute == self.name else f"`{self.name}` in the definition, "
         return documentation(f"{renamed}{self.type} {self.comment}".strip(), 4, closed=True)
 
     @property
     def description(self) -> str:
-        """Its description in `__msg__`."""
+        """The description of the field in `__msg__`."""
         given = [f"{name}={literal(content)}" for name, content in self.comment.attributes]
         given += [] if self.attribute == self.name else [f"attribute={literal(self.attribute)}"]
         items = (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
@@ -79,7 +79,7 @@ class Attribute(NamedTuple):
 
 
 class Import(NamedTuple):
-    """A class of a nested message: where it is, what it is called there, and here."""
+    """The import of the class of a nested message: its module, its name there, and its name here."""
 
     module: str
     name: str
@@ -87,24 +87,24 @@ class Import(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What stands behind `import`."""
+        """The part of the statement after `import`."""
         return self.name if self.name == self.here else f"{self.name} as {self.here}"
 
 
 class MessageClass(NamedTuple):
-    """One class."""
+    """A message class."""
 
     message: Message
     name: str
-    """What it is called in Python."""
+    """The name of the class."""
     root: str
-    """The generated package, as a relative import names it."""
+    """The generated package in a relative import."""
     topic_names: tuple[str, ...]
-    """The uORB topics of the message; halves of services have none, nor have messages of other packages."""
+    """The uORB topics of the message, empty for halves of services and for messages of other packages."""
     constants: tuple[ClassConstant, ...]
     fields: tuple[Attribute, ...]
     codec: Codec | None
-    """For a static layout; else `functions` has something."""
+    """The codec of a static layout. If it is None, `functions` is not empty."""
     functions: tuple[Function, ...]
     cdr_size: int | None
     """None if it varies by sample."""
@@ -114,13 +114,13 @@ class MessageClass(NamedTuple):
     type_hash: str
     layout_arguments: tuple[str, ...]
     nested: tuple[Import, ...]
-    """The messages it nests, at any depth."""
+    """The nested messages at any depth."""
     builtins: str
-    """What stands before the names of built-in types: nothing, unless a field hides them."""
+    """The prefix of built-in types: "builtins." if a field hides one of them, else ""."""
     uses_arrays: bool
-    """Whether it needs the module of arrays, for itself or what it nests: the codec unfolds that."""
+    """Whether it needs the module `arrays`, for its own fields or for nested messages that its codec unfolds."""
     adjacent: tuple[AdjacentVersion, ...]
-    """Its versions before and after this one, where there are."""
+    """The versions before and after this one."""
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -134,12 +134,15 @@ class MessageClass(NamedTuple):
 
     @property
     def unpack(self) -> str:
-        """How `decode` unpacks: samples arrive rounded up to 4 bytes, so others have one length."""
+        """The method that `decode` unpacks with.
+
+        `unpack` checks the length. It is not possible if padding to a multiple of 4 bytes can change the length.
+        """
         return "unpack_from" if (self.cdr_size or 0) % 4 else "unpack"
 
     @property
     def unless_longer(self) -> str:
-        """What `decode` asks of the length: nothing where `unpack` has."""
+        """The condition on the length in `decode`, or "" if `unpack` checks the length."""
         size = self.cdr_size or 0
         lengths = ", ".join(str(size + 4 + surplus) for surplus in range(4))
         return f" or len(data) not in ({lengths})" if size % 4 else ""
@@ -161,23 +164,23 @@ class MessageClass(NamedTuple):
 
     @property
     def descriptions(self) -> list[str]:
-        """What `__msg__` says of each field."""
+        """The description of each field in `__msg__`."""
         return [field.description for field in self.fields]
 
     @property
     def underscore(self) -> str:
-        """What stands before names of typing: nothing, unless a message here has such a name."""
+        """The prefix of names from typing: "_" if a message in the module has such a name, else ""."""
         names = {self.name, *(nested.here for nested in self.nested)}
         return "_" if names & {"ClassVar", "Final"} else ""
 
     @property
     def documentation(self) -> str:
-        """What the definition says about the message, or at least what it is called."""
+        """The comment of the definition about the message, or its ROS type."""
         return self.message.comment or f"{self.message.ros_type}."
 
     @property
     def units(self) -> str:
-        """The fields with their units, for its docstring."""
+        """The fields with their units, for the docstring of the class."""
         fields = [
             f"{each.attribute} [{each.comment.unit}]" if each.comment.unit else each.attribute for each in self.fields
         ]
@@ -185,18 +188,18 @@ class MessageClass(NamedTuple):
 
     @property
     def summary(self) -> str:
-        """Where the message comes from and goes to, for its docstring."""
+        """Topics, version and size of the message, for the docstring of the class."""
         names = self.topic_names
         topics = f"uORB topic{'s' if len(names) > 1 else ''}: {', '.join(names)}. " if names else ""
         number = self.message.message_version
-        of = f" of {self.message.released_as[1]}, archived" if self.message.version_of else ""
-        version = f"Version {number}{of}, " if number or of else ""
-        size = "Samples differ in size." if self.functions else f"{self.cdr_size} bytes."
-        return f"{topics}{version}{size}"
+        size = "Samples vary in size." if self.functions else f"{self.cdr_size} bytes."
+        if self.message.version_of:
+            return f"{topics}Archived version {number} of {self.message.released_as[1]}. {size}"
+        return f"{topics}{f'Version {number}. ' if number else ''}{size}"
 
 
 def message_class(catalog: Catalog, message: Message) -> MessageClass:
-    """Return what the class of `message` is made of."""
+    """Return the class of `message`."""
     extents = _extents(catalog, message)
     names = _class_names(catalog, message)
     attributes = attribute_names(message, names.values())
@@ -214,7 +217,7 @@ def message_class(catalog: Catalog, message: Message) -> MessageClass:
         topic_names=message.topic_names if is_own and message.folder == "msg" else (),
         constants=tuple(_constants(message, attributes)),
         fields=tuple(
-            _attribute(field, _named(message, field, names, attributes), extents.get(field.name, _NO_EXTENT), prefix)
+            _attribute(field, _renamed(message, field, names, attributes), extents.get(field.name, _NO_EXTENT), prefix)
             for field in message.fields
         ),
         codec=Codec.of(catalog, message, class_of) if layout else None,
@@ -237,13 +240,16 @@ _NO_EXTENT = (None, None)
 
 
 def _extents(catalog: Catalog, message: Message) -> dict[str, tuple[int, int]]:
-    """Return offset and size of the fields that have the same in every sample: those before the first that differs."""
+    """Return offset and size of the fields that have the same place in every sample.
+
+    These are the fields before the first one that varies in size.
+    """
     static = itertools.takewhile(lambda field: is_static(catalog, message._replace(fields=(field,))), message.fields)
     return lay_out(catalog, message._replace(fields=tuple(static))).extents()
 
 
 def _constants(message: Message, attributes: Mapping[str, str]) -> Iterator[ClassConstant]:
-    """Constants with documentation stand apart, others together."""
+    """Yield the constants. Those with documentation are separated by blank lines."""
     apart = True
     for constant in message.constants:
         text = documentation(str(constant.comment), 4, closed=True)
@@ -252,9 +258,9 @@ def _constants(message: Message, attributes: Mapping[str, str]) -> Iterator[Clas
 
 
 def _class_names(catalog: Catalog, message: Message) -> dict[str, str]:
-    """Return what the module of `message` calls it and all that it nests, by key.
+    """Return the class names of `message` and its nested messages in its module, by key.
 
-    That is the name of each; with its package in front, `std_msgs_Header`, where several packages have that name.
+    If several packages have a class of the same name, it gets its package as a prefix: `std_msgs_Header`.
     """
     every = (message, *catalog.nested_all(message))
     classes = {each.key: class_name(each) for each in every}
@@ -279,12 +285,12 @@ def _nested_imports(catalog: Catalog, message: Message, names: Mapping[str, str]
         yield Import(f"{folder}{module_name(inner.name)}", class_name(inner), names[inner.key])
 
 
-def _named(message: Message, field: Field, names: Mapping[str, str], attributes: Mapping[str, str]) -> Field:
-    """Return a field of `message` as its module has it: with the name of its attribute, and the class of its type."""
-    named = field._replace(name=attributes[field.name])
+def _renamed(message: Message, field: Field, names: Mapping[str, str], attributes: Mapping[str, str]) -> Field:
+    """Return a field of `message` with the name of its attribute and the class of its type."""
+    renamed = field._replace(name=attributes[field.name])
     if field.type.is_primitive:
-        return named
-    return named._replace(type=field.type._replace(name=names[message.key_of(field.type)], package=None))
+        return renamed
+    return renamed._replace(type=field.type._replace(name=names[message.key_of(field.type)], package=None))
 
 
 def _attribute(field: Field, named: Field, extent: tuple[int | None, int | None], prefix: str) -> Attribute:
@@ -309,13 +315,13 @@ def _annotation(type_: FieldType, prefix: str) -> str:
 
 
 def _is_sequence(type_: FieldType) -> bool:
-    """Whether the annotation of a field of this type is a sequence, which the module of arrays has."""
+    """Whether the annotation of a field of this type is the `Sequence` of the module `arrays`."""
     kind = kind_of(type_)
     return kind is Kind.ARRAY or (kind is Kind.TUPLE and type_.array is not ArrayKind.FIXED)
 
 
 def _initial(field: Field, prefix: str) -> tuple[str, str]:
-    """Return the default of the parameter, and what the attribute is set to."""
+    """Return the default of the parameter, and the expression that is assigned to the attribute."""
     name, type_ = field.name, field.type
     if kind_of(type_) is Kind.ARRAY or (not type_.is_primitive and type_.array in (ArrayKind.SCALAR, ArrayKind.FIXED)):
         return "None", f"{_fresh(field)} if {name} is None else {name}"
@@ -326,7 +332,7 @@ def _initial(field: Field, prefix: str) -> tuple[str, str]:
 
 
 def _zero(type_: FieldType, prefix: str) -> str:
-    """Return the default of a value that cannot be changed."""
+    """Return the default of an immutable value."""
     if kind_of(type_) is Kind.BYTES:
         return f"{prefix}bytes({type_.length})" if type_.array is ArrayKind.FIXED else 'b""'
     if type_.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED):
@@ -340,7 +346,7 @@ def _zero(type_: FieldType, prefix: str) -> str:
 
 
 def _fresh(field: Field) -> str:
-    """Return what makes a value that can be changed, anew for each message."""
+    """Return the expression that creates a mutable value for each message."""
     type_ = field.type
     if not type_.is_primitive:
         if type_.array is ArrayKind.SCALAR:
@@ -356,7 +362,7 @@ def _fresh(field: Field) -> str:
 
 
 def _layout_arguments(xcdr1: Layout, xcdr2: Layout) -> Iterator[str]:
-    """Return the arguments of `_cdr.Layout`, those that follow from others left out."""
+    """Yield the arguments of `_cdr.Layout`, except those that it derives from others."""
     yield literal(struct_format(_values(xcdr1.leaves)))
     words = struct_format(_words(xcdr1))
     if any(kind_of(leaf.type) is Kind.ARRAY for leaf in xcdr1.leaves):

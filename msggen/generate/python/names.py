@@ -1,7 +1,7 @@
-"""Names in Python of what a definition names. The wire and all hashes keep the definition's names.
+"""The Python names of messages, fields and constants. The wire and all hashes use the names of the definition.
 
-A name that Python or the generated class reserves gets an underscore at its end, and more until it is free. Classes
-are CamelCase, so that no class has the name of a field.
+Underscores are appended to a name that Python or the generated class reserves, until it is free. Class names are
+CamelCase, so that they do not clash with the names of fields.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from msggen.generate.python.support import support_path
 from msggen.model import Message, Service, snake_case
 
 _OF_TEMPLATE = ("classmethod", "downgrade", "self", "upgrade")
-"""Names that the template of a class uses or defines, besides the members of its base class."""
+"""The names that the template of a class uses or defines, in addition to the members of the base class."""
 
 _OF_CLASSES = frozenset({*keyword.kwlist, "DecodeError", "EncodeError"})
 
@@ -40,18 +40,18 @@ _OF_ENUMS = frozenset(
         "value",
     }
 )
-"""Names that no member of an IntEnum can have, in any version of Python."""
+"""The names that no member of an IntEnum can have, in any version of Python."""
 
 
 @lru_cache(maxsize=1)
 def reserved_attributes() -> frozenset[str]:
-    """Return the names that no attribute of a message can have: keywords, and the members of the base class."""
+    """Return the names that no attribute of a message can have: keywords and members of the base class."""
     members = [name for name in dir(_base_module().Message) if not name.startswith("_")]
     return frozenset({*keyword.kwlist, *_OF_TEMPLATE, *members})
 
 
 def _base_module() -> ModuleType:
-    """Import the support module that has the base class. At run time it imports only the standard library."""
+    """Import the support module with the base class. At run time, it imports only the standard library."""
     spec = spec_from_file_location("msggen_support_cdr", support_path("cdr.py"))
     if spec is None or spec.loader is None:
         raise ImportError("cannot import the support module cdr.py")
@@ -61,12 +61,15 @@ def _base_module() -> ModuleType:
 
 
 def module_name(name: str) -> str:
-    """Return the module of the message or service `name`; the underscore keeps it apart from keywords and packages."""
+    """Return the module of the message or service `name`. The underscore avoids keywords and names of packages."""
     return f"_{snake_case(name)}"
 
 
 def class_name(definition: Message | Service) -> str:
-    """Return the class of a message or service: `EscReport` for `EscReport` and `esc_report`, `None_` for `None`."""
+    """Return the class name of a message or service.
+
+    It is `EscReport` for `EscReport` and for `esc_report`, and `None_` for `None`.
+    """
     name = definition.name
     if isinstance(definition, Message) and definition.folder == "msg":
         name = "".join([f"{part[:1].upper()}{part[1:]}" for part in name.split("_")]) if _is_unusual(name) else name
@@ -76,7 +79,8 @@ def class_name(definition: Message | Service) -> str:
 def attribute_names(message: Message, classes: Collection[str] = ()) -> Mapping[str, str]:
     """Return the attribute of each field and constant of `message`, by name.
 
-    `classes` are the classes in the module of `message`: a type checker would take a constant of that name for one.
+    `classes` are the classes in the module of `message`. Their names are avoided, because a type checker would confuse
+    a constant of such a name with the class.
     """
     names = [*(field.name for field in message.fields), *(constant.name for constant in message.constants)]
     reserved = reserved_attributes()

@@ -1,4 +1,4 @@
-"""A catalog as the files of a Python package. Nothing is written here."""
+"""The contents of the files of a Python package. They are written elsewhere."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ _EXAMPLE = "SensorCombined"
 
 
 def list_package(catalog: Catalog) -> tuple[str, ...]:
-    """Return the sorted names of the files that `render_package` returns. Raises InputError as that does."""
+    """Return the sorted names of the files that `render_package` returns. Raises InputError as `render_package`."""
     package = _Package(catalog, "")
     _check_names(package)
     return tuple(sorted(path for path, _ in _files(package)))
 
 
 def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
-    """Return the texts of the package `name` by file name, sorted, with `/` between folders.
+    """Return the contents of the package `name` by file name, sorted, with `/` between folders.
 
-    Raises InputError if another ROS package has a name that the generated package needs.
+    Raises InputError if the name of another ROS package is reserved, or if two messages would have the same class.
     """
     package = _Package(catalog, name)
     _check_names(package)
@@ -44,7 +44,10 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
 
 
 class _Part(NamedTuple):
-    """The share of one ROS package in a generated package; `prefix` is in front of its paths, "" for uORB's."""
+    """The part of a generated package that belongs to one ROS package.
+
+    `prefix` is the prefix of its paths, "" for the package of the uORB messages.
+    """
 
     package: str
     prefix: str
@@ -53,12 +56,12 @@ class _Part(NamedTuple):
 
     @property
     def example(self) -> str:
-        """The class of one of its messages or services."""
+        """The class of its first message or service."""
         return class_name(self.messages[0] if self.messages else self.services[0])
 
     @property
     def path(self) -> str:
-        """The path of one of its definitions."""
+        """The path of its first definition."""
         return (self.messages[0] if self.messages else self.services[0]).location.path
 
     @property
@@ -73,12 +76,12 @@ class _Part(NamedTuple):
         return (*(("msg",) if has_messages else ()), *(("srv",) if self.services else ()))
 
     def definitions(self, folder: str) -> tuple[Message | Service, ...]:
-        """Return what has a class in a folder."""
+        """Return the definitions that have a class in a folder."""
         return self.messages if folder == "msg" else (*self.services, *self.halves)
 
 
 class _Package:
-    """The package that is generated."""
+    """A generated package."""
 
     def __init__(self, catalog: Catalog, name: str) -> None:
         self.catalog = catalog
@@ -86,7 +89,7 @@ class _Package:
 
     @cached_property
     def parts(self) -> tuple[_Part, ...]:
-        """The package of uORB's messages with their archived versions, then the others."""
+        """The package of the uORB messages with their archived versions, then the other packages."""
         catalog = self.catalog
         messages = (*catalog.messages.values(), *catalog.archived.values())
         return tuple(
@@ -101,7 +104,7 @@ class _Package:
 
     @property
     def has_streams(self) -> bool:
-        """Whether the samples of any message vary in layout."""
+        """Whether the samples of any message vary in size."""
         definitions = [message for part in self.parts for message in (*part.messages, *part.halves)]
         return not all(is_static(self.catalog, message) for message in definitions)
 
@@ -112,7 +115,7 @@ class _Package:
 
     @cached_property
     def topics(self) -> list[dict[str, object]]:
-        """The uORB topics in the order of their ids: member of ORB_ID, id, and arguments of UorbTopic."""
+        """The uORB topics in the order of their ids, each with its member of ORB_ID and its arguments of UorbTopic."""
         topics = uorb_topics(self.catalog)
         members = member_names([topic.name for topic in topics])
         return [
@@ -135,7 +138,7 @@ Content = Callable[[_Package], str]
 
 
 class _File(NamedTuple):
-    """A file at the top of the generated package. `condition` says whether a package has it."""
+    """A file at the top level of the generated package. `condition` returns whether a package has it."""
 
     path: str
     content: Content
@@ -200,14 +203,14 @@ FILES = (
     ),
     _support("versions.py", _has_versions),
 )
-"""All files that are not made of one definition: a new file of the generated package is a row here."""
+"""All files that do not belong to one definition. A new file of the generated package needs a row here."""
 
 _FOLDERS = {"msg": "Messages", "srv": "Services"}
-"""The folders of modules, with their titles."""
+"""The folders of modules with their titles."""
 
 
 def _files(package: _Package) -> Iterator[tuple[str, Callable[[], str]]]:
-    """Yield the path of each file, and the function that renders it."""
+    """Yield the path of each file and the function that renders it."""
     for file in FILES:
         if file.condition(package):
             yield file.path, partial(file.content, package)
@@ -261,12 +264,12 @@ def _stem(path: str) -> str:
 
 
 def _check_names(package: _Package) -> None:
-    """Raise InputError if a package or two messages cannot have their names in Python."""
+    """Raise InputError if the name of a package is reserved, or if two messages would have the same class."""
     taken = {*keyword.kwlist, *_FOLDERS, "annotations", *(_stem(file.path) for file in FILES)}
     errors = []
     for part in package.parts:
         if part.prefix and part.package in taken:
-            text = f"no module can be made of the ROS package '{part.package}': the name is taken"
+            text = f"the name of the ROS package '{part.package}' is reserved in the generated package"
             errors.append(Diagnostic(Location(part.path, 0), "S103", text))
         errors += _same_classes((*part.services, *part.halves))
         errors += _same_classes(part.messages)
@@ -280,11 +283,11 @@ def _same_classes(definitions: Iterable[Message | Service]) -> Iterator[Diagnost
         name = class_name(definition)
         other = classes.setdefault(name, definition)
         if other is not definition:
-            text = f"the class of '{definition.name}' would be '{name}', as that of {other.location.path}"
+            text = f"the class of '{definition.name}' would be '{name}', the same as that of {other.location.path}"
             yield Diagnostic(definition.location, "M202", text)
 
 
 def _versions(catalog: Catalog) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return ROS name and class of each version of the endpoints that have several, by their own ROS name."""
+    """Return the ROS name of each endpoint with several versions, and the ROS name and class of each version."""
     every = [(endpoint.ros_name, endpoint_versions(catalog, endpoint)) for endpoint in endpoints(catalog)]
     return [(name, [(old, class_name(message)) for old, message in rows]) for name, rows in every if len(rows) > 1]

@@ -1,12 +1,12 @@
-"""The statements of `encode` and `decode` for a message with a static layout: one `struct` format has it all.
+"""The statements of `encode` and `decode` for a message with a static layout: one `struct` format for all values.
 
-How a value is held in Python, and why (docs/design.md has the measurements):
+Python holds the values as follows (docs/design.md has the measurements):
 
 - one number or bool: itself
 - `uint8[N]`, `char[N]`, `byte[N]`: bytes
-- up to 15 numbers, and bools: a tuple; its values are unpacked through locals, because `pack(*values)` would
-  silently take a 4 and a 2 for two arrays of 3
-- 16 numbers and more: array.array, copied as a block
+- up to 15 numbers, or any number of bools: a tuple, unpacked through local variables, because `pack(*values)` would
+  accept arrays of 4 and 2 values in place of two arrays of 3
+- 16 or more numbers: array.array, copied as a block
 - nested messages: unfolded into the one `struct` format of the outer message
 """
 
@@ -21,21 +21,21 @@ from msggen.model import ArrayKind, Catalog, FieldType, Message
 from msggen.primitives import PRIMITIVES
 
 ClassOf = Callable[[Message], str]
-"""Names the class of a message, as the module that nests it does."""
+"""A function that returns the class name of a message in the module that nests it."""
 
 _TAKEN = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error", "len"})
 _LARGEST_GROUP = 100
-"""Python compiles longer chains of operators by ever deeper recursion."""
+"""The largest number of operands in a chain, because the compiler of Python recurses for each operator."""
 
 
 class Names:
-    """Names of locals, each given once."""
+    """Unique names of local variables."""
 
     def __init__(self, taken: Iterable[str]) -> None:
         self._taken = set(taken)
 
     def one(self, name: str) -> str:
-        """Return `name`, or one like it that is free."""
+        """Return `name`, with underscores appended until it is free."""
         while name in self._taken:
             name += "_"
         self._taken.add(name)
@@ -47,30 +47,33 @@ class Names:
 
 
 class Values:
-    """What one `struct` format packs and unpacks, as expressions in the order of the wire."""
+    """The expressions that one `struct` format packs and unpacks, in the order of the wire."""
 
     def __init__(self, names: Names) -> None:
         self.names = names
         self.targets: list[str] = []
-        """What `decode` unpacks to."""
+        """The targets that `decode` unpacks to."""
         self.values: list[str] = []
-        """What `encode` packs."""
+        """The values that `encode` packs."""
         self.assigned: list[tuple[str, str]] = []
-        """Attribute and value of what `decode` puts together afterwards."""
+        """The attributes that `decode` assigns after it has unpacked, and their values."""
         self.unpacked: list[tuple[str, str]] = []
-        """Locals and attribute of what `encode` takes apart before."""
+        """The local variables that `encode` unpacks attributes to before it packs, and the attributes."""
         self.lengths: list[tuple[str, int]] = []
-        """Attributes of bytes, and how many there must be: `struct` would pad or cut them."""
+        """The attributes of bytes and their required lengths: `struct` would pad or truncate the bytes."""
         self.bools: list[str] = []
-        """What must be a bool: `struct` would take any object for one."""
+        """The values that must be bools: `struct` would accept any object."""
 
     def groups_of_bools(self) -> list[list[str]]:
-        """Return the bools in groups that are joined by an operator, `False` first: alone it would not be applied."""
+        """Return the bools in groups whose items are joined by an operator.
+
+        Each group starts with `False`, because the operator would not be applied to a single value.
+        """
         groups = (self.bools[index : index + _LARGEST_GROUP] for index in range(0, len(self.bools), _LARGEST_GROUP))
         return [["False", *group] for group in groups]
 
     def primitive(self, type_: FieldType, here: str, there: str, stem: str) -> None:
-        """Add a primitive of fixed size, or an array of them: decoded to `here`, encoded from `there`."""
+        """Add a primitive of fixed size, or an array of them, that is decoded to `here` and encoded from `there`."""
         kind = kind_of(type_)
         if kind is Kind.SCALAR:
             self.targets.append(here)
@@ -102,11 +105,14 @@ class Codec(Values):
         super().__init__(Names(_TAKEN))
         self.class_of = class_of
         self.created: list[tuple[str, str]] = []
-        """Local and class of the nested messages that `decode` makes."""
+        """The local variable and the class of each nested message that `decode` creates."""
 
     @classmethod
     def of(cls, catalog: Catalog, message: Message, class_of: ClassOf) -> Codec:
-        """Return the statements for `message`, with all it nests unfolded; `class_of` names the class of a message."""
+        """Return the statements for `message`, with its nested messages unfolded.
+
+        `class_of` returns the class name of a message.
+        """
         codec = cls(class_of)
         codec._message(catalog, message, "message", "self", "")
         return codec
@@ -135,5 +141,5 @@ class Codec(Values):
 
 
 def as_tuple(names: list[str]) -> str:
-    """Return a tuple of `names`."""
+    """Return the expression of a tuple of `names`."""
     return f"({', '.join(names)}{',' if len(names) == 1 else ''})"

@@ -1,10 +1,10 @@
-"""The statements of `encode` and `decode` for a message whose samples differ in layout: strings, sequences, no fields.
+"""The statements of `encode` and `decode` for a message whose samples vary in size: strings, sequences, no fields.
 
-A sample is read in steps. Each is a run of values of fixed size, read at once by one `struct` format, and then at most
-one value whose size the sample tells. templates/python/support/stream.py has the functions that the statements call.
+A sample is read in steps. A step is a run of values of fixed size, which one `struct` format reads, and at most one
+value after it with a size of its own. templates/python/support/stream.py has the functions that the statements call.
 
-How such a value is held in Python: `string` and `wstring` as str; sequences of `uint8`, `char` and `byte` as bytes, of
-other numbers as array.array, of all else as tuples; and arrays as in messages with a static layout.
+Python holds such values as follows: `string` and `wstring` as str; sequences of `uint8`, `char` and `byte` as bytes, of
+other numbers as array.array, and of all other types as tuples; arrays as in messages with a static layout.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from msggen.primitives import PRIMITIVES, STRINGS
 _TAKEN = frozenset({"message", "data", "parts", "at", "wire", "run", "error", "len", "name"})
 
 _DELIMITER, _COUNT, _NOTHING = "D", "I", "x"
-"""Codes of a run, besides those of values: XCDR2's delimiter header, a count, the byte of a message without fields."""
+"""The codes of a run that are not values: the delimiter header of XCDR2, a count, the byte of an empty message."""
 
 
 class Call(NamedTuple):
@@ -32,36 +32,39 @@ class Call(NamedTuple):
 
 
 class Step(Values):
-    """A run of values, and what comes behind it."""
+    """A run of values, and the value of variable size after it."""
 
     def __init__(self, names: Names) -> None:
         super().__init__(names)
         self.codes = ""
-        """Of the run, as `struct` has them."""
+        """The `struct` codes of the run."""
         self.fields: list[str] = []
-        """The fields that the run has values of."""
+        """The fields with values in the run."""
         self.taken_apart: list[tuple[str, str]] = []
-        """Local and attribute of the nested messages that `encode` takes apart."""
+        """The local variable and the attribute of each nested message whose fields `encode` reads."""
         self.created: list[tuple[str, str, str]] = []
-        """Attribute, local and class of the nested messages that `decode` makes; no local where nothing is in it."""
+        """The attribute, the local variable and the class of each nested message that `decode` creates.
+
+        The local variable is "" for a message without fields.
+        """
         self.prepared: list[tuple[str, Call]] = []
-        """Locals and values that `encode` makes before it packs the run."""
+        """The local variables that `encode` sets before it packs the run, and their values."""
         self.target = ""
-        """Where `decode` puts what comes behind the run."""
+        """The attribute to which `decode` assigns the value after the run."""
         self.reader: Call | None = None
-        """What reads it; nothing comes behind the last run."""
+        """The call that reads that value; None after the last run."""
         self.writer: Call | None = None
-        """What writes it."""
+        """The call that writes that value; None after the last run."""
 
     @property
     def arguments(self) -> tuple[str, str]:
-        """Of the run: its codes, and the fields that it has values of."""
+        """The arguments of the run: its codes and its fields."""
         ends = dict.fromkeys([*self.fields[:1], *self.fields[-1:]])
         return literal(self.codes), literal(" to ".join(ends))
 
 
 class Function(NamedTuple):
-    """A function that reads a message, and one that writes it."""
+    """The functions that read and write a message."""
 
     name: str
     cls: str
@@ -70,9 +73,9 @@ class Function(NamedTuple):
 
 
 def functions_of(catalog: Catalog, message: Message, class_of: ClassOf) -> tuple[Function, ...]:
-    """Return the functions for `message`, and before it those for messages that it has arrays or sequences of.
+    """Return the functions for `message`, after those for the messages in its arrays and sequences.
 
-    `class_of` names the class of a message.
+    `class_of` returns the class name of a message.
     """
     found: dict[str, Function] = {}
     _Walk(catalog, class_of, found).function(message)
@@ -80,23 +83,23 @@ def functions_of(catalog: Catalog, message: Message, class_of: ClassOf) -> tuple
 
 
 class _Place(NamedTuple):
-    """A field: its attribute, the name that its locals begin with, and its path from the outermost message."""
+    """A field: its attribute, the prefix of its local variables, and its path from the outermost message."""
 
     attribute: str
     stem: str
     path: str
 
     def inside(self, local: str) -> _Place:
-        """Return what the fields of a nested message that `local` holds begin with."""
+        """Return the place of a nested message that the local variable `local` holds."""
         return _Place(local, f"{local}_", f"{self.path}.")
 
     def field(self, name: str, attribute: str) -> _Place:
-        """Return a field of the message that this is."""
+        """Return the place of a field of the message at this place."""
         return _Place(f"{self.attribute}.{attribute}", self.stem + attribute, self.path + name)
 
 
 class _Walk:
-    """Follows the fields of a message in the order of the wire."""
+    """A walk over the fields of a message in the order of the wire."""
 
     def __init__(self, catalog: Catalog, class_of: ClassOf, found: dict[str, Function]) -> None:
         self.catalog = catalog
@@ -106,7 +109,7 @@ class _Walk:
         self.steps = [Step(self.names)]
 
     def function(self, message: Message) -> str:
-        """Add the functions of `message` unless they are there, and return their name."""
+        """Add the functions of `message` if they are missing, and return their name."""
         if message.key not in self.found:
             cls = self.class_of(message)
             walk = _Walk(self.catalog, self.class_of, self.found)
@@ -118,7 +121,7 @@ class _Walk:
 
     @property
     def step(self) -> Step:
-        """The one that is being filled."""
+        """The current step."""
         return self.steps[-1]
 
     def message(self, message: Message, outer: _Place) -> None:
@@ -148,7 +151,7 @@ class _Walk:
             self.step.created.append((place.attribute, local, cls))
             if local:
                 self.step.taken_apart.append((local, place.attribute))
-            else:  # there is nothing to take apart that would tell another value from it
+            else:  # check the class, because no field would reveal a value of another type
                 one = _call("instances", f"({place.attribute},)", "wire", cls)
                 self.step.prepared.append((self.names.one(f"_{place.stem}"), one))
             self.message(inner, place.inside(local))
@@ -158,7 +161,7 @@ class _Walk:
         self._elements(type_, place, values, ("messages", cls, f"_read_{name}"), f"_write_{name}")
 
     def _primitive(self, type_: FieldType, place: _Place) -> None:
-        """Add a primitive whose size is not fixed, or a large array: a block between two runs."""
+        """Add a primitive of variable size, or a large array: a block between two runs."""
         if type_.name in STRINGS:
             bound = "" if type_.string_bound is None else f"bound={type_.string_bound}"
             kind = "text" if type_.name == "string" else "wide_text"
@@ -180,35 +183,35 @@ class _Walk:
         code, size = literal(primitive.code), primitive.size
         raw = self._prepared(place, "number_bytes", code, number)
         if type_.array is ArrayKind.FIXED:
-            reader = _call("numbers", "data", _BEHIND, str(type_.length), "wire", literal(place.path), code)
-            self._close(place, reader, _call("put_aligned", raw, "parts", _BEHIND, "wire", str(size)))
+            reader = _call("numbers", "data", _END, str(type_.length), "wire", literal(place.path), code)
+            self._close(place, reader, _call("put_aligned", raw, "parts", _END, "wire", str(size)))
         else:
             self._block(place, raw, size, ("numbers", code, number))
 
     def _block(self, place: _Place, raw: str, size: int, reader: tuple[str, ...]) -> None:
-        """Add bytes behind the count of values, of `size` bytes each, that they are."""
+        """Add a block of bytes after the count of its values, which have `size` bytes each."""
         count = self._count(place, f"len({raw})" if size == 1 else f"len({raw}) // {size}")
         function, *more = reader
         put = (
-            ("put", raw, "parts", _BEHIND)
+            ("put", raw, "parts", _END)
             if size <= PRIMITIVES["uint32"].size
-            else ("put_aligned", raw, "parts", _BEHIND, "wire", str(size))
+            else ("put_aligned", raw, "parts", _END, "wire", str(size))
         )
-        self._close(place, _call(function, "data", _BEHIND, count, "wire", literal(place.path), *more), _call(*put))
+        self._close(place, _call(function, "data", _END, count, "wire", literal(place.path), *more), _call(*put))
 
     def _elements(self, type_: FieldType, place: _Place, values: str, reader: tuple[str, ...], *writer: str) -> None:
-        """Add values that are no primitives: XCDR2 has a delimiter header before them, and before their count."""
+        """Add elements that are not primitive. In XCDR2, a delimiter header precedes them and their count."""
         self._run(_DELIMITER, place.path)
         is_fixed = type_.array is ArrayKind.FIXED
         count = str(type_.length) if is_fixed else self._count(place, f"len({values})")
         lead = "4" if is_fixed else "8"
         function, *more = reader
         most = "" if is_fixed else _number_of(type_)
-        read = _call(function, "data", _BEHIND, count, "wire", literal(place.path), lead, *more, most)
-        self._close(place, read, _call(f"put_{function}", values, "parts", _BEHIND, "wire", lead, *writer))
+        read = _call(function, "data", _END, count, "wire", literal(place.path), lead, *more, most)
+        self._close(place, read, _call(f"put_{function}", values, "parts", _END, "wire", lead, *writer))
 
     def _count(self, place: _Place, value: str) -> str:
-        """Add a count to the run, and return the local that it is read to."""
+        """Add a count to the run, and return the local variable that it is read into."""
         local = self.names.one(f"{place.stem}_count")
         self._run(_COUNT, place.path)
         self.step.targets.append(local)
@@ -216,7 +219,7 @@ class _Walk:
         return local
 
     def _prepared(self, place: _Place, function: str, *more: str) -> str:
-        """Return the local that holds what `encode` makes of the value before it packs the run."""
+        """Return the local variable for the value that `encode` prepares before it packs the run."""
         local = self.names.one(f"{place.stem}_raw")
         self.step.prepared.append((local, _call(function, place.attribute, "wire", *more)))
         return local
@@ -226,16 +229,16 @@ class _Walk:
         self.steps.append(Step(self.names))
 
 
-_BEHIND = "at + run.size"
+_END = "at + run.size"
 
 
 def _call(function: str, *arguments: str) -> Call:
-    """Return a call without the arguments that are empty."""
+    """Return a call without the empty arguments."""
     return Call(function, tuple(filter(None, arguments)))
 
 
 def _number_of(type_: FieldType) -> str:
-    """Return the argument that says how many values there must be, or may be."""
+    """Return the argument with the exact or the largest number of values, or ""."""
     if type_.array is ArrayKind.FIXED:
         return f"exactly={type_.length}"
     return f"most={type_.length}" if type_.array is ArrayKind.BOUNDED else ""

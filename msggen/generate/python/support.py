@@ -1,4 +1,4 @@
-"""The modules of a generated package that are copied as they are: `templates/python/support`."""
+"""The modules of a generated package that are copied unchanged from `templates/python/support`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The versions of a message as the Python templates see them, and how the firmware translates from one to the next."""
+"""The versions of a message for the Python templates, with the translations of the firmware between them."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from msggen.model import DEFAULT_PACKAGE, Catalog, Message
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from msggen.generate.python.translation import Rule
+    from msggen.generate.python.translation_rules import Rule
     from msggen.translation import Statement
 
 
 class Conversion(NamedTuple):
-    """What the firmware's translation from one version to the next says besides names.
+    """A translation of the firmware from one version to the next, as far as it differs from a copy by name.
 
-    `omitted` are the fields that both versions have and that it leaves out. `is_readable` is false where there is a
-    translation that nothing can be said of.
+    `omitted` are the fields of both versions that it does not set. `is_readable` is false if the translation could not
+    be parsed.
     """
 
     source: str
@@ -32,13 +32,13 @@ class Conversion(NamedTuple):
 
     @property
     def arguments(self) -> list[str]:
-        """The rules, and the elements that are lost, in the generated table."""
+        """The rules and the lost elements, as arguments in the generated table."""
         lost = [f"lost=({wrapped(map(literal, self.lost), 12, 'tuple')})"] if self.lost else []
         return [*(rule.code for rule in self.rules), *lost]
 
 
 class AdjacentVersion(NamedTuple):
-    """The next version of a message, before or after it, and the method that leads there."""
+    """The version before or after a message, and the method that converts to it."""
 
     method: str
     name: str
@@ -48,23 +48,24 @@ class AdjacentVersion(NamedTuple):
 
     @property
     def documentation(self) -> str:
-        """What the firmware's translation says, for the docstring of the method; "" where there is nothing to say."""
+        """The rules of the firmware's translation, for the docstring of the method, or ""."""
         if not self.conversion:
             return ""
         if not self.conversion.is_readable:
-            return "PX4's translation could not be read: values are carried over by the names of fields alone."
+            return "PX4's translation could not be parsed: all fields are copied by name."
         rules = [f"- {rule.documentation}" for rule in self.conversion.rules]
-        said = ["PX4's translation sets what names do not tell:", "", *rules] if rules else []
+        lines = ["Fields that PX4's translation does not copy by name:", "", *rules] if rules else []
         omitted = ", ".join(f"`{name}`" for name in self.conversion.omitted)
         if omitted:
-            said += [""] * bool(said) + [f"Carried over by name, though PX4's translation leaves it out: {omitted}."]
-        return "\n".join(said)
+            lines += [""] * bool(lines)
+            lines += [f"Fields that are copied by name, although PX4's translation omits them: {omitted}."]
+        return "\n".join(lines)
 
 
 class Table(NamedTuple):
-    """What the generated package knows of the firmware's translations.
+    """The translations of the firmware in the generated package.
 
-    `chains` has the versions of each message that is translated, the oldest first, by its ROS type.
+    `chains` holds the ROS type of each translated message and its versions, the oldest first.
     """
 
     chains: tuple[tuple[str, tuple[str, ...]], ...]
@@ -72,28 +73,28 @@ class Table(NamedTuple):
 
     @property
     def functions(self) -> list[str]:
-        """The names that the rules take from `math`."""
+        """The names that the rules import from `math`."""
         code = " ".join(argument for conversion in self.conversions for argument in conversion.arguments)
         return [name for name in ("inf", "isfinite", "isinf", "isnan", "nan") if _has_word(code, name)]
 
     @property
     def classes(self) -> list[str]:
-        """The classes that the table is made of."""
+        """The classes that the table uses."""
         code = " ".join(argument for conversion in self.conversions for argument in conversion.arguments)
         names = ("Computed", "Constant", "Copied", "Unread")
         return sorted(["Translation", *(name for name in names if f"{name}(" in code)])
 
 
 def adjacent_versions(catalog: Catalog, message: Message) -> tuple[AdjacentVersion, ...]:
-    """Return the versions of `message` before and after it, where there are."""
+    """Return the versions directly before and after `message`."""
     return tuple(_adjacent(catalog, catalog.versions(message), message))
 
 
 def translation_table(catalog: Catalog) -> Table:
-    """Return what is known of all translations between versions that there are, and between other messages."""
+    """Return the translations between versions of messages, and between other messages."""
     chains = [catalog.versions(message) for message in catalog.messages.values()]
-    rows = [(chain, _known(catalog, pairwise(chain))) for chain in chains if len(chain) > 1]
-    others = _known(catalog, _renamed(catalog))
+    rows = [(chain, _conversions(catalog, pairwise(chain))) for chain in chains if len(chain) > 1]
+    others = _conversions(catalog, _renamed(catalog))
     return Table(
         tuple((chain[-1].ros_type, tuple(class_name(each) for each in chain)) for chain, found in rows if found),
         (
@@ -103,14 +104,14 @@ def translation_table(catalog: Catalog) -> Table:
     )
 
 
-def _known(catalog: Catalog, pairs: Iterable[tuple[Message, Message]]) -> list[Conversion]:
-    """Return what is known of the translations between two messages, in both directions."""
+def _conversions(catalog: Catalog, pairs: Iterable[tuple[Message, Message]]) -> list[Conversion]:
+    """Return the translations between the messages of each pair, in both directions."""
     both = [pair for older, newer in pairs for pair in ((older, newer), (newer, older))]
     return [found for pair in both if (found := _conversion(catalog, *pair))]
 
 
 def _renamed(catalog: Catalog) -> Iterator[tuple[Message, Message]]:
-    """Yield the messages between which is a translation, though they are no versions of each other."""
+    """Yield the pairs of messages that have a translation, although they are not versions of each other."""
     known = {_cpp_name(message): message for message in (*catalog.uorb_messages, *catalog.archived.values())}
     for translation in catalog.translations:
         older, newer = known.get(translation.older), known.get(translation.newer)
@@ -131,7 +132,7 @@ def _adjacent(catalog: Catalog, versions: tuple[Message, ...], message: Message)
 
 
 def _conversion(catalog: Catalog, source: Message, target: Message) -> Conversion | None:
-    """Return what is known of the translation from one version to another, None where there is none."""
+    """Return the translation from one version to another, or None if it is missing."""
     names = _cpp_name(source), _cpp_name(target)
     for translation in catalog.translations:
         if names == (translation.older, translation.newer):
@@ -156,7 +157,7 @@ def _read(
 
 
 def _cpp_name(message: Message) -> str:
-    """Return what headers call a message, whatever package the catalog has it in."""
+    """Return the name of a message in headers, which does not depend on its package in the catalog."""
     return message.key if message.version_of else f"{DEFAULT_PACKAGE}/{message.name}"
 
 

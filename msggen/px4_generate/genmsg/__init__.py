@@ -1,6 +1,6 @@
-"""What templates find as `genmsg`: the names that the firmware's templates use, over msggen's model.
+"""The `genmsg` of templates: the names of the genmsg package that the firmware's templates use, on msggen's model.
 
-docs/px4_generate.md lists them. Nothing here is the package of that name; only the names are the same.
+docs/px4_generate.md lists the names. This is not the genmsg package; only the names are the same.
 """
 
 from msggen.px4_generate.genmsg import gentools, msg_loader, msgs, names

@@ -1,4 +1,4 @@
-"""Messages by name or file, out of the definitions that the run has read."""
+"""A loader of messages by name or file, from the definitions that the run has read."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class MsgNotFound(Exception):  # noqa: N818 - the name that templates know
 
 
 class MsgContext:
-    """Which messages have been loaded, from where, and what each of them nests."""
+    """The loaded messages, their files, and the messages that each of them nests."""
 
     def __init__(self) -> None:
         self._specs: dict[str, MsgSpec] = {}
@@ -23,52 +23,52 @@ class MsgContext:
 
     @classmethod
     def create_default(cls) -> MsgContext:
-        """Return an empty one."""
+        """Return an empty context."""
         return cls()
 
     def register(self, full_msg_type: str, msgspec: MsgSpec) -> None:
-        """Note that a message has been loaded."""
+        """Record a loaded message."""
         self._specs[full_msg_type] = msgspec
 
     def is_registered(self, full_msg_type: str) -> bool:
-        """Whether the message, or that of an array, has been loaded."""
+        """Whether a message has been loaded; the type may be an array of it."""
         return bare_msg_type(full_msg_type) in self._specs
 
     def get_registered(self, full_msg_type: str) -> MsgSpec:
-        """Return a message that has been loaded. Raises KeyError."""
+        """Return a loaded message; the type may be an array of it. Raises KeyError."""
         return self._specs[bare_msg_type(full_msg_type)]
 
     def set_file(self, full_msg_type: str, file_path: str) -> None:
-        """Note which file a message is from."""
+        """Record the file of a message."""
         self._files[full_msg_type] = file_path
 
     def get_file(self, full_msg_type: str) -> str | None:
-        """Return the file that a nested message is from."""
+        """Return the file of a nested message, or None."""
         return self._files.get(full_msg_type)
 
     def set_depends(self, full_msg_type: str, dependencies: list[str]) -> None:
-        """Note the messages that one nests itself."""
+        """Record the messages that a message nests directly."""
         self._depends[full_msg_type] = dependencies
 
     def get_depends(self, full_msg_type: str) -> list[str] | None:
-        """Return the messages that one nests itself, in order of its fields."""
+        """Return the messages that a message nests directly, in the order of its fields, or None."""
         return self._depends.get(full_msg_type)
 
     def get_all_depends(self, full_msg_type: str) -> list[str]:
-        """Return the messages that one nests at any depth. Raises KeyError."""
+        """Return the messages that a message nests at any depth. Raises KeyError."""
         nested = self._depends[full_msg_type]
         return [name for inner in nested for name in (inner, *self.get_all_depends(inner))]
 
 
 def load_msg_from_file(msg_context: MsgContext, file_path: str, full_name: str) -> MsgSpec:
-    """Return the message `full_name` of a file. Raises InputError."""
+    """Return the message `full_name` in a file. Raises InputError."""
     spec = _spec(definitions().read(file_path, full_name), full_name)
     msg_context.register(full_name, spec)
     return spec
 
 
 def load_msg_by_type(msg_context: MsgContext, msg_type: str, search_path: Mapping[str, Sequence[str]]) -> MsgSpec:
-    """Return the message of a name, found in the folders of its package. Raises MsgNotFound or InputError."""
+    """Return the message `msg_type` from the folders of its package. Raises MsgNotFound or InputError."""
     package, name = package_resource_name(msg_type)
     path = definitions().find(search_path.get(package, ()), name)
     if path is None:
@@ -79,7 +79,10 @@ def load_msg_by_type(msg_context: MsgContext, msg_type: str, search_path: Mappin
 
 
 def load_depends(msg_context: MsgContext, spec: MsgSpec, msg_search_path: Mapping[str, Sequence[str]]) -> list[str]:
-    """Load what a message nests, at any depth; return what it nests itself. Raises as load_msg_by_type."""
+    """Load the messages that a message nests at any depth, and return those that it nests directly.
+
+    Raises MsgNotFound or InputError.
+    """
     nested = [name for name in map(bare_msg_type, spec.types) if not is_builtin(name)]
     for name in nested:
         if not msg_context.is_registered(name):

@@ -1,4 +1,4 @@
-"""Messages as templates see them. They may be changed by a template: each gets its own."""
+"""Messages for templates. Each template gets its own, because a template may change them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ _HEADERS = ("Header", "std_msgs/Header", "roslib/Header")
 
 
 def parse_type(msg_type: str) -> tuple[str, bool, int | None]:
-    """Return for `uint8[4]` the type of one value, whether it is an array, and its length if that is fixed.
+    """Return the type of one value, whether the type is an array, and its fixed length or None.
 
-    Raises ValueError for what is no type.
+    For `uint8[4]`, these are `uint8`, True and 4. Raises ValueError for an invalid type.
     """
     base, bracket, length = msg_type.partition("[")
     if not bracket:
         if not base:
-            raise ValueError("expected a type, found an empty text")
+            raise ValueError("expected a type, found an empty string")
         return base, False, None
     if length == "]":
         return base, True, None
@@ -28,17 +28,17 @@ def parse_type(msg_type: str) -> tuple[str, bool, int | None]:
 
 
 def bare_msg_type(msg_type: str) -> str:
-    """Return the type of one value: `uint8` of `uint8[4]`."""
+    """Return the type of one value: `uint8` for `uint8[4]`."""
     return msg_type.partition("[")[0]
 
 
 def is_builtin(msg_type_name: str) -> bool:
-    """Whether it is no message."""
+    """Whether a type is primitive, not a message."""
     return msg_type_name in _BUILTIN
 
 
 class Field:
-    """A field: `type` is its whole type (`px4/EscReport[8]`), `base_type` that of one value."""
+    """A field. `type` is its full type (`px4/EscReport[8]`), `base_type` the type of one value."""
 
     def __init__(self, name: str, type: str) -> None:  # noqa: A002 - templates may name it
         self.name = name
@@ -52,7 +52,7 @@ class Field:
 
 
 class Constant:
-    """A constant: `val` is its value."""
+    """A constant. `val` is its value."""
 
     def __init__(self, type_: str, name: str, val: object) -> None:
         self.type = type_
@@ -64,7 +64,7 @@ class Constant:
 
 
 class MsgSpec:
-    """A message: `full_name` is `px4/EscReport`, `short_name` and `package` its halves."""
+    """A message. `full_name` is `px4/EscReport`, `package` and `short_name` are its two parts."""
 
     def __init__(self, full_name: str, fields: Iterable[Field], constants: Iterable[Constant], text: str) -> None:
         self.full_name = full_name
@@ -76,7 +76,7 @@ class MsgSpec:
         self.names = [field.name for field in self._fields]
 
     def parsed_fields(self) -> list[Field]:
-        """Return the fields, the same list each time."""
+        """Return the fields, always the same list."""
         return self._fields
 
     def __str__(self) -> str:

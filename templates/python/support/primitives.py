@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Primitive(NamedTuple):
-    """A primitive type: its `struct` code, and its smallest and largest value if it has such."""
+    """A primitive type: its `struct` code, and its smallest and largest value, or None."""
 
     code: str
     lowest: float | None = None
@@ -31,7 +31,7 @@ PRIMITIVES = {
     "float32": Primitive("f", -3.4028235677973366e38, 3.4028235677973366e38),
     "float64": Primitive("d"),
 }
-"""The types of fixed size, by name."""
+"""The types of fixed size by name."""
 
 OCTETS = ("byte", "char", "uint8")
 """The types whose arrays are held as bytes."""

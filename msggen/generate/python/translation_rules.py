@@ -1,0 +1,215 @@
+"""The rules by which one version of a message is made from another, and their Python source."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+from struct import pack, unpack
+from typing import NamedTuple
+
+from msggen.generate.python.formatting import joined_by, literal, wrapped
+from msggen.generate.python.translation_values import PREDICATES
+from msggen.model import ArrayKind, FieldType, Value
+from msggen.translation import CHOICE, Expression, Number, Operation, Place
+
+EACH = "i"
+"""The variable for the index of an element in the value of a part."""
+
+_PYTHON = {"&&": "and", "||": "or"}
+_BINDING = {CHOICE: 0, "||": 1, "&&": 2, "!": 3, **dict.fromkeys(("<", "<=", ">", ">=", "==", "!="), 4)}
+_LONG = 80
+"""The length from which an expression is written on lines of its own."""
+
+
+class Copied(NamedTuple):
+    """A rule for a field that gets the value of a field with another name."""
+
+    field: str
+    source: str
+
+    @property
+    def code(self) -> str:
+        """The rule in the generated table."""
+        return f"Copied({literal(self.field)}, {literal(self.source)})"
+
+    @property
+    def documentation(self) -> str:
+        """The rule in the docstring of the method."""
+        return f"`{self.field}` from `{self.source}`"
+
+
+class Part(NamedTuple):
+    """A range of elements, from `start` up to `stop`, and their value."""
+
+    start: int
+    stop: int
+    value: Expression
+
+
+class Computed(NamedTuple):
+    """A rule for a field whose value is computed; an array has a value for each part.
+
+    `rest` are the defaults, which all other elements keep.
+    """
+
+    field: str
+    type: FieldType
+    parts: tuple[Part, ...]
+    rest: tuple[Value, ...]
+    source: str
+    """The name of the source message in the code: "older" or "newer"."""
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The fields that the value is computed from."""
+        return tuple(dict.fromkeys(place.field for part in self.parts for place in places_of(part.value)))
+
+    @property
+    def unset(self) -> tuple[str, ...]:
+        """The elements that get no value."""
+        return tuple(
+            element_slice(self.field, start, stop)
+            for start, stop, value in self._every()
+            if not isinstance(value, Expression)
+        )
+
+    @property
+    def code(self) -> str:
+        """The rule in the generated table."""
+        value = self.parts[0].value
+        if self.type.array is ArrayKind.SCALAR and isinstance(value, Number):
+            return f"Constant({literal(self.field)}, {_python(value, '')})"
+        unset = f"({wrapped(map(literal, self.unset), 12, 'tuple')})"
+        items = [
+            literal(self.field),
+            f"({wrapped(map(literal, self.reads), 12, 'tuple')})",
+            f"lambda {self.source if self.reads else '_'}: {self._value()}",
+            *([f"defaulted={unset}"] if self.unset else []),
+        ]
+        return f"Computed({wrapped(items, 12)})"
+
+    @property
+    def documentation(self) -> str:
+        """The rule in the docstring of the method."""
+        return ", ".join(self._describe(part) for part in self.parts)
+
+    def _describe(self, part: Part) -> str:
+        name = self.field if self.type.array is ArrayKind.SCALAR else element_slice(self.field, part.start, part.stop)
+        value = part.value
+        if isinstance(value, Place) and value.path[0].element == EACH:
+            return f"`{name}` from `{element_slice(value.field, part.start, part.stop)}`"
+        if isinstance(value, Number):
+            return f"`{name}` = {_python(value)}"
+        return f"`{name}` = `{_python(value)}`"
+
+    def _value(self) -> str:
+        if self.type.array is ArrayKind.SCALAR:
+            text = _python(self.parts[0].value, f"{self.source}.")
+            return text if len(text) < _LONG else f"({joined_by(text.split(' '), ' ', 16)})"
+        rows = list(self._every())
+        pieces = [self._elements(*row) for row in rows]
+        if len(pieces) == 1:
+            return pieces[0]
+        return f"({wrapped([f'*{piece}' for piece in pieces], 16, 'tuple')})"
+
+    def _every(self) -> Iterator[tuple[int, int, Expression | tuple[Value, ...]]]:
+        """Yield all elements in ranges: those with a value and their value, all others and their defaults."""
+        position = 0
+        for start, stop, value in (*self.parts, (self.type.length, self.type.length, ())):
+            if position < start:
+                yield position, start, self.rest[position:start]
+            if start < stop:
+                yield start, stop, value
+            position = stop
+
+    def _elements(self, start: int, stop: int, value: Expression | tuple[Value, ...]) -> str:
+        if not isinstance(value, Expression):
+            same = len(set(map(repr, value))) == 1
+            return f"({literal(value[0])},) * {len(value)}" if same else literal(value)
+        if isinstance(value, Place) and value.path[0].element == EACH:
+            return f"{self.source}.{value.field}[{start}:{stop}]"
+        text = _python(value, f"{self.source}.")
+        if any(place.path[0].element == EACH for place in places_of(value)):
+            return f"[{text} for {EACH} in range({start}, {stop})]"
+        return f"({text},)" + (f" * {stop - start}" if stop - start > 1 else "")
+
+
+class Unread(NamedTuple):
+    """A rule for a field without a value: it is unclear in the header, or the field cannot hold it."""
+
+    field: str
+
+    @property
+    def code(self) -> str:
+        """The rule in the generated table."""
+        return f"Unread({literal(self.field)})"
+
+    @property
+    def documentation(self) -> str:
+        """The rule in the docstring of the method."""
+        return f"`{self.field}` keeps its default: the statement could not be parsed"
+
+
+Rule = Copied | Computed | Unread
+
+
+def places_of(value: Expression) -> Iterator[Place]:
+    """Yield the fields that a value is computed from."""
+    if isinstance(value, Place):
+        yield value
+    elif isinstance(value, Operation):
+        for operand in value.operands:
+            yield from places_of(operand)
+
+
+def element_slice(name: str, start: int, stop: int) -> str:
+    """Return a range of elements of the field `name` as Python: `control[8:15]`, or `control[8]` for one element."""
+    return f"{name}[{start}]" if stop - start == 1 else f"{name}[{start}:{stop}]"
+
+
+def _python(value: Expression, prefix: str | None = None, least: int = 0) -> str:
+    """Return `value` as Python code with `prefix` before the fields, or without a prefix for documentation.
+
+    If the operator binds more weakly than `least`, the text has parentheses.
+    """
+    if isinstance(value, Number):
+        return _number(value, is_code=prefix is not None)
+    if isinstance(value, Place):
+        name, element = value.path[0]
+        return f"{prefix or ''}{name}" + ("" if element is None else f"[{element}]")
+    if value.operator in PREDICATES:
+        return f"{value.operator}({_python(value.operands[0], prefix)})"
+    binding = _BINDING[value.operator]
+    if value.operator == CHOICE:
+        condition, one = (_python(operand, prefix, binding + 1) for operand in value.operands[:2])
+        other = _python(value.operands[2], prefix, binding)
+        text = f"{one} if {condition} else {other}"
+    elif value.operator == "!":
+        text = f"not {_python(value.operands[0], prefix, binding)}"
+    else:
+        left = binding + 1 if binding == _BINDING["<"] else binding
+        one, other = _python(value.operands[0], prefix, left), _python(value.operands[1], prefix, binding + 1)
+        text = f"{one} {_PYTHON.get(value.operator, value.operator)} {other}"
+    return f"({text})" if binding < least else text
+
+
+def _number(number: Number, *, is_code: bool) -> str:
+    value = number.value
+    if number.name and not is_code:
+        return number.name
+    if isinstance(value, float) and not is_code:
+        return _short(value)
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else repr(value)
+
+
+def _short(value: float) -> str:
+    """Return `value` with the fewest digits that identify it as a float32, or as a float64 if it is not a float32."""
+    if not math.isfinite(value):
+        return "NaN" if math.isnan(value) else str(value)
+    for digits in range(1, 10):
+        text = f"{value:.{digits}g}"
+        with suppress(OverflowError):
+            if unpack("<f", pack("<f", float(text)))[0] == value:
+                return repr(float(text))
+    return repr(value)
