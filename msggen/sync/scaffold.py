@@ -45,7 +45,7 @@ class Origin(NamedTuple):
 
 
 def plan_scaffold(target: Target, sources: Sources, known: Record, definitions: PackageContents) -> Scaffold:
-    """Return the changes of all files in a new package, else of those that a run wrote and nobody edited."""
+    """Return the files to write: all in a new package, else those that msggen wrote and the user did not edit."""
     recorded = {name: value for name, value in known.files.items() if name in NAMES}
     found = {name: digest_of(target.folder, name) or "" for name in recorded}
     own = {name: value for name, value in found.items() if value in recorded[name].split()}
