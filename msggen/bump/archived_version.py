@@ -49,7 +49,7 @@ def parse_definition(data: bytes, place: str, name: str, package: str) -> Defini
 
 
 def read_nested(tree: Tree, outer: Message) -> dict[str, Definition]:
-    """Return by name the definitions in `tree` of all messages that `outer` nests, at any depth."""
+    """Return the definitions in `tree` of all messages that `outer` nests, at any depth, by name."""
     found: dict[str, Definition] = {}
     waiting = [outer]
     while waiting:
@@ -63,7 +63,7 @@ def read_nested(tree: Tree, outer: Message) -> dict[str, Definition]:
 
 
 def archive(outer: Definition, nested: dict[str, Definition]) -> dict[str, str]:
-    """Return by archived name the archived texts of `outer` and of all messages that it nests.
+    """Return the archived texts of `outer` and of all messages that it nests, by archived name.
 
     Only the names of nested types differ from the old text. A message without a version gets version 0, because the
     translation header reads the constant.

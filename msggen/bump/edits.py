@@ -141,7 +141,7 @@ def _plan(step: VersionStep) -> Edits:
 
 
 def _headers(step: VersionStep) -> dict[str, str]:
-    """Return by name the new texts of all existing headers, whether `all_translations.h` includes them or not."""
+    """Return the new texts of all existing headers by name, including those that `all_translations.h` lacks."""
     every = os.path.basename(ALL_TRANSLATIONS)
     names = [name for name in step.tree.names(TRANSLATIONS) if name.endswith(".h") and name != every]
     return {name: with_archived(step.text(f"{TRANSLATIONS}/{name}"), step.old.message) for name in names}

@@ -75,7 +75,7 @@ def find_translator(name: str, version: int, headers: Mapping[str, str]) -> Tran
 
 
 def find_callers(inner: str, archived: str, headers: Mapping[str, str]) -> list[str]:
-    """Return the names of `headers` that translate the message `archived` and set its nested `inner` as a current one.
+    """Return the names of the `headers` that translate the message `archived` with the current version of `inner`.
 
     They no longer compile, because an archived version nests only archived versions.
     """

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from msggen.sync.target import Request
 
 _VERBS = {True: ("added", "changed", "removed"), False: ("to add", "to change", "to remove")}
-"""Verbs for changes, by whether they were written."""
+"""Verbs for changes that were written (True), or would be (False)."""
 
 _MANY = 20
 """The largest number of changes of only comments, or only white space, that are listed one by one."""

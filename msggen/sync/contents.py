@@ -35,7 +35,7 @@ class PackageContents(NamedTuple):
 
 
 def read_contents(sources: Sources, package: str, *, topics_only: bool) -> PackageContents:
-    """Return the definitions of `sources` for the ROS package `package`, those of `versioned/` among the others.
+    """Return the definitions of `sources` for the ROS package `package`. Those of `versioned/` go into `msg/` too.
 
     With `topics_only`, return only the messages that cross the bridge, the services, and the messages that these nest.
     Raises InputError with all errors in the files.
@@ -76,9 +76,9 @@ def _spelled_types(messages: Iterable[Message]) -> Iterator[tuple[str, Field]]:
 
 
 def _misnamed(spelled: Iterable[tuple[str, Field]], catalog: Catalog, package: str) -> Iterator[Diagnostic]:
-    """Yield an error for each type spelled with a package that is not the one of the message in ROS.
+    """Yield an error for each type whose spelled package would be wrong in the ROS package.
 
-    The firmware's own messages are in `catalog.package` here, but in `package` in ROS.
+    The firmware's own messages are in `catalog.package` when msggen reads them, but in `package` when ROS does.
     """
     for name, field in spelled:
         if name != package and name == catalog.package:

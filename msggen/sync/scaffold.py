@@ -45,7 +45,7 @@ class Origin(NamedTuple):
 
 
 def plan_scaffold(target: Target, sources: Sources, known: Record, definitions: PackageContents) -> Scaffold:
-    """Return the changes of all files in a new package, else of those that a run wrote and nobody edited."""
+    """Return the files to write: all in a new package, else those that msggen wrote and the user did not edit."""
     recorded = {name: value for name, value in known.files.items() if name in NAMES}
     found = {name: digest_of(target.folder, name) or "" for name in recorded}
     own = {name: value for name, value in found.items() if value in recorded[name].split()}
@@ -71,7 +71,7 @@ def origin_of(sources: Sources) -> Origin:
     trees = dict.fromkeys(file.tree for file in (*sources.messages, *sources.services) if not file.package)
     further = tuple(_base(tree.path) for tree in trees if tree is not None and tree is not root)
     if root is None or sources.embedded:
-        return Origin(f"PX4 {sources.embedded}, as msggen brings it along", further=further)
+        return Origin(f"PX4 {sources.embedded}, embedded in msggen", further=further)
     if isinstance(root, Folder):
         return _origin_in_git(root.path, None)._replace(name=_base(root.path), further=further)
     folder, revision = split_revision(root.path)

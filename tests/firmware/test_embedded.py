@@ -377,7 +377,7 @@ class TestNames:
         )
         assert main(["sync", "-q", "--px4", "v1.15", "--create", "px4_msgs"]) == 0
         assert main(["check", "--px4", "v1.15", "px4_msgs"]) == 0
-        assert "PX4 v1.15, as msggen brings it along" in Path("px4_msgs/README.md").read_text()
+        assert "PX4 v1.15, embedded in msggen" in Path("px4_msgs/README.md").read_text()
         assert main(["check", "--px4", "v1.14", "px4_msgs", "--output-format", "concise"]) == 1
         assert "differs from the embedded PX4 v1.14" in capsys.readouterr().out
 

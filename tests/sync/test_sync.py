@@ -81,7 +81,7 @@ def test_external_modules_go_in_too_and_leave_again() -> None:
 def test_without_a_source_it_is_the_embedded_set() -> None:
     assert sync("-q", "--create", PACKAGE) == 0
     assert len(os.listdir(PACKAGE / "msg")) == 259
-    assert "PX4 v1.18, as msggen brings it along" in (PACKAGE / "README.md").read_text()
+    assert "PX4 v1.18, embedded in msggen" in (PACKAGE / "README.md").read_text()
 
 
 def test_settings_name_the_firmware_but_not_the_ros_package() -> None:
