@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
 
+from msggen.compare.comparison import Comparison, Reader
 from msggen.diagnostics import Diagnostic
 from msggen.location import Location
-
-if TYPE_CHECKING:
-    from msggen.compare.comparison import Comparison
 
 
 class Category(Enum):
@@ -31,13 +28,6 @@ class Severity(Enum):
 
     ERROR = "error"
     WARNING = "warning"
-
-
-class Reader(Enum):
-    """The nodes that decode samples of the other side: those built with the previous or the current definition."""
-
-    OLD = "old"
-    NEW = "new"
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,8 +20,8 @@ from msggen.firmware.consistency import (
 from msggen.firmware.conventions import CONVENTIONS, NEWEST, as_shown, recognise
 from msggen.firmware.embedded import newest_version
 from msggen.firmware.file import File, read_file
-from msggen.firmware.layout import CLIENT_SOURCES
 from msggen.firmware.sources import Sources, read_files
+from msggen.firmware.tree_layout import CLIENT_SOURCES
 from msggen.location import Location
 from msggen.model import (
     ARCHIVE_PACKAGE,

@@ -7,8 +7,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.diagnostics import Diagnostic, counted, few, suggestion
-from msggen.firmware.layout import LISTS
 from msggen.firmware.sources import Sources
+from msggen.firmware.tree_layout import LISTS
 from msggen.location import Location
 from msggen.model import (
     ArrayKind,

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 from msggen.diagnostics import Diagnostic, input_error, suggestion
 from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release, near_release, open_release
 from msggen.firmware.file import BoardOption, File, read_file
-from msggen.firmware.layout import (
+from msggen.firmware.tree import Folder, Snapshot, Tree
+from msggen.firmware.tree_layout import (
     ARCHIVE,
     CLIENT_SOURCES,
     LISTS,
@@ -23,7 +24,6 @@ from msggen.firmware.layout import (
     is_firmware,
     unread_folders,
 )
-from msggen.firmware.tree import Folder, Snapshot, Tree
 from msggen.location import Location
 from msggen.parse.package_xml import package_name
 

@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from msggen.compare.finding import Excerpt, Finding, Reader, Report
+from msggen.compare.comparison import Reader
+from msggen.compare.finding import Excerpt, Finding, Report
 from msggen.report.line import is_misread, mark, printable, silent_mark
 
 _DECODE = "decode wrong values without an error"

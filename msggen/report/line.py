@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from msggen.compare.finding import Finding, Reader, Report, Severity
+from msggen.compare.comparison import Reader
+from msggen.compare.finding import Finding, Report, Severity
 
 
 def write_concise(report: Report) -> str:

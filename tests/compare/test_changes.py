@@ -9,7 +9,8 @@ from typing import NamedTuple
 import pytest
 
 from msggen.check import breaking
-from msggen.compare.finding import Finding, Reader, Rule
+from msggen.compare.comparison import Reader
+from msggen.compare.finding import Finding, Rule
 from msggen.compare.rules import BREAKING, named
 from msggen.firmware.sources import find_sources
 from support.catalogs import write_definitions

@@ -19,7 +19,8 @@ import pytest
 
 from msggen.cli import main
 from msggen.cli.printing import terminal_width
-from msggen.compare.finding import Category, Change, Excerpt, Finding, Reader, Report
+from msggen.compare.comparison import Reader
+from msggen.compare.finding import Category, Change, Excerpt, Finding, Report
 from msggen.compare.rules import RULES
 from msggen.location import Location
 from msggen.report import FORMATS, render
