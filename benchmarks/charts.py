@@ -1,4 +1,4 @@
-"""Charts as SVG, the same for the same numbers: text stays text, and no date is in them."""
+"""Charts as SVG. Equal numbers give equal files: text stays text, and there is no date."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COLOURS = {
     FIELDS: "#003f66",
     JOIN: "#333333",
 }
-"""Of Okabe and Ito, who chose them so that everybody can tell them apart."""
+"""The palette of Okabe and Ito, for readers with any colour vision."""
 
 MARKERS = {
     OURS.name: "o",
@@ -53,11 +53,11 @@ SETTINGS = {
     "figure.constrained_layout.h_pad": 0.1,
     "figure.constrained_layout.w_pad": 0.1,
 }
-"""A white ground of its own, so that a page in dark colours does not swallow the text."""
+"""Settings of matplotlib. The background is white, so that text is readable on a dark page."""
 
 
 def draw(width: float, height: float, panels: int) -> tuple[Any, Any]:
-    """Return a figure of inches, and its panels side by side."""
+    """Return a figure with its size in inches, and its panels side by side."""
     import matplotlib as mpl
 
     mpl.use("svg")
@@ -69,7 +69,7 @@ def draw(width: float, height: float, panels: int) -> tuple[Any, Any]:
 
 
 def svg(figure: Any) -> str:
-    """Return a figure as text, and let go of it."""
+    """Return a figure as text, and close it."""
     from matplotlib import pyplot as plt
 
     stream = io.StringIO()
@@ -79,7 +79,7 @@ def svg(figure: Any) -> str:
 
 
 def codec_chart(decode: Speeds, encode: Speeds) -> str:
-    """Return how long contestants take compared with msggen: a bar for the mean, a dot for each message."""
+    """Return the times of contestants compared with msggen: a bar for the mean, a dot for each message."""
     figure, panels = draw(9.5, 3.4, 2)
     for axes, speeds, title in zip(panels, (decode, encode), ("decode", "encode"), strict=True):
         names = [name for name in (FLOOR.name, OURS.name, *(peer.name for peer in PEERS)) if speeds.mean(name)]
@@ -102,7 +102,7 @@ def codec_chart(decode: Speeds, encode: Speeds) -> str:
 
 
 LEFT = 0.1
-"""Where bars of a logarithmic axis begin."""
+"""The start of bars on a logarithmic axis."""
 
 
 def _plain(value: float, _place: int) -> str:
@@ -110,7 +110,7 @@ def _plain(value: float, _place: int) -> str:
 
 
 def columns_chart(speeds: Speeds, arrays: Times) -> str:
-    """Return the time for each sample on the way to columns, message by message."""
+    """Return the time for each sample of the conversion to columns, message by message."""
     figure, axes = draw(9.5, 4.4, 1)
     messages = list(speeds.times)
     labels = {
@@ -143,7 +143,7 @@ def columns_chart(speeds: Speeds, arrays: Times) -> str:
 
 
 def cost_chart(starts: Starts, sizes: Sizes) -> str:
-    """Return what it costs to be ready, and to keep a message."""
+    """Return the start-up time, and the memory of a message."""
     figure, (left, right) = draw(9.5, 2.8, 2)
     ready = {name: took * 1e3 for name, took in starts.ready.items()}
     means = {name: mean_ratio(sizes, name, OURS.name) for name in ready}
@@ -164,7 +164,7 @@ def _bars(axes: Any, values: Mapping[str, float], title: str, form: str) -> None
 
 
 def scale_chart(scales: Sequence[Scale]) -> str:
-    """Return the time for each message of ever larger sets: flat where the cost grows linearly."""
+    """Return the time for each message of larger and larger sets: flat if the cost grows linearly."""
     figure, axes = draw(6.5, 2.8, 1)
     counts = [scale.messages for scale in scales]
     lines = {

@@ -13,37 +13,37 @@ from peers import FLOOR, OURS, PEERS, Peer
 from rounds import Contestant, race_groups
 
 Times = Mapping[str, Mapping[str, float]]
-"""Least seconds by message and contestant."""
+"""Shortest times in seconds, by message and contestant."""
 
 
 class Speeds(NamedTuple):
-    """What was measured of one direction; `missing` says why a contestant has no time: (message, contestant)."""
+    """The times of one direction. `missing` has the reason for a missing time, by message and contestant."""
 
     times: Times
     missing: Mapping[tuple[str, str], str]
 
     def ratios(self, contestant: str, base: str = OURS.name) -> list[float]:
-        """Return how many times as long as `base` a contestant takes, for each message that it can do."""
+        """Return the ratio of a contestant's time to that of `base`, for each message that it supports."""
         return [times[contestant] / times[base] for times in self.times.values() if contestant in times]
 
     def mean(self, contestant: str, base: str = OURS.name) -> float:
-        """Return the geometric mean of `ratios`, or 0 where there are none."""
+        """Return the geometric mean of `ratios`, or 0 if there are none."""
         ratios = self.ratios(contestant, base)
         return geometric_mean(ratios) if ratios else 0.0
 
 
 Entries = Mapping[str, Mapping[str, Entry]]
-"""By message and contestant."""
+"""Entries by message and contestant."""
 
 
 def enter_all(samples: Sequence[Sample], peers: Iterable[Peer] = (OURS, FLOOR, *PEERS)) -> Entries:
-    """Return what each contestant takes part in; all results were compared."""
+    """Return the entries of all contestants, whose results have been compared."""
     peers = tuple(peers)
     return {sample.name: {peer.name: enter(peer, sample) for peer in peers} for sample in samples}
 
 
 def measure(entries: Entries, direction: str, effort: Effort) -> Speeds:
-    """Return the times of "decode" or "encode"."""
+    """Return the times of a direction, "decode" or "encode"."""
     ready: dict[str, dict[str, Contestant]] = {message: {} for message in entries}
     missing: dict[tuple[str, str], str] = {}
     for message, by_peer in entries.items():

@@ -1,7 +1,7 @@
 """Many samples at once: to columns, to a structured array and back; and one field of each, through the lazy view.
 
-A column is what analysts plot: one array for each value of a message, named as pyulog names it. Other packages have
-no batches: they are used in the loop that their users write, over the same samples.
+A column is one array for each value of a message, with the name that pyulog gives it. Other packages have
+no batches, so they are used in the loop that their users write, over the same samples.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ JOIN = "copy"
 LIST, BUFFER, BACK = "list", "buffer", "encode_batch"
 LAZY = "lazy"
 SLICE = 10
-"""Loops take one sample in so many."""
+"""Loops use one sample in this many."""
 
 PEERS_FOR_LAZY = ("mcap-ros2-support-fast",)
 
 
 class Place(NamedTuple):
-    """Where a loop stands: the variable that holds a message, and what fills the arrays from it."""
+    """A position in a loop: the variable of a message, and the statements that fill the arrays from it."""
 
     variable: str
     cell: str
@@ -43,7 +43,7 @@ class Place(NamedTuple):
 
 
 class Loop:
-    """The loop that one writes with a package that has no batches: arrays made in advance, filled sample by sample."""
+    """A loop for a package without batches: arrays created in advance, filled sample by sample."""
 
     def __init__(self, sample: Sample, peer: Peer, decoded: Any) -> None:
         self.catalog, self.peer = sample.catalog, peer
@@ -95,7 +95,7 @@ class Loop:
         return {"char": "uint8", "byte": "uint8"}.get(type_.name, type_.name)
 
     def columns(self, filled: Sequence[Any]) -> Columns:
-        """Return the arrays as columns, as views: named as `px4_types.batch.columns` does it."""
+        """Return views of the arrays as columns, with the names of `px4_types.batch.columns`."""
         return {
             label.format(*index): array[(slice(None), *index)]
             for (label, shape, _), array in zip(self.arrays, filled, strict=True)
@@ -104,7 +104,7 @@ class Loop:
 
 
 def measure_columns(samples: Sequence[Sample], entries: Entries, effort: Effort) -> Speeds:
-    """Return the time for each sample on the way from bytes to columns, or to fields: the batch, and loops."""
+    """Return the time for each sample from bytes to columns, or to fields, of the batch and of loops."""
     ready: dict[str, dict[str, Contestant]] = {}
     missing: dict[tuple[str, str], str] = {}
     for sample in samples:
@@ -135,14 +135,14 @@ def measure_columns(samples: Sequence[Sample], entries: Entries, effort: Effort)
 def _loop(
     sample: Sample, peer: Peer, decode: Contestant, payloads: Sequence[bytes], expected: Columns
 ) -> Contestant | str:
-    """Return the loop over `peer`, whose columns were compared, or why there is none."""
+    """Return the loop over `peer`, after comparing its columns, or the reason why there is none."""
     names = {**decode.names, "payloads": payloads}
     try:
         loop = Loop(sample, peer, evaluate(decode))
         execute(loop.program(), names)
         contestant = Contestant("fill(payloads)", names)
         check_columns(loop.columns(evaluate(contestant)), expected)
-    except Exception as error:  # noqa: BLE001 - whatever a peer does, the others go on
+    except Exception as error:  # noqa: BLE001 - an error of one peer must not stop the others
         return reason(error)
     return contestant
 
@@ -153,12 +153,12 @@ def batch_columns() -> Any:
 
 
 def evaluate(contestant: Contestant) -> Any:
-    """Return what a contestant's statement gives."""
-    return eval(contestant.statement, dict(contestant.names))  # noqa: S307 - text from here
+    """Return the result of a contestant's statement."""
+    return eval(contestant.statement, dict(contestant.names))  # noqa: S307 - written by this module
 
 
 def check_columns(found: Columns, expected: Columns) -> None:
-    """Raise ValueError unless the columns, of as many samples as there are, are the same."""
+    """Raise ValueError unless all columns are equal."""
     if found.keys() != expected.keys():
         raise ValueError("other columns")
     for name, column in found.items():
@@ -167,7 +167,7 @@ def check_columns(found: Columns, expected: Columns) -> None:
 
 
 def _names(entries: Entries, sample: Sample) -> Mapping[str, Any]:
-    """Return the names that msggen's program for a sample made."""
+    """Return the names that msggen's program for a sample defines."""
     entry = entries[sample.name][OURS.name].decode
     if isinstance(entry, str):
         raise TypeError(f"{sample.name}: {entry}")
@@ -177,7 +177,7 @@ def _names(entries: Entries, sample: Sample) -> Mapping[str, Any]:
 def measure_arrays(samples: Sequence[Sample], entries: Entries, effort: Effort) -> Times:
     """Return the time for each sample of copying the bytes, of `decode_batch` and of `encode_batch`.
 
-    From a buffer nothing is copied, so that its time is the same for any number: it is not divided by them.
+    A buffer is not copied, so its time does not depend on the number of samples, and is not divided by it.
     """
     statements = {
         JOIN: 'b"".join(payloads)',
@@ -191,7 +191,7 @@ def measure_arrays(samples: Sequence[Sample], entries: Entries, effort: Effort) 
         names = {**_names(entries, sample), "payloads": payloads, "buffer": b"".join(payloads)}
         names["array"] = names["Type"].decode_batch(payloads)
         if names["Type"].encode_batch(names["array"]) != payloads:
-            raise ValueError(f"{sample.name}: encode_batch does not give what decode_batch took")
+            raise ValueError(f"{sample.name}: encode_batch does not return the input of decode_batch")
         ready[sample.name] = {name: Contestant(statement, names) for name, statement in statements.items()}
     best = race_groups(ready, effort.rounds, effort.turn)
     return {
@@ -201,15 +201,15 @@ def measure_arrays(samples: Sequence[Sample], entries: Entries, effort: Effort) 
 
 
 def copy_bandwidth(effort: Effort) -> float:
-    """Return how many bytes a second this machine copies from one block to another, both far larger than its caches."""
-    source = bytes(range(250)) * effort.payloads * 20  # not zeros: those need not be in memory at all
+    """Return the bytes per second that this machine copies between two blocks far larger than its caches."""
+    source = bytes(range(250)) * effort.payloads * 20  # zeros may not occupy memory
     size = len(source)
     names = {"source": source, "target": memoryview(bytearray(size))}
     return size / race({JOIN: Contestant("target[:] = source", names)}, effort.rounds, effort.turn)[JOIN]
 
 
 def measure_lazy(entries: Entries, effort: Effort) -> Times:
-    """Return the time of reading `timestamp` alone, through the view and through whole messages."""
+    """Return the time to read only `timestamp`, from the view and from whole messages."""
     ready = {}
     for message, by_peer in entries.items():
         contestants = {}

@@ -1,4 +1,4 @@
-"""A peer and a sample, made ready to be timed: the peer's program has run, and its results are the right ones."""
+"""Prepares a peer and a sample for timing: runs the peer's program and checks its results."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from peers import FLOOR, OURS, CannotError, Peer
 from rounds import Contestant
 
 SURPLUS = 3
-"""Some pad their samples to a multiple of 4."""
+"""Surplus bytes that are accepted, because some peers pad samples to a multiple of 4."""
 
 
 class Entry(NamedTuple):
-    """What a peer takes part in, or why it does not."""
+    """The contestants of a peer, or the reasons why it does not take part."""
 
     decode: Contestant | str
     encode: Contestant | str
 
 
 class WrongError(Exception):
-    """Raised where a peer's result is not the one that it should be."""
+    """A peer has a wrong result."""
 
 
 def enter(peer: Peer, sample: Sample) -> Entry:
-    """Return how `peer` decodes and encodes `sample`, both tried and their results compared with msggen's."""
+    """Return how `peer` decodes and encodes `sample`, after comparing the results with msggen's."""
     names: dict[str, Any] = {"__name__": "contest", "data": sample.payload}
     try:
         execute(peer.program(sample), names)
         names["message"] = evaluate(peer.decode, names)
         check_values(peer, sample, names["message"])
-    except Exception as error:  # noqa: BLE001 - whatever a peer does, the others go on
+    except Exception as error:  # noqa: BLE001 - an error of one peer must not stop the others
         return Entry(reason(error), reason(error))
     decode = Contestant(peer.decode, dict(names))
     try:
@@ -43,7 +43,7 @@ def enter(peer: Peer, sample: Sample) -> Entry:
 
 
 def execute(program: str, names: dict[str, Any]) -> None:
-    """Run one of the peers' programs, which peers.py wrote, as if it were a module of its own."""
+    """Run one of the programs in peers.py as a module of its own."""
     exec(compile(program, names["__name__"], "exec", dont_inherit=True), names)  # noqa: S102 - see above
 
 
@@ -53,7 +53,7 @@ def evaluate(expression: str, names: dict[str, Any]) -> Any:
 
 
 def reason(error: Exception) -> str:
-    """Return in a few words why a peer does not take part."""
+    """Return a short reason why a peer does not take part."""
     if isinstance(error, ModuleNotFoundError):
         return "is not installed"
     if isinstance(error, CannotError):
@@ -75,7 +75,7 @@ def check_values(peer: Peer, sample: Sample, decoded: Any) -> None:
 
 
 def check_bytes(sample: Sample, encoded: Any) -> None:
-    """Raise WrongError unless `encoded` is the sample, padding at its end aside."""
+    """Raise WrongError unless `encoded` is the sample, apart from padding at its end."""
     written = bytes(encoded)
     rest = written[len(sample.payload) :]
     if written[: len(HEADER)] != HEADER or len(rest) > SURPLUS or written.removesuffix(rest) != sample.payload:

@@ -1,4 +1,4 @@
-"""How much is measured: everything, or a look at whether it works."""
+"""The amount of measuring: everything, or a short check that it works."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from messages import MESSAGES
 
 
 class Effort(NamedTuple):
-    """Numbers of things to do; times come out of minima, so that more of them makes times truer, not longer."""
+    """Numbers of repetitions. Times are minima, so more repetitions make them more accurate, not longer."""
 
     messages: tuple[str, ...]
     rounds: int
     """Turns of each contestant."""
     turn: float
-    """About how many seconds one takes."""
+    """Approximate seconds of a turn."""
     payloads: int
-    """Samples that are decoded into columns; loops over other packages take a tenth, their cost is linear."""
+    """Samples that are decoded into columns. Loops over other packages use a tenth, because their cost is linear."""
     kept: int
-    """Objects that are kept to see how much memory they take."""
+    """Objects that are kept to measure their memory."""
     processes: int
     """Runs of each process."""
     copies: tuple[int, ...]
-    """How many times the whole set of messages is generated."""
+    """Numbers of copies of the whole set of messages to generate."""
 
 
 FULL = Effort(MESSAGES, 60, 0.002, 20_000, 2_000, 20, (1, 10, 100))

@@ -1,6 +1,6 @@
-"""The environment of the benchmarks: one of its own, with the peers from the package index and msggen from here.
+"""The environment of the benchmarks, with the peers from the package index and msggen from this checkout.
 
-It is kept, in a folder that git ignores, for as long as requirements.txt and the interpreter stay the same.
+It is kept in a folder that git ignores, until requirements.txt or the interpreter changes.
 Standard library only: this runs before anything is installed.
 """
 
@@ -22,7 +22,7 @@ PYTHON = FOLDER / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
 def environment() -> Path:
-    """Return the interpreter of the environment, which is set up first unless it is there and current."""
+    """Return the interpreter of the environment. Set it up first if it is missing or outdated."""
     if not STAMP.is_file() or STAMP.read_text() != wanted():
         print(f"setting up the peers in {FOLDER.relative_to(ROOT)}, which takes about a minute", flush=True)
         create()
@@ -32,22 +32,22 @@ def environment() -> Path:
 
 
 def create() -> None:
-    """Make the environment, empty but for pip."""
+    """Create the environment, with only pip in it."""
     try:
         venv.create(FOLDER, clear=True, with_pip=True)
     except (OSError, subprocess.CalledProcessError) as error:
-        sys.exit(f"no environment can be made, is Python's venv installed (python3-venv)? {error}")
+        sys.exit(f"cannot create an environment, is Python's venv installed (python3-venv)? {error}")
 
 
 def wanted() -> str:
-    """Return what the environment is made from."""
+    """Return the inputs of the environment."""
     return f"# Python {sys.version}\n{REQUIREMENTS.read_text()}"
 
 
 def install_one_by_one() -> bool:
-    """Install what can be, each requirement alone; return whether that was everything.
+    """Install each requirement separately. Return whether all of them were installed.
 
-    A peer that is not there is shown as such in the tables. The next run tries again.
+    The tables show a peer that is missing. The next run tries again.
     """
     lines = [line for line in REQUIREMENTS.read_text().splitlines() if line and not line.startswith("#")]
     if not install("--editable", str(ROOT)):
@@ -59,6 +59,6 @@ def install_one_by_one() -> bool:
 
 
 def install(*arguments: str) -> bool:
-    """Run pip; return whether it went well."""
+    """Run pip. Return whether it succeeded."""
     command = [str(PYTHON), "-m", "pip", "install", *FEW_WORDS, "--no-compile", *arguments]
     return subprocess.run(command, check=False).returncode == 0

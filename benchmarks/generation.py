@@ -1,4 +1,4 @@
-"""How long msggen itself takes: its commands as processes, and builds of ten and a hundred times as many messages."""
+"""The time of msggen's commands as processes, and of builds of ten and a hundred times as many messages."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COLD, AGAIN = "build, all of v1.18", "build, nothing changed"
 
 
 class Scale(NamedTuple):
-    """Seconds of a build of so many messages, and of the one after it."""
+    """Seconds of a build of this many messages, and of the next build."""
 
     messages: int
     cold: float
@@ -27,7 +27,7 @@ class Scale(NamedTuple):
 
 
 def measure_commands(folder: Path, effort: Effort) -> Mapping[str, float]:
-    """Return the seconds that each of msggen's commands takes on the whole of v1.18."""
+    """Return the seconds of each of msggen's commands on all of v1.18."""
     package = str(folder / "px4_msgs")
     build = [*MSGGEN, "build", "--quiet", "--output"]
     sync = [*MSGGEN, "sync", "--quiet", "--px4", str(ROOT), "--create"]
@@ -43,7 +43,7 @@ def measure_commands(folder: Path, effort: Effort) -> Mapping[str, float]:
 
 
 def measure_scale(folder: Path, catalog: Catalog, effort: Effort) -> list[Scale]:
-    """Return how long builds of ever more copies of the whole set take, in fewer rounds the larger they are."""
+    """Return the times of builds of more and more copies of the whole set, in fewer rounds for larger builds."""
     found = []
     for copies in effort.copies:
         source = folder / f"{copies}_times"
@@ -58,7 +58,7 @@ def measure_scale(folder: Path, catalog: Catalog, effort: Effort) -> list[Scale]
 
 
 def write_copies(folder: Path, catalog: Catalog, copies: int) -> int:
-    """Write so many copies of the embedded set into `folder`, with names and topics of their own; return how many."""
+    """Write copies of the embedded set into `folder`, with unique names and topics. Return the number of messages."""
     names = {message.name for message in catalog.messages.values() if message.folder == "msg"}
     folder.mkdir(parents=True)
     for path in sorted(path for part in ("msg", "msg/versioned") for path in (ROOT / part).glob("*.msg")):
@@ -70,7 +70,7 @@ def write_copies(folder: Path, catalog: Catalog, copies: int) -> int:
 
 
 def renamed(text: str, names: set[str], number: int) -> str:
-    """Return a definition that nests the copies with this number, and declares topics of its own."""
+    """Return a definition that nests the copies with this number, and declares unique topics."""
 
     def copied(found: re.Match[str]) -> str:
         return f"{found[0]}Copy{number}" if found[0] in names else found[0]

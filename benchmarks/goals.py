@@ -1,4 +1,4 @@
-"""What was aimed at, next to what came out."""
+"""Goals and results."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEAST, MOST = "at least", "at most"
 
 
 class Goal(NamedTuple):
-    """One number: at least, or at most, what was aimed at; 0 where the peer it is about is missing."""
+    """A goal: a lower or an upper bound. `measured` is 0 if the peer is missing."""
 
     text: str
     bound: str
@@ -30,7 +30,7 @@ class Goal(NamedTuple):
 
     @property
     def is_met(self) -> bool:
-        """Whether it was reached."""
+        """Whether the goal was reached."""
         return self.measured >= self.goal if self.bound == LEAST else self.measured <= self.goal
 
 
@@ -39,7 +39,7 @@ def goals(results: Results) -> Iterator[Goal]:
     rosbags, ours = Rosbags.name, OURS.name
     for name, goal in DECODE.items():
         yield Goal(f"decode, against {name}", LEAST, goal, "x", results.decode.mean(name))
-    yield Goal("decode, of the unpack floor", MOST, 2.7, "x", 1 / results.decode.mean(FLOOR.name))
+    yield Goal("decode, against the unpack floor", MOST, 2.7, "x", 1 / results.decode.mean(FLOOR.name))
     for name, goal in ENCODE.items():
         yield Goal(f"encode, against {name}", LEAST, goal, "x", results.encode.mean(name))
     times = results.columns.times
@@ -51,11 +51,13 @@ def goals(results: Results) -> Iterator[Goal]:
         for way, base in (("decode_batch", FIELDS), ("decode_batch and batch.columns", ours)):
             text = f"{way}, {kind}, against a rosbags loop"
             yield Goal(text, LEAST, goal, "x", mean_ratio(selected, rosbags, base))
-    yield Goal("list of payloads to an array, of copying them", MOST, 4, "x", mean_ratio(results.arrays, LIST, JOIN))
+    yield Goal(
+        "list of payloads to an array, against copying them", MOST, 4, "x", mean_ratio(results.arrays, LIST, JOIN)
+    )
     yield Goal("import of one type", MOST, 3, " ms", results.starts.imports["one type"] * 1e3)
     yield Goal("import of all types", MOST, 60, " ms", results.starts.imports["all types"] * 1e3)
     memory = mean_ratio(results.sizes, ours, rosbags)
-    yield Goal("memory of a decoded object, of rosbags'", MOST, 1, "x", memory)
+    yield Goal("memory of a decoded object, against rosbags", MOST, 1, "x", memory)
     yield Goal("generation, all of v1.18", MOST, 0.35, " s", results.commands[COLD])
     yield Goal("generation, nothing changed", MOST, 0.06, " s", results.commands[AGAIN])
 

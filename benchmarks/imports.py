@@ -1,4 +1,4 @@
-"""How long it takes until something can be used: whole processes, next to a bare interpreter."""
+"""Start-up times: whole processes, compared with a bare interpreter."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ class Starts(NamedTuple):
     """Seconds above a bare interpreter."""
 
     bare: float
-    """What that one takes."""
+    """Seconds of the bare interpreter."""
     imports: Mapping[str, float]
-    """Of the statements in OUR_IMPORTS."""
+    """Seconds of the statements in OUR_IMPORTS."""
     ready: Mapping[str, float]
-    """Of a first message decoded, by contestant."""
+    """Seconds until a first message is decoded, by contestant."""
 
 
 def measure(sample: Sample, entries: Entries, effort: Effort) -> Starts:
-    """Return how long the imports of the generated package take, and every contestant until `sample` is decoded."""
+    """Return the times of the generated package's imports, and of all contestants until `sample` is decoded."""
     path = f"import sys; sys.path.insert(0, {str(GENERATED)!r}); "
     programs = {BARE: "pass", **{name: f"{path}{statement}" for name, statement in OUR_IMPORTS.items()}}
     for peer in (OURS, *PEERS):

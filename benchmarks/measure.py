@@ -1,4 +1,4 @@
-"""Run all measurements, in the environment that run.py set up; print the tables, and write the page and its charts."""
+"""Runs all measurements in the environment of run.py, prints the tables, and writes the page and its charts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DOCS = ROOT / "docs"
 
 
 def main() -> None:
-    """Measure and print; with `--quick` little is measured and nothing written."""
+    """Measure and print. With `--quick`, measure little and write nothing."""
     quick = "--quick" in sys.argv
     console = Console(width=None if sys.stdout.isatty() else WIDTH)
     results = collect(QUICK if quick else FULL, console)
@@ -30,7 +30,7 @@ def main() -> None:
     files = {DOCS / "benchmarks" / f"{name}.svg": text for name, text in drawn(results).items()}
     files[DOCS / "benchmarks.md"] = page(short, sections(results))
     if quick:
-        console.print("So few rounds show that everything runs, and no more.")
+        console.print("This quick run only shows that everything works.")
     else:
         short.show(console)
         write(files)
@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def write(files: dict[Path, str]) -> None:
-    """Write texts by path."""
+    """Write files from texts by path."""
     for path, text in files.items():
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -55,7 +55,7 @@ def drawn(results: Results) -> dict[str, str]:
 
 
 def sections(results: Results) -> list[Section]:
-    """Return what the page consists of."""
+    """Return the sections of the page."""
     decode = tables.codec_table("decode", results.samples, results.decode)
     encode = tables.codec_table("encode", results.samples, results.encode)
     batches = [tables.columns_table(results.columns), tables.arrays_table(results.arrays, results.bandwidth)]

@@ -1,4 +1,4 @@
-"""How much memory a decoded message takes, while it is kept."""
+"""Memory of a decoded message."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Sizes = Mapping[str, Mapping[str, float]]
 
 
 def measure(samples: Sequence[Sample], entries: Entries, effort: Effort) -> Sizes:
-    """Return the memory of each contestant's objects; the payloads, which views hold on to, are not counted."""
+    """Return the memory of each contestant's objects. Payloads that views keep are not counted."""
     sizes = {}
     for sample in samples:
         payloads = sample.varied(effort.kept)
@@ -30,10 +30,10 @@ def measure(samples: Sequence[Sample], entries: Entries, effort: Effort) -> Size
 
 
 def size_of(decode: Contestant, payloads: Sequence[bytes]) -> float:
-    """Return the bytes that one decoded object takes, on average over all `payloads`, each object kept."""
+    """Return the average size in bytes of a decoded object, with the objects of all `payloads` kept."""
     names: dict[str, Any] = {**decode.names, "payloads": payloads, "kept": [None] * len(payloads)}
     program = compile(f"for n, data in enumerate(payloads): kept[n] = {decode.statement}", "memory", "exec")
-    exec(program, names)  # noqa: S102 - a statement of peers.py; once before, so that caches are filled
+    exec(program, names)  # noqa: S102 - a statement of peers.py; this first run fills caches
     names["kept"][:] = [None] * len(payloads)
     gc.collect()
     tracemalloc.start()

@@ -1,6 +1,6 @@
-"""What is measured: eleven messages of the embedded PX4 v1.18, each with one sample from the tests' vectors.
+"""The measured messages: eleven of the embedded PX4 v1.18, each with one sample from the tests' vectors.
 
-The values are random ones that the firmware's own serializer wrote: any number, finite floats.
+The values are random, with finite floats; the firmware's own serializer wrote the samples.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MESSAGES = (
     "EscStatus",
     "OrbTestLarge",
 )
-"""Plain ones, many bools, arrays large and small, of bytes, of numbers, and nested messages."""
+"""Names of the messages: plain ones, with many bools, with small and large arrays, and with nested messages."""
 
 NESTED = ("PositionSetpointTriplet", "EscStatus")
 
@@ -54,11 +54,11 @@ class Sample(NamedTuple):
 
     @property
     def nested(self) -> tuple[Message, ...]:
-        """The messages it nests."""
+        """The nested messages."""
         return self.catalog.nested_all(self.message)
 
     def definition(self) -> str:
-        """Return the definition as text, with those of nested messages, as recordings carry it."""
+        """Return the definition as text, followed by those of nested messages, as in recordings."""
         parts = [
             fields_text(self.message),
             *(f"MSG: {inner.package}/{inner.name}\n{fields_text(inner)}" for inner in self.nested),

@@ -1,4 +1,4 @@
-"""docs/benchmarks.md: what was measured, when, on what, with what, and how."""
+"""The page docs/benchmarks.md: results, date, machine, versions and method."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from peers import PEERS
 from tables import NONE, Table
 
 WIDTH = 180
-"""Of what is printed where the terminal does not say: the tables have many columns."""
+"""Width of printed tables if the terminal does not have one: the tables have many columns."""
 
 HOW = f"""\
-Contestants take turns of about {FULL.turn * 1e3:g} ms, in {FULL.rounds} rounds, and the minimum of each counts:
-other work on a machine can only make a turn longer. Ratios of minima hold on other machines, times do not. The garbage
-collector is on, as it is for a user. Everybody's types are made from the same definitions, and used as their
-documentation shows it; [peers.py](../benchmarks/peers.py) has the very statements that are timed. Before that, decoded
+Contestants take turns of about {FULL.turn * 1e3:g} ms, in {FULL.rounds} rounds, and the minimum of each counts, because
+other work on a machine can only make a turn longer. Ratios of minima are similar on other machines; times are not. The
+garbage collector is on, as it is for users. The types of all packages are made from the same definitions, and used as
+their documentation shows; [peers.py](../benchmarks/peers.py) has the statements that are timed. Before timing, decoded
 values are compared with msggen's, and encoded bytes with the firmware's. The samples are those of the tests, with
-random values. A {NONE} has its reason below the table.
+random values. The reason for a {NONE} is below the table.
 
-The unpack floor is the `unpack_from` of `struct` alone, with the message's own format, and for encoding its `pack`: no
-object, no names, nothing checked. The loops that fill columns are written as one writes them without batches: numpy
-arrays made in advance, one for each field, filled sample by sample."""
+The unpack floor is only `unpack_from` of `struct` with the message's own format, and for encoding only `pack`: no
+objects, no names, no checks. The loops that fill columns are what users write without batches: numpy
+arrays created in advance, one for each field, filled sample by sample."""
 
 
 class Section(NamedTuple):
@@ -39,9 +39,9 @@ class Section(NamedTuple):
     title: str
     tables: Sequence[Table]
     chart: str = ""
-    """The name of its file, without its end."""
+    """The name of its file, without the suffix."""
     says: str = ""
-    """What the chart shows, for those who cannot see it."""
+    """The alternative text of the chart."""
 
 
 def page(summary: Table, sections: Sequence[Section]) -> str:
@@ -51,9 +51,9 @@ def page(summary: Table, sections: Sequence[Section]) -> str:
     parts = [
         "# Benchmarks",
         f"```console\n$ python benchmarks/run.py\n...\n{printed(summary)}\n```",
-        "It sets up all packages in an environment of their own, measures for some minutes and writes this page.",
+        "This sets up all packages in an environment of their own, measures for some minutes, and writes this page.",
         f"Last run: {today}, on {machine()}, with {versions}.",
-        "Ratios say how many times as long the others take, unless the head of a column says otherwise.",
+        "A ratio is the time of another package divided by the time of msggen, unless the column head says otherwise.",
     ]
     for section in sections:
         parts.append(f"## {section.title}")
@@ -77,7 +77,7 @@ def machine() -> str:
 
 
 def processor() -> str:
-    """Return the processor's name: Linux knows it best, elsewhere what Python knows."""
+    """Return the name of the processor: from Linux if possible, otherwise from Python."""
     information = Path("/proc/cpuinfo")
     lines = information.read_text().splitlines() if information.exists() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]

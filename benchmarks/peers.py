@@ -1,7 +1,7 @@
-"""The contestants: how each of them declares a message, decodes it and encodes it.
+"""The contestants: how each one declares, decodes and encodes a message.
 
-A peer is text: the program that a user of it would write, made from msggen's model of the message. The same
-program is run in process to be timed, and alone in a fresh interpreter to see how long it takes to be ready.
+A peer is the text of a program that its users would write, made from msggen's model of the message. The same
+program runs in process for timing, and in a fresh interpreter to measure start-up.
 """
 
 from __future__ import annotations
@@ -15,32 +15,32 @@ from msggen.model import ArrayKind, Message
 
 
 class CannotError(Exception):
-    """Raised for a message that a peer has no way to declare."""
+    """A peer cannot declare a message."""
 
 
 class Peer:
-    """One package. The statements use what `program` defines, `data` and `message`."""
+    """A package. Its statements use the names that `program` defines, `data` and `message`."""
 
     name: ClassVar[str]
     decode: ClassVar[str] = "decode(data)"
     encode: ClassVar[str] = "encode(message)"
     prepare: ClassVar[str] = "message"
-    """What it encodes, made from what it decoded."""
+    """The input of encoding, made from the decoded message."""
     notes: ClassVar[Mapping[str, str]] = {}
-    """What a reader of the table "decode" or "encode" should know."""
+    """Notes below the tables "decode" and "encode"."""
     signed_char: ClassVar[bool] = False
-    """Whether it reads `char` as a signed number, so that comparing with it must allow for that."""
+    """Whether the package reads `char` as a signed number. Comparisons take this into account."""
 
     def program(self, sample: Sample) -> str:
-        """Return the program that makes the names in `decode` and `encode`.
+        """Return the program that defines the names in `decode` and `encode`.
 
-        Raises CannotError for messages that the package has no types for.
+        Raises CannotError if the package has no types for the message.
         """
         raise NotImplementedError
 
     @classmethod
     def version(cls) -> str:
-        """Return the version that is installed, or "" where none is."""
+        """Return the installed version, or "" if the package is not installed."""
         try:
             return version(cls.name)
         except PackageNotFoundError:
@@ -60,14 +60,14 @@ class Msggen(Peer):
 
 
 class Floor(Peer):
-    """`struct` alone, with the message's own format: what decoding and encoding in Python cannot do without."""
+    """Only `struct` with the message's own format: the least work of decoding and encoding in Python."""
 
     name = "unpack floor"
     decode = "unpack_from(data)"
     encode = "pack(*message)"
 
     def program(self, sample: Sample) -> str:
-        """Return the same, and the two functions that the package itself uses."""
+        """Return the program of msggen, and the two functions of `struct`."""
         return f"{Msggen().program(sample)}unpack_from, pack = Type.__layout__.unpack_from, Type.__layout__.pack\n"
 
 
@@ -79,7 +79,7 @@ class Rosbags(Peer):
     encode = "store.serialize_cdr(message, NAME)"
 
     def program(self, sample: Sample) -> str:
-        """Return a type store with the message and what it nests."""
+        """Return a type store with the message and its nested messages."""
         registered = "".join(
             f"store.register(get_types_from_msg({fields_text(message)!r}, {message.ros_type!r}))\n"
             for message in (*sample.nested, sample.message)
@@ -93,10 +93,12 @@ class Rosbags(Peer):
 
 
 class McapRos2(Peer):
-    """The decoder of the MCAP project. Its encoders have no public name: they are what its writer uses."""
+    """The decoder of the MCAP project. Its encoders, which its writer uses, have no public name."""
 
     name = "mcap-ros2-support"
-    notes: ClassVar[Mapping[str, str]] = {"decode": "reads `char` as a signed number; compared as unsigned"}
+    notes: ClassVar[Mapping[str, str]] = {
+        "decode": "reads `char` as a signed number; the values are compared as unsigned"
+    }
     signed_char = True
 
     def program(self, sample: Sample) -> str:
@@ -118,8 +120,8 @@ class McapRos2Fast(Peer):
     name = "mcap-ros2-support-fast"
     prepare = "plain(message)"
     notes: ClassVar[Mapping[str, str]] = {
-        "decode": "makes no values of an array's bytes: arrays are views into the payload",
-        "encode": "refuses the views that it decodes arrays to: it is given dictionaries, as in its documentation",
+        "decode": "does not convert the bytes of arrays: its arrays are views into the payload",
+        "encode": "does not accept its own decoded arrays, so it gets dictionaries, as in its documentation",
     }
 
     def program(self, sample: Sample) -> str:
@@ -142,7 +144,7 @@ class McapRos2Fast(Peer):
 
 
 class Cyclone(Peer):
-    """Classes of an IDL, serialized by walking them. No participant is made, and no socket opened."""
+    """Classes of an IDL, serialized field by field. Creates no participant and opens no socket."""
 
     name = "cyclonedds"
     decode = "Type.deserialize(data)"
@@ -167,7 +169,7 @@ class Cyclone(Peer):
 
 
 class Pycdr2(Cyclone):
-    """The same as a package of its own."""
+    """The serializer of cyclonedds as a separate package."""
 
     name = "pycdr2"
     module = "pycdr2"
@@ -180,7 +182,7 @@ class Cydr(Peer):
     decode = "Type.deserialize(data)"
     encode = "message.serialize()"
     notes: ClassVar[Mapping[str, str]] = {
-        "decode": "compiles each message with Cython and a C compiler once, which is not counted"
+        "decode": "compiles each message once with Cython and a C compiler; this is not counted"
     }
 
     def program(self, sample: Sample) -> str:
@@ -205,14 +207,14 @@ class Cydr(Peer):
 OURS = Msggen()
 FLOOR = Floor()
 PEERS: tuple[Peer, ...] = (Rosbags(), McapRos2(), McapRos2Fast(), Pycdr2(), Cyclone(), Cydr())
-"""In the order of the tables."""
+"""All peers, in the order of the tables."""
 
 _NUMBERS = "float32, float64, int8, int16, int32, int64, uint8, uint16, uint32, uint64"
-"""The types that packages with IDL's names have in common."""
+"""The number types that the packages with IDL names have in common."""
 
 
 def _inside_out(sample: Sample) -> list[Message]:
-    """Return the message and all that it nests, each after what it is made of."""
+    """Return the message and its nested messages at every depth, each after those that it nests."""
     return sorted((*sample.nested, sample.message), key=lambda message: len(sample.catalog.nested_all(message)))
 
 

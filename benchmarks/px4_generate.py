@@ -1,4 +1,4 @@
-"""`msggen px4-generate` against the scripts of a PX4-Autopilot tree: `python benchmarks/px4_generate.py PX4_TREE`.
+"""Compares `msggen px4-generate` with a firmware's scripts: `python benchmarks/px4_generate.py PX4_TREE`.
 
 The scripts run in the same environment: `pip install pyros-genmsg 'empy<4' pyyaml`.
 """
@@ -31,7 +31,7 @@ IMPORTS = "import msggen.cli, msggen.cli.px4_generate, msggen.px4_generate.messa
 
 
 class Task(NamedTuple):
-    """What the firmware's build asks a script for; one of the four kinds of messages' files, or something else."""
+    """A call of a script in the firmware's build, for one of the four kinds of message files, or for another file."""
 
     name: str
     script: str
@@ -49,7 +49,7 @@ class Tree:
         self.files = [str(file) for folder in self.includes for file in sorted(Path(folder).glob("*.msg"))]
 
     def tasks(self) -> Iterator[Task]:
-        """Yield what the build of this firmware asks for; older ones ask for less."""
+        """Yield the requests of this firmware's build. Older firmware has fewer."""
         script = str(self.path / "Tools/msg/px_generate_uorb_topic_files.py")
         messages = ("-f", *self.files, "-i", *self.includes, "-e")
         for option, kind in FOUR.items():
@@ -68,10 +68,10 @@ class Tree:
 
 
 def main() -> None:
-    """Measure, and print."""
+    """Measure and print."""
     if len(sys.argv) != len(("script", "tree")):
         sys.exit(__doc__)
-    os.environ["PYTHONHASHSEED"] = "0"  # the order of a set shows in one of the firmware's files
+    os.environ["PYTHONHASHSEED"] = "0"  # one of the firmware's files depends on the order of a set
     tree = Tree(Path(sys.argv[1]).resolve())
     tasks = list(tree.tasks())
     print(f"{len(tree.files)} messages; least of {ROUNDS} runs of each process, in seconds\n")
@@ -81,7 +81,7 @@ def main() -> None:
 
 
 def print_times(tasks: list[Task], folder: Path) -> None:
-    """Print what scripts and msggen take. Every run writes into a new folder."""
+    """Print the times of the scripts and of msggen. Every run writes into a new folder."""
     commands = {}
     for number, task in enumerate(tasks):
         commands[f"{task.name} by script"] = [
@@ -113,7 +113,7 @@ def print_row(name: str, script: float, ours: float, same: str = "") -> None:
 
 
 def print_stages(tree: Tree, requests: list[Request], folder: Path) -> None:
-    """Print where msggen's time goes in making the four kinds."""
+    """Print how msggen's time for the four kinds is divided."""
     bare, imports = "python", "imports"
     processes = race_processes({bare: [sys.executable, "-c", ""], imports: [sys.executable, "-c", IMPORTS]}, ROUNDS)
     stages = dict.fromkeys(("definitions", "templates", "expansion", "writing"), 0.0)
@@ -121,13 +121,13 @@ def print_stages(tree: Tree, requests: list[Request], folder: Path) -> None:
         for name, took in measure_stages(request, tree, folder).items():
             stages[name] += took
     starts = {"starts of Python": processes[bare], "imports": processes[imports] - processes[bare]}
-    print(f"\nwhere msggen's time goes, {len(requests)} kinds together")
+    print(f"\nmsggen's time by step, {len(requests)} kinds together")
     for name, took in {**{name: took * len(requests) for name, took in starts.items()}, **stages}.items():
         print(f"{name:24} {took:8.2f}")
 
 
 def measure_stages(request: Request, tree: Tree, folder: Path) -> Mapping[str, float]:
-    """Return the seconds of what one process does after its imports."""
+    """Return the seconds of each step of a process after its imports."""
     path = os.path.join(request.templates, request.kind.value[0])
     made = generate_messages(request)
     search_path = {request.package: tree.includes}
@@ -144,7 +144,7 @@ def measure_stages(request: Request, tree: Tree, folder: Path) -> Mapping[str, f
 
 
 def least(work: Callable[[], object]) -> float:
-    """Return the least seconds that `work` took."""
+    """Return the shortest time of `work` in seconds."""
     return min(timeit.repeat(work, number=1, repeat=ROUNDS))
 
 

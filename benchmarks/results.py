@@ -1,4 +1,4 @@
-"""Everything that is measured, in one value."""
+"""All measurements, in one value."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from messages import Sample, read_samples
 
 
 class Results(NamedTuple):
-    """What came out."""
+    """The results."""
 
     samples: Sequence[Sample]
     decode: codec.Speeds
@@ -35,9 +35,9 @@ class Results(NamedTuple):
 
 
 def collect(effort: Effort, console: Console) -> Results:
-    """Measure everything, and say on the console what is under way."""
+    """Measure everything, and show the progress on the console."""
     samples = read_samples(effort.messages)
-    with console.status("comparing results; cydr compiles when it has not yet") as status:
+    with console.status("comparing results; on a first run, cydr compiles") as status:
         entries = codec.enter_all(samples)
         status.update("decode and encode")
         decode = codec.measure(entries, "decode", effort)

@@ -1,7 +1,7 @@
-"""Timing: contestants take turns, many short ones, and the minimum of each counts.
+"""Timing: contestants take many short turns, and the minimum of each counts.
 
-On a machine with other work to do a turn can only come out too long, never too short. What disturbs a round
-disturbs all contestants alike, so ratios of minima hold where times do not.
+Other work on the machine can only make a turn longer. It affects all contestants of a round alike, so ratios of minima
+are more reliable than times.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from typing import Any, NamedTuple, TypeVar
 Name = TypeVar("Name")
 
 WITH_COLLECTOR = "__import__('gc').enable()"
-"""Setup of a turn: timeit turns the garbage collector off, a user does not."""
+"""Setup of a turn: turns the garbage collector on, as it is for users, because timeit turns it off."""
 
 
 class Contestant(NamedTuple):
-    """A statement, and the names that it uses."""
+    """A statement and the names that it uses."""
 
     statement: str
     names: Mapping[str, Any]
@@ -29,14 +29,14 @@ class Contestant(NamedTuple):
 def race_groups(
     groups: Mapping[str, Mapping[str, Contestant]], rounds: int, turn: float
 ) -> dict[str, dict[str, float]]:
-    """Return what `race` does, for each group; all take part in every round, so that no group has the bad minute."""
+    """Return the result of `race` for each group. All groups share each round, and so the load of the machine."""
     everybody = {(group, name): entry for group, by_name in groups.items() for name, entry in by_name.items()}
     best = race(everybody, rounds, turn)
     return {group: {name: best[group, name] for name in by_name} for group, by_name in groups.items()}
 
 
 def race(contestants: Mapping[Name, Contestant], rounds: int, turn: float) -> dict[Name, float]:
-    """Return the least seconds that each statement took, in `rounds` rounds of turns of about `turn` seconds."""
+    """Return the shortest time of each statement, in `rounds` rounds of turns of about `turn` seconds."""
     timers = {
         name: Timer(contestant.statement, WITH_COLLECTOR, globals=dict(contestant.names))
         for name, contestant in contestants.items()
@@ -50,9 +50,9 @@ def race(contestants: Mapping[Name, Contestant], rounds: int, turn: float) -> di
 
 
 def _repeats(timer: Timer, turn: float) -> int:
-    """Return how often a statement runs in a turn: at least once.
+    """Return the number of times that a statement runs in a turn, at least 1.
 
-    Of three tries the least counts here too: a first call may make what later ones only use.
+    This is based on the shortest of three tries, because a first call may fill caches.
     """
     repeats = 1
     while (took := min(timer.repeat(3, repeats))) < turn / 4:
@@ -61,9 +61,9 @@ def _repeats(timer: Timer, turn: float) -> int:
 
 
 def race_processes(commands: Mapping[str, Sequence[str]], rounds: int) -> dict[str, float]:
-    """Return the least wall-clock seconds that each command took; a first round warms the caches.
+    """Return the shortest wall-clock time of each command. A first round fills the caches.
 
-    `ROUND` in an argument stands for the number of the round, for commands that must begin anew.
+    `ROUND` in an argument stands for the number of the round, for commands that must start from nothing.
     """
     best = dict.fromkeys(commands, float("inf"))
     for number in range(rounds + 1):
@@ -74,7 +74,7 @@ def race_processes(commands: Mapping[str, Sequence[str]], rounds: int) -> dict[s
 
 
 def seconds(command: Sequence[str]) -> float:
-    """Run a command, with bytecode cached, and return the wall-clock seconds it took."""
+    """Run a command with cached bytecode. Return its wall-clock time in seconds."""
     variables = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     started = time.perf_counter()
     subprocess.run(command, check=True, env=variables, stdout=subprocess.DEVNULL)

@@ -1,8 +1,8 @@
-"""Messages with strings and sequences, next to rosbags: the time of msggen's decode and encode in that of rosbags.
+"""Compares decode and encode with rosbags, for messages with strings and sequences.
 
     pip install -e '.[test]' && python benchmarks/streams.py
 
-Both take turns in one run, and the least of all turns counts; their bytes and values are compared before.
+Both take turns in one run, and the shortest turn counts. Their bytes and values are compared first.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ DEFINITIONS = {
 
 
 def generated() -> Any:
-    """Return the package that msggen makes of DEFINITIONS."""
+    """Return the package that msggen generates from DEFINITIONS."""
     folder = Path(tempfile.mkdtemp())
     for name, text in DEFINITIONS.items():
         path = folder / f"{name}.msg"
@@ -66,7 +66,7 @@ def generated() -> Any:
 
 
 def samples(ros: Any) -> dict[str, Any]:
-    """Return a message of each kind by what it is called in the table."""
+    """Return a message of each kind by its name in the table."""
     sensor, diagnostic, geometry = ros.sensor_msgs.msg, ros.diagnostic_msgs.msg, ros.geometry_msgs.msg
     header = ros.std_msgs.msg.Header(ros.builtin_interfaces.msg.Time(1, 2), "base_link")
     pose = geometry.PoseStamped(header, geometry.Pose(geometry.Point(1.0, 2.0, 3.0)))
@@ -83,7 +83,7 @@ def samples(ros: Any) -> dict[str, Any]:
 
 
 def least(functions: list[Callable[[], object]]) -> list[float]:
-    """Return the least microseconds of a call of each, taking turns."""
+    """Return the shortest time of a call of each in microseconds, taking turns."""
     found = [float("inf")] * len(functions)
     for _ in range(TURNS):
         for index, function in enumerate(functions):
@@ -92,7 +92,7 @@ def least(functions: list[Callable[[], object]]) -> list[float]:
 
 
 def main() -> None:
-    """Measure, and print a table."""
+    """Measure and print a table."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     table = Table(*("message", "bytes", "decode us", "of rosbags", "encode us", "of rosbags"))
     for name, message in samples(generated()).items():

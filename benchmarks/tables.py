@@ -1,4 +1,4 @@
-"""Tables: printed with rich, written as Markdown, and made from what was measured."""
+"""Tables of the results: printed with rich, and written as Markdown."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from memory import Sizes
 from messages import Sample
 from peers import FLOOR, OURS, PEERS
 
-NONE = "–"  # noqa: RUF001 - what tables have where there is no number
+NONE = "–"  # noqa: RUF001 - stands for a missing number
 MEAN = "geometric mean"
 
 
 class Table(NamedTuple):
-    """Rows of text under a head; the first column names, the others are numbers, the last rows may be means."""
+    """Rows of text with a head. The first column has names, the others numbers; the last rows may be means."""
 
     title: str
     head: Sequence[str]
@@ -54,7 +54,7 @@ class Table(NamedTuple):
 
 def times_as_fast(ratio: float) -> str:
     """Return a ratio as text: `5.7x`, `57x`."""
-    return f"{ratio:.1f}x" if ratio < 9.95 else f"{ratio:.0f}x"  # noqa: PLR2004 - two digits that mean something
+    return f"{ratio:.1f}x" if ratio < 9.95 else f"{ratio:.0f}x"  # noqa: PLR2004 - two significant digits
 
 
 def nanoseconds(seconds: float) -> str:
@@ -68,13 +68,13 @@ def milliseconds(seconds: float) -> str:
 
 
 def mean_ratio(times: Mapping[str, Mapping[str, float]], contestant: str, base: str) -> float:
-    """Return the geometric mean, over all messages that have both, of how `contestant` compares to `base`."""
+    """Return the geometric mean of the ratio of `contestant` to `base`, over all messages that have both."""
     ratios = [by_name[contestant] / by_name[base] for by_name in times.values() if contestant in by_name]
     return geometric_mean(ratios) if ratios else 0.0
 
 
 def codec_table(direction: str, samples: Sequence[Sample], speeds: Speeds) -> Table:
-    """Return the table of "decode" or "encode"."""
+    """Return the table of a direction, "decode" or "encode"."""
     floor = {"decode": "of the unpack floor", "encode": "of pack alone"}[direction]
     peers = [peer.name for peer in PEERS]
     rows = []
@@ -93,7 +93,7 @@ def codec_table(direction: str, samples: Sequence[Sample], speeds: Speeds) -> Ta
         )
     means = [times_as_fast(speeds.mean(name)) if speeds.mean(name) else NONE for name in peers]
     return Table(
-        f"{direction}: msggen, and how many times as long the others take",
+        f"{direction}: time of msggen, and of the others as a multiple of it",
         ["message", "bytes", "msggen, ns", floor, *peers],
         rows,
         [[MEAN, "", "", times_as_fast(1 / speeds.mean(FLOOR.name)), *means]],
@@ -102,7 +102,7 @@ def codec_table(direction: str, samples: Sequence[Sample], speeds: Speeds) -> Ta
 
 
 def reasons(speeds: Speeds) -> list[str]:
-    """Return why peers have no number."""
+    """Return the reasons for missing numbers."""
     messages: dict[tuple[str, str], list[str]] = {}
     for (message, name), reason in speeds.missing.items():
         messages.setdefault((name, reason), []).append(message)
@@ -110,7 +110,7 @@ def reasons(speeds: Speeds) -> list[str]:
 
 
 def columns_table(speeds: Speeds) -> Table:
-    """Return the table of the way to columns."""
+    """Return the table of conversions to columns."""
     loops = [LOOP, *(peer.name for peer in PEERS)]
     rows = []
     for message, times in speeds.times.items():
@@ -118,7 +118,7 @@ def columns_table(speeds: Speeds) -> Table:
         compared = [times_as_fast(times[name] / batch) if name in times else NONE for name in loops]
         rows.append([message, nanoseconds(batch), nanoseconds(times[OURS.name]), *compared])
     return Table(
-        "batch to columns: ns for each sample, and how many times as long as decode_batch a loop takes",
+        "batch to columns: ns for each sample, and the time of a loop as a multiple of decode_batch",
         ["message", "decode_batch, ns", "and batch.columns, ns", *loops],
         rows,
         [
@@ -126,8 +126,8 @@ def columns_table(speeds: Speeds) -> Table:
             [f"{MEAN}, with batch.columns", "", "", *(_mean(speeds.times, name, OURS.name) for name in loops)],
         ],
         [
-            "A loop fills arrays like those that `decode_batch` gives views of: two dimensions for `gyro_rad`.",
-            "`batch.columns` makes an array for each element of them: `gyro_rad[0]`. OrbTestLarge has 514.",
+            "A loop fills arrays with the shapes of those in `decode_batch`: two dimensions for `gyro_rad`.",
+            "`batch.columns` makes one array for each element, such as `gyro_rad[0]`. OrbTestLarge has 514.",
             *reasons(speeds),
         ],
     )
@@ -153,11 +153,11 @@ def arrays_table(times: Times, bandwidth: float) -> Table:
     ]
     return Table(
         "payloads to a structured array and back",
-        ["message", "copy, ns", "decode_batch, ns", "of the copy", "of one buffer, us in all", "encode_batch, ns"],
+        ["message", "copy, ns", "decode_batch, ns", "of the copy", "from one buffer, us in total", "encode_batch, ns"],
         rows,
         [[MEAN, "", "", _mean(times, LIST, JOIN), "", ""]],
         [
-            "Copying is `b''.join(payloads)`, for each sample. From one buffer nothing is copied.",
+            "The copy is `b''.join(payloads)`, for each sample. A single buffer is not copied.",
             f"This machine copies {bandwidth / 1e9:.1f} GB/s from one large block to another.",
         ],
     )
@@ -175,7 +175,7 @@ def lazy_table(times: Times) -> Table:
         for message, by_name in times.items()
     ]
     return Table(
-        "one field: the lazy view, and how many times as long decoding takes",
+        "one field: time of the lazy view, and of decoding as a multiple of it",
         ["message", "lazy, ns", *(f"decode of {name}" for name in others)],
         rows,
         [[MEAN, "", *(_mean(times, name, LAZY) for name in others)]],
@@ -184,16 +184,14 @@ def lazy_table(times: Times) -> Table:
 
 
 def starts_table(starts: Starts) -> Table:
-    """Return the table of what it takes to be ready."""
+    """Return the table of start-up times."""
     rows = [[f"`{OUR_IMPORTS[name]}`", milliseconds(took)] for name, took in starts.imports.items()]
     rows += [[f"{name}, a first SensorCombined decoded", milliseconds(took)] for name, took in starts.ready.items()]
     return Table(
-        "ready: processes, above a bare interpreter",
+        "start-up: time of a process above a bare interpreter",
         ["", "ms"],
         rows,
-        notes=[
-            f"The bare interpreter takes {milliseconds(starts.bare)} ms. Bytecode is cached, and cydr's codecs are."
-        ],
+        notes=[f"The bare interpreter takes {milliseconds(starts.bare)} ms. Bytecode and cydr's codecs are cached."],
     )
 
 
@@ -212,7 +210,7 @@ def memory_table(sizes: Sizes) -> Table:
         ["message", *names],
         rows,
         [[f"{MEAN}, msggen 1", *means]],
-        ["Payloads are not counted, though rosbags and mcap-ros2-support-fast keep them: their arrays are views."],
+        ["Payloads are not counted. rosbags and mcap-ros2-support-fast keep them, because their arrays are views."],
     )
 
 
@@ -224,7 +222,7 @@ def commands_table(commands: Mapping[str, float]) -> Table:
 
 
 def scale_table(scales: Sequence[Scale]) -> Table:
-    """Return the table of ever more messages."""
+    """Return the table of larger sets of messages."""
     rows = [
         [
             f"{scale.messages:,}",
@@ -236,4 +234,4 @@ def scale_table(scales: Sequence[Scale]) -> Table:
         for scale in scales
     ]
     head = ["messages", "cold, s", "ms a message", "nothing changed, s", "ms a message"]
-    return Table("generation of ever more messages", head, rows)
+    return Table("generation of larger sets of messages", head, rows)

@@ -1,4 +1,4 @@
-"""A first look at the generated package: a message, its bytes, what is known about it, and its topics."""
+"""A first look at the generated package: a message, its bytes, its description, and its topics."""
 
 import sys
 from pathlib import Path
