@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from msggen.diagnostics import Diagnostic, InputError, suggestion
-from msggen.firmware import layout
+from msggen.firmware import tree_layout
 from msggen.firmware.catalog import ARCHIVED_NAME, is_comparable
 from msggen.firmware.tree import Tree
 from msggen.model import ARCHIVE_PACKAGE, Message
@@ -19,8 +19,8 @@ from msggen.parse.text import decode_text
 from msggen.primitives import PRIMITIVES
 
 VERSIONED = "msg/versioned"
-ARCHIVE = f"msg/{layout.ARCHIVE}"
-TRANSLATIONS = f"msg/{layout.TRANSLATIONS}"
+ARCHIVE = f"msg/{tree_layout.ARCHIVE}"
+TRANSLATIONS = f"msg/{tree_layout.TRANSLATIONS}"
 ALL_TRANSLATIONS = f"{TRANSLATIONS}/all_translations.h"
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)

@@ -1,7 +1,7 @@
 """Faulty input: each error has its place, its code and a message that helps; all of them come in one run, with exit
 code 2 and nothing written. Whatever a file holds, msggen says what is wrong with it and never falls over.
 
-The first way to get each code is its example in msggen/report/errors.yaml, which tests/test_error_texts.py runs. The
+The first way to get each code is its example in msggen/report/errors.yaml, which tests/report/test_error_texts.py runs. The
 rows of ERRORS and DOUBTS are further ways.
 """
 
