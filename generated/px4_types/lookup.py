@@ -39,9 +39,7 @@ def find_versions(endpoints: Sequence[Endpoint], versions: Versions, name: str) 
     return _within(namespace, topic)
 
 
-def _find_topic(
-    endpoints: Sequence[Endpoint], versions: Versions, name: str
-) -> tuple[str, str, tuple[Endpoint, ...]]:
+def _find_topic(endpoints: Sequence[Endpoint], versions: Versions, name: str) -> tuple[str, str, tuple[Endpoint, ...]]:
     """Return the namespace in `name`, the ROS name after it, and the endpoints of all versions of the topic."""
     topics = {endpoint.ros_name: _in_all_versions(endpoint, versions) for endpoint in endpoints}
     earlier = {endpoint.ros_name: topic for topic in topics.values() for endpoint in topic}

@@ -16,6 +16,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+
 class Value(NamedTuple):
     """One number or one block of bytes: its offset in the sample, its size, and whether it is a block."""
 

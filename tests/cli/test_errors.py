@@ -1,8 +1,8 @@
-"""Faulty input: each error has its place, its code and a message that helps; all of them come in one run, with exit
-code 2 and nothing written. Whatever a file holds, msggen says what is wrong with it and never falls over.
+"""Invalid input: each error has its location, its code and a helpful message. One run reports all errors, exits with 2
+and writes nothing. No content of a file makes msggen fail in any other way.
 
-The first way to get each code is its example in msggen/report/errors.yaml, which tests/report/test_error_texts.py runs. The
-rows of ERRORS and DOUBTS are further ways.
+msggen/report/errors.yaml has one example for each code, which tests/report/test_error_texts.py runs. ERRORS and DOUBTS
+are further examples.
 """
 
 from __future__ import annotations

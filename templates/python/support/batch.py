@@ -257,7 +257,9 @@ def _refuse(record: Record, number: int, sample: bytes, first: bytes = b"") -> N
         raise DecodeError(f"sample {number}: {error}") from None
     given, expected = sample[:2].hex(" "), first[:2].hex(" ")
     hint = "another encoding, or another message?"
-    raise DecodeError(f"sample {number}: {record.name}: expected the header {expected} of sample 0, got {given}: {hint}")
+    raise DecodeError(
+        f"sample {number}: {record.name}: expected the header {expected} of sample 0, got {given}: {hint}"
+    )
 
 
 def _has_odd_bools(record: Record, rows: Octets) -> bool:

@@ -45,7 +45,8 @@ if TYPE_CHECKING:
     class Stream(Protocol):
         """The codec of a message whose samples vary in size."""
 
-        def encode(self, message: Any, header: bytes) -> bytes: ...
+        def encode(self, message: Any, header: bytes) -> bytes:
+            """Return the message as a sample with this header."""
 
 else:
     BytesLike = bytes | bytearray | memoryview
@@ -63,6 +64,7 @@ USUAL = 0x0100
 
 SURPLUS = 3
 """The number of bytes that may follow the last value, because DDS pads samples to a multiple of 4."""
+
 
 class CodecError(ValueError):
     """The base of decoding and encoding errors.
@@ -209,7 +211,7 @@ class Message:
         __dataclass_params__ = _FromDataclass("__dataclass_params__")
         __hash__ = None
 
-        def __init_subclass__(cls, **options):
+        def __init_subclass__(cls, **options: object) -> None:
             """Bind `decode` once, because binding a class method at each call takes a tenth of the decoding time.
 
             Give each subclass its own `lazy`, so that it does not inherit the views of its base class.
@@ -314,7 +316,7 @@ class Message:
         if message_hash != self.__msg__.message_hash:
             name = self.__msg__.name
             raise TypeError(f"{name}: pickled from another definition, with message_hash {message_hash}")
-        for name, value in zip(self.__match_args__, values):
+        for name, value in zip(self.__match_args__, values, strict=True):
             setattr(self, name, value)
 
     def __replace__(self, **changes: object) -> Self:
@@ -330,7 +332,7 @@ def _batch(cls: type[Message]) -> Any:
 
     `cls` is checked first, so that a message without batches raises TypeError even if numpy is missing.
     """
-    global _loaded
+    global _loaded  # noqa: PLW0603 - a cache
     if _loaded is None:
         if cls is not Message:
             layout_of(cls)
@@ -367,9 +369,7 @@ def layout_of(cls: type[Message]) -> Layout:
     return layout
 
 
-def decode_other(
-    home: type[MessageType], cls: type[Message], data: BytesLike, allow_surplus: bool
-) -> MessageType:
+def decode_other(home: type[MessageType], cls: type[Message], data: BytesLike, allow_surplus: bool) -> MessageType:
     """Return the message in a sample that does not have the form that `encode` writes.
 
     `cls` is `home` or a subclass. Raises DecodeError.

@@ -91,12 +91,12 @@ class Run(dict[int, struct.Struct]):
         for digits, code in _ITEMS.findall(self.codes):
             count = int(digits or "1")
             if code == "D":
-                code, count, size, alignment = "x", *((4, 1, 4) if key & XCDR2 else (0, 1, 1))
+                item, count, size, alignment = "x", *((4, 1, 4) if key & XCDR2 else (0, 1, 1))
             else:
-                size = struct.calcsize("<" + code)
+                item, size = code, struct.calcsize("<" + code)
                 alignment = min(size, largest)
             padding = -offset % alignment
-            format += f"{padding}x{count}{code}"
+            format += f"{padding}x{count}{item}"
             offset += padding + count * size
         made = self[key] = struct.Struct(format)
         _FIELDS[made] = self.fields
@@ -157,7 +157,9 @@ def error_of(run: Format, at: int, data: bytes, error: Exception) -> SampleError
     """Return the error in a message whose last run, `run`, was read at the offset `at`."""
     if isinstance(error, SampleError):
         return error
-    return SampleError(f"{_FIELDS[run]}: expected {run.size} bytes at byte {at - len(HEADER)}, got {max(len(data) - at, 0)}")
+    return SampleError(
+        f"{_FIELDS[run]}: expected {run.size} bytes at byte {at - len(HEADER)}, got {max(len(data) - at, 0)}"
+    )
 
 
 def _inside(path: str, error: SampleError) -> str:
@@ -196,9 +198,7 @@ def bools(data: bytes, at: int, count: int, wire: int, path: str, most: int = 0)
     return tuple(map(bool, _taken(data, at, count, path))), at + count
 
 
-def numbers(
-    data: bytes, at: int, count: int, wire: int, path: str, code: str, most: int = 0
-) -> tuple[array[Any], int]:
+def numbers(data: bytes, at: int, count: int, wire: int, path: str, code: str, most: int = 0) -> tuple[array[Any], int]:
     """Return `count` numbers. Padding precedes the first number; an empty sequence has no padding."""
     if not count:
         return array(code), at
@@ -285,7 +285,9 @@ def _texts(
             value, at = read(data, at + _COUNT, units, wire, "", bound)
             values.append(value)
     except (SampleError, struct.error) as error:
-        text = str(error) if isinstance(error, SampleError) else f": expected {_COUNT} bytes, got {max(len(data) - at, 0)}"
+        text = (
+            str(error) if isinstance(error, SampleError) else f": expected {_COUNT} bytes, got {max(len(data) - at, 0)}"
+        )
         raise SampleError(f"{path}[{len(values)}]{text}") from None
     if wire & XCDR2:
         _check_delimiter(data, start, at, wire, path)

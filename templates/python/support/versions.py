@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Computed", "Constant", "Converted", "Copied", "Rule", "Translation", "Unread", "convert"]
 
-MessageType = TypeVar("MessageType", bound=Message, covariant=True)
+MessageType_co = TypeVar("MessageType_co", bound=Message, covariant=True)
 
 
 class Copied(Frozen):
@@ -109,30 +109,30 @@ class Translation(Frozen):
 _BY_NAME = Translation()
 
 
-class Converted(Frozen, Generic[MessageType]):
+class Converted(Frozen, Generic[MessageType_co]):
     """A message in another version, and the fields that the two versions do not have in common.
 
-    Fields are named by their path from the message: `events.id` is the field `id` of one or more of the nested `events`,
-    and `control[8:15]` is a range of elements of `control`.
+    Fields are named by their path from the message: `events.id` is the field `id` of one or more nested `events`, and
+    `control[8:15]` is a range of elements of `control`.
     """
 
     __slots__ = ("message", "dropped", "defaulted")
     __match_args__ = ("message", "dropped", "defaulted")
 
-    message: MessageType
+    message: MessageType_co
     dropped: tuple[str, ...]
-    """Fields of the given message whose values are lost: the other version has no field for them, or cannot hold them."""
+    """Fields of the given message whose values are lost: the other version has no field that can hold them."""
     defaulted: tuple[str, ...]
     """Fields of the other version that keep their default, because no value was copied to them."""
 
-    def __init__(self, message: MessageType, dropped: tuple[str, ...], defaulted: tuple[str, ...]) -> None:
+    def __init__(self, message: MessageType_co, dropped: tuple[str, ...], defaulted: tuple[str, ...]) -> None:
         put = object.__setattr__
         put(self, "message", message)
         put(self, "dropped", dropped)
         put(self, "defaulted", defaulted)
 
 
-def convert(message: Message, target: type[MessageType]) -> Converted[MessageType]:
+def convert(message: Message, target: type[MessageType_co]) -> Converted[MessageType_co]:
     """Return `message` as `target`, which is any other version of it, or a message that PX4 translates it to.
 
     A value is copied to the field of the same name if that field holds it exactly: a field of the same type; an integer
@@ -234,9 +234,7 @@ def _carry(source: Message, target: Message) -> tuple[list[str], list[str], dict
     return dropped, defaulted, reads
 
 
-def _apply(
-    rule: Rule, source: Message, mine: dict[str, Field], target: Message, theirs: Field
-) -> _Part | None:
+def _apply(rule: Rule, source: Message, mine: dict[str, Field], target: Message, theirs: Field) -> _Part | None:
     """Set a field by its rule. Return None if it gets no value."""
     if isinstance(rule, Copied):
         return _copy(source, mine[rule.source], target, theirs) if rule.source in mine else None
