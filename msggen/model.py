@@ -48,6 +48,8 @@ class ArrayKind(Enum):
     BOUNDED = "up to `length` values"
     UNBOUNDED = "any number of values"
 
+    __hash__ = object.__hash__  # members are singletons, and the hash of Enum is Python code
+
 
 class FieldType(NamedTuple):
     """The type of a field.
