@@ -1,4 +1,4 @@
-"""Fixtures of all rooms: the catalog of the embedded set, and the committed package."""
+"""Fixtures that several test folders share: the catalog of the embedded set and the committed package."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from msggen.firmware.sources import find_sources
 from msggen.model import Catalog
 from support.repository import ROOT
 
-# How long an example takes depends on what else the machine does.
+# The duration of an example depends on the load of the machine.
 settings.register_profile("msggen", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("msggen")
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip a test marked `tools("a", "b")` where one of these programs is missing."""
+    """Skip a test marked `tools("a", "b")` if one of these programs is missing."""
     for mark in item.iter_markers("tools"):
         for program in mark.args:
             if shutil.which(program) is None:
@@ -44,6 +44,6 @@ def px4_types() -> Any:
 
 @pytest.fixture
 def working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder, which is the current one during the test."""
+    """An empty folder that is the current folder during the test."""
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -1,4 +1,4 @@
-"""A package in git: branches merge without a conflict in the record, and a clone is up to date."""
+"""Tests of a generated package in git: branches merge without conflicts in the record, and a clone is up to date."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ def commit(message: str) -> None:
 
 
 def commit_package() -> None:
-    """Make a repository with the definitions and their package."""
+    """Create a repository with the definitions and their package."""
     git(Path(), "init", "-q", "-b", "main")
     assert build("-q") == 0
     commit("all")
 
 
 def on_branch(name: str, definitions: dict[str, str]) -> None:
-    """Commit changed definitions and their package on a new branch, and return to main."""
+    """Commit changed definitions and their package on a new branch, then return to main."""
     git(Path(), "switch", "-q", "-c", name, "main")
     write_definitions(Path(), definitions)
     assert build("-q") == 0
@@ -58,7 +58,7 @@ def on_branch(name: str, definitions: dict[str, str]) -> None:
 
 
 def fresh_package() -> dict[str, bytes | str | None]:
-    """Return a package made in an empty folder, without its fingerprint."""
+    """Return the content of a package built in an empty folder, without its fingerprint."""
     shutil.rmtree("fresh", ignore_errors=True)
     assert build("-q", "-o", "fresh") == 0
     return without_cache(Path("fresh/px4_types"))
@@ -70,7 +70,7 @@ def without_cache(folder: Path) -> dict[str, bytes | str | None]:
 
 @pytest.mark.parametrize(("one", "other"), [*itertools.combinations(NAMES, 2)])
 def test_branches_that_change_different_messages_merge(one: str, other: str) -> None:
-    """Also messages that are neighbours in the record: the changed lines are not adjacent."""
+    """Neighbours in the record merge too, because the changed lines are not adjacent."""
     commit_package()
     for name in (one, other):
         on_branch(name, {f"in/{name}.msg": f"{STAMP}uint8 {name.upper()} = 1\n"})
@@ -134,7 +134,7 @@ def test_another_branch_is_built_from_its_own_definitions() -> None:
 
 
 def read_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let every call that writes fail as on a read-only file system."""
+    """Make every call that writes fail as on a read-only file system."""
     opened, made = builtins.open, os.mkdir
 
     def refuse(*_: object, **__: object) -> None:
@@ -194,7 +194,7 @@ def test_a_damaged_fingerprint_is_ignored(text: str, capsys: pytest.CaptureFixtu
 
 
 def test_a_record_of_an_earlier_release_is_read() -> None:
-    """It also had a fingerprint, a summary and a seal. Its files are recognised, also those to remove."""
+    """Old records also had a fingerprint, a summary and a seal. Their files are recognised, and removed if obsolete."""
     assert build("-q") == 0
     record = json.loads((PACKAGE / RECORD).read_text())
     old = {"fingerprint": "0" * 64, "summary": "3 messages", **record, "seal": "0" * 64}
@@ -207,7 +207,7 @@ def test_a_record_of_an_earlier_release_is_read() -> None:
 
 
 def dies_at(number: int, run: Callable[[], object]) -> bool:
-    """Run `run` in a process that ends at its call number `number` that changes the disk; return whether it did."""
+    """Call `run` in a process that exits at its `number`-th change of the disk; return whether it got there."""
     child = os.fork()
     if child == 0:
         changing = {"os.mkdir", "os.rename", "os.remove", "os.rmdir"}
@@ -228,7 +228,7 @@ def dies_at(number: int, run: Callable[[], object]) -> bool:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_after_a_kill_the_old_definitions_give_the_old_package() -> None:
-    """The fingerprint of the old package is still there, but must not match while some files are new."""
+    """The fingerprint of the old package still exists, but must not match while some files are new."""
     new = {"in/Fan.msg": f"{STAMP}uint8 speed\n", "in/Horn.msg": STAMP}
     old = {"in/Fan.msg": STAMP}
     assert build("-q") == 0

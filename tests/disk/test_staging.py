@@ -1,4 +1,4 @@
-"""Files are replaced whole, in order, and nothing is left of what was written aside."""
+"""Tests of staging: files are replaced whole and in order, and no staged file is left behind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Boards: what Kconfig and their files turn on, and what a catalog has of a firmware for one."""
+"""Tests of boards: the symbols that Kconfig and the board's files set, and the catalog of a firmware for one board."""
 
 from __future__ import annotations
 
@@ -100,13 +100,13 @@ def firmware(working_folder: Path) -> Path:
 
 
 def built(tree: str | Path, board: str) -> set[str]:
-    """Return the messages that a board builds."""
+    """Return the names of the messages that a board builds."""
     catalog = read_catalog(with_board(find_sources(str(tree)), BoardOption(board)))
     return {message.name for message in catalog.uorb_messages}
 
 
 def refusal(tree: str | Path, board: str) -> str:
-    """Return what is said of a board that cannot be used."""
+    """Return the error message for a board that cannot be used."""
     with pytest.raises(InputError) as caught:
         with_board(find_sources(str(tree)), BoardOption(board))
     return str(caught.value)
@@ -116,7 +116,7 @@ def refusal(tree: str | Path, board: str) -> str:
 
 
 def values(tmp_path: Path, board: str, **files: str) -> dict[str, bool | None]:
-    """Return the symbols from A to F with the Kconfig files of a tree, `main` at its root, and what a board assigns."""
+    """Return the symbols A to F for the Kconfig files of a tree, `main` at its root, and the assignments of a board."""
     named = {"Kconfig" if name == "main" else f"{name}/Kconfig": text for name, text in files.items()}
     definitions = read_definitions(Folder(str(write_definitions(tmp_path, named))))
     configuration = Configuration(definitions, parse_assignments(board))
@@ -171,7 +171,7 @@ def test_what_files_depend_on_counts_for_their_symbols(tmp_path: Path) -> None:
         modules='config A\nif !A\n  rsource "*/Kconfig"\nendif\nif A\n  orsource "b*/Kconfig"\nendif\n',
         **{"modules/bird": "config B\n default y\n", "modules/cat": "config C\n default y\n"},
     )
-    assert found == {"A": True, "B": False, "C": False}  # bird is read once, where it is named first
+    assert found == {"A": True, "B": False, "C": False}  # bird is read once, at its first source line
 
 
 def test_texts_of_help_define_nothing(tmp_path: Path) -> None:
@@ -258,7 +258,7 @@ def test_what_no_list_names_is_built_for_no_board(firmware: Path) -> None:
     assert "px4_msgs/Forgotten" in read_catalog(find_sources(str(firmware))).messages
 
 
-# What is said
+# Messages to the user
 
 
 def test_conditional_messages_are_named_in_one_note(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -324,7 +324,7 @@ def test_what_a_board_does_not_build_cannot_be_used(firmware: Path, capsys: pyte
     assert f"'px4_msgs::msg::Target': {reason}" in capsys.readouterr().err
 
 
-# What comes out
+# Output
 
 
 def test_the_registry_marks_what_is_conditional(firmware: Path, tmp_path: Path) -> None:
@@ -391,7 +391,7 @@ def test_a_build_follows_lists_boards_and_kconfig(firmware: Path, capsys: pytest
     assert main([*command, "--check"]) == FINDINGS
 
 
-# Comparing
+# Comparison
 
 
 def test_a_package_has_the_messages_of_all_boards(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -441,7 +441,7 @@ OF_VISION = (
 
 
 def v1_18(folder: Path) -> Sources:
-    """Return v1.18 with lists in the place of its own, and two boards."""
+    """Return v1.18 with other lists of messages and two boards."""
     shutil.copytree(shared("firmware/v1.18"), folder)
     names = sorted(path.relative_to(folder / "msg").as_posix() for path in _definitions(folder / "msg"))
     listed = " ".join(name for name in names if name.removesuffix(".msg") not in OF_VISION)

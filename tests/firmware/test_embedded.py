@@ -1,6 +1,7 @@
-"""The embedded releases have the firmware's facts and our own words.
+"""Tests of the embedded releases: they hold the facts of the firmware, in comments of our own.
 
-What the firmware's own tools computed is in `tests/vectors`; its definitions are read where `../shared` has them.
+`tests/vectors` has the results of the firmware's own tools; the firmware's definitions are read from `../shared` if it
+exists.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def catalog_of(release: str) -> Catalog:
 
 @cache
 def measured(release: str) -> Any:
-    """Return what was measured: messages by name, and endpoints, with named columns."""
+    """Return the measured values: messages by name, and endpoints, with named columns."""
     vectors = json.loads((VECTORS / f"{release}.json").read_text())
     columns = vectors["message_columns"]
     messages = {name: dict(zip(columns, row, strict=True)) for name, row in vectors["messages"].items()}
@@ -56,12 +57,12 @@ def measured(release: str) -> Any:
 
 
 def facts_of(release: str) -> dict[str, facts.Facts]:
-    """Return what the definitions of a release say to a reader that is not msggen's."""
+    """Return the facts in the definitions of a release, read by a reader that shares no code with msggen."""
     files = [file for file in sources_of(release).messages if file.tree]
     return {file.stem: facts.facts_in(file.tree.read(file.name).decode(), file.stem) for file in files if file.tree}
 
 
-# The facts
+# Facts
 
 
 @every_release
@@ -111,7 +112,7 @@ def test_services_are_those_of_the_release(release: str) -> None:
 
 @every_release
 def test_a_second_reader_computes_what_was_measured(release: str) -> None:
-    """It stands in for the firmware's tools where these were not asked: v1.15, and the type hashes of v1.14."""
+    """The second reader replaces the firmware's tools where they were not run: v1.15, and the type hashes of v1.14."""
     messages, endpoints = measured(release)
     known, bridge = facts_of(release), sources_of(release).bridge
     assert bridge is not None
@@ -138,11 +139,11 @@ def test_conditional_messages_are_messages() -> None:
     assert set(listed) <= {message.name for message in catalog_of(NEWEST).messages.values()}
 
 
-# Our words
+# Comments
 
 
 def bridged(catalog: Catalog) -> Iterator[Message]:
-    """Return the messages that cross the bridge, and what they nest."""
+    """Yield the messages that cross the bridge, and the messages nested in them."""
     names = {entry.message_name for entry in catalog.bridge}
     for message in [catalog.messages[f"px4_msgs/{name}"] for name in sorted(names)]:
         yield message
@@ -183,10 +184,10 @@ def test_enum_tags_name_constants_of_their_message(release: str) -> None:
             constant.name.startswith(tuple(field.comment.tag("enum").split())) for constant in message.constants
         )
     ]
-    assert [each for each in lost if "VTE_FUSION_STATUS" not in each] == []  # an enum that PX4 itself does not have
+    assert [each for each in lost if "VTE_FUSION_STATUS" not in each] == []  # PX4 does not define this enum either
 
 
-# Beside the firmware's own definitions
+# Comparison with the firmware's own definitions
 
 
 @cache
@@ -235,15 +236,15 @@ SAID_DIFFERENTLY = {
     "enum": "",
     "FRD": "",
 }
-"""What stands in brackets at the front of a comment without being a unit, or with a shorter name."""
+"""Text in brackets at the front of a comment that is not a unit, or is a longer name of one."""
 
 SPELLINGS = {"°C": "degC", "Gs": "Gauss", "(m/s)^2": "m^2/s^2"}
-"""Units that two releases spell in two ways: the embedded ones have one comment."""
+"""Units that two releases spell differently: the embedded releases share one comment."""
 
 
 @every_release
 def test_tags_are_those_of_the_firmware(release: str) -> None:
-    """Where the firmware has a tag, it is the same here; where it has prose, there may be more."""
+    """Each tag of the firmware is the same here; text that the firmware has in prose may be an additional tag here."""
     differing = [
         f"{message.name}.{theirs.name}: {tag} {expected!r}, found {getattr(ours.comment, tag)!r}"
         for key, message in firmware(release).messages.items()
@@ -275,7 +276,7 @@ def plain(tag: str) -> str:
 
 
 def test_no_sentence_is_the_firmware_s() -> None:
-    """No comment of four words or more is the same, in any message of any release."""
+    """No comment of four words or more is the same in any message of any release."""
 
     def sentences(paths: Iterator[Path]) -> dict[str, str]:
         found = {}
@@ -293,11 +294,11 @@ def test_no_sentence_is_the_firmware_s() -> None:
     assert [ours[words] for words in ours.keys() & theirs.keys()] == []
 
 
-# How they are stored
+# Storage
 
 
 def test_each_release_is_stored_as_what_differs_from_the_next() -> None:
-    """The files of `releases/` are what `tests/support/embed.py` writes, so that it leaves them as they are."""
+    """`tests/support/embed.py` writes exactly the files in `releases/`, so running it does not change them."""
     newer = embed.files_of(embedded_tree(NEWEST))
     known: dict[str, list[str]] = {}
     for release in EARLIER:
@@ -308,7 +309,7 @@ def test_each_release_is_stored_as_what_differs_from_the_next() -> None:
 
 
 def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Comments stay with what stays; the release that was the newest reads as before, and so do the others."""
+    """Fields that stay keep their comments; the previously newest release and all earlier ones read as before."""
     root = tmp_path / "embedded"
     before = {
         "msg/Rpm.msg": "# Speed of a rotor.\n\nuint64 timestamp  # [us] Time since boot.\n\n"
@@ -350,7 +351,7 @@ def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             assert embed.lines_of(found[name][1]) == embed.lines_of(expected[name][1]), (release, name)
 
 
-# Named on the command line
+# Command line
 
 
 Capture = pytest.CaptureFixture[str]

@@ -1,4 +1,4 @@
-"""Hashes, ids, sizes and names equal those of the firmware and of rosidl, for every release."""
+"""Tests of identities: hashes, ids, sizes and names equal those of the firmware and of rosidl, for every release."""
 
 from __future__ import annotations
 
@@ -99,11 +99,11 @@ def test_a_release_that_is_given_overrules_the_tree(release: str, name: str, fir
 
 
 NO_LIMIT = ["0", "0.0", "-5", "unlimited", "Unlimited", "off", '"off"', "OFF", "none", "' None '", "false", "-.inf"]
-"""All spellings of it that PX4's script takes."""
+"""All spellings of "no limit" that PX4's script accepts."""
 
 
 def limited(rate: str, release: str, folder: Path) -> Endpoint:
-    """Return an endpoint with a rate limit, as it stands in the YAML."""
+    """Return an endpoint with a rate limit, spelled as in the YAML."""
     entry = f"{{topic: /fmu/out/aim, type: 'px4_msgs::msg::Aim', rate_limit: {rate}}}"
     write_definitions(folder, {"msg/Aim.msg": "uint64 timestamp\n", "dds_topics.yaml": f"publications:\n  - {entry}\n"})
     return endpoints(read_catalog(find_sources(str(folder), release=release)))[0]
@@ -157,7 +157,7 @@ def test_a_reader_keeps_a_queue_for_each_of_its_sources(tmp_path: Path) -> None:
     assert [each.object_id for each in found] == [2048, 2049, 2050]
 
 
-# What the sources of the bridge's client show
+# Behaviour found in the sources of the bridge's client
 
 HEADER = """
 #define UXRCE_DEFAULT_POLL_INTERVAL_MS 7

@@ -1,4 +1,4 @@
-"""msggen as a library: the names that `import msggen` gives, their types, and the example of docs/library.md."""
+"""Tests of msggen as a library: the names in `import msggen`, their types, and the example of docs/library.md."""
 
 from __future__ import annotations
 
@@ -128,11 +128,11 @@ def test_an_error_names_the_argument(
     write_definitions(tmp_path, {"tree/Lamp.msg": LAMP})
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError) as caught:
-        read(**arguments)  # type: ignore[arg-type]  # the archived one is a bool
+        read(**arguments)  # type: ignore[arg-type]  # `archived` is a bool
     assert str(caught.value).startswith(expected)
 
 
-# --- the names
+# --- Names
 
 
 def test_every_name_is_there_and_comes_from_the_module_that_defines_it() -> None:
@@ -177,7 +177,7 @@ def test_modules_of_the_package_are_still_imported_by_name() -> None:
     )
 
 
-# --- types
+# --- Types
 
 USER = """
 import msggen
@@ -230,16 +230,16 @@ def test_programs_are_typed(checker: str, program: str, wrong: set[int], tmp_pat
     assert {int(line) for line in re.findall(r"user\.py:(\d+):", done.stdout)} == wrong, done.stdout
 
 
-# --- the example and the page
+# --- The example and the page
 
 SIZES = {"bool": 1, "char": 1, "byte": 1}
 FIELD = re.compile(r"^\s*(\w+)(?:\[(\d+)\])?\s+([a-z]\w*)\s*(?:#.*)?$", re.MULTILINE)
 
 
 def float_arrays(path: Path) -> list[str]:
-    """Return what the example prints of one definition, found by regular expression.
+    """Return the lines that the example prints for one definition, found with a regular expression.
 
-    The offset is "?" behind a nested message, which this does not read.
+    The offset is "?" after a nested message, because nested messages are not read here.
     """
     found, end = [], 0
     for type_, length, name in FIELD.findall(path.read_text(encoding="utf-8")):

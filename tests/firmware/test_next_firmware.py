@@ -1,4 +1,4 @@
-"""The next firmware works on the day it comes out: what `dds_topics.yaml` gains is a warning, and reaches templates."""
+"""Tests of a future firmware: new keys and values in `dds_topics.yaml` are warnings, and templates can read them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ FOUND = [
     (17, "Y103"),
     (18, "Y103"),
 ]
-"""Line and code of ten novelties."""
+"""Line and code of the ten novelties."""
 
 FILES = {
     "msg/versioned/VehicleStatus.msg": "uint32 MESSAGE_VERSION = 1\nuint64 timestamp\n",
@@ -58,12 +58,12 @@ FILES = {
 
 @pytest.fixture(autouse=True)
 def firmware(working_folder: Path) -> None:
-    """A small firmware of tomorrow, as `px4`."""
+    """Write a small future firmware into `px4`."""
     write_definitions(working_folder / "px4", FILES)
 
 
 def told(capsys: pytest.CaptureFixture[str], level: str = "warning: ") -> list[tuple[int, str]]:
-    """Return line and code of what stderr says of the YAML."""
+    """Return line and code of each message on stderr about the YAML."""
     places = (text.split(maxsplit=2) for text in capsys.readouterr().err.splitlines() if text.startswith(f"px4/{YAML}"))
     return [(int(place.split(":")[1]), code) for place, code, text in places if text.startswith(level)]
 
@@ -145,7 +145,7 @@ def test_merged_keys_aliases_and_odd_values_are_read_as_yaml_has_them(capsys: py
     assert ring[0] is ring
 
 
-# A firmware that has more than the newest release
+# A firmware with more than the newest release
 
 
 def noted(capsys: pytest.CaptureFixture[str], *options: str) -> list[str]:

@@ -1,6 +1,6 @@
-"""A definition of tomorrow: what PX4 may add to a message is a warning, or as good as the rest; `--strict` refuses it.
+"""Tests of future definitions: additions to a message are warnings or are accepted; `--strict` refuses the warnings.
 
-The YAML's half is in test_next_firmware.py.
+test_next_firmware.py tests additions to the YAML.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ SAID = {
     "px4/msg/future_lamp.msg:2:8: M106": "the line ends in CR LF",
     "px4/msg/versioned/draft: S121": "1 definition not read, such as 'Torch.msg'",
 }
-"""Place and code of each novelty that is warned of; `lambda`, and `FAST` beside `fast`, are as good as other names."""
+"""Location and code of each warning; `lambda`, and `FAST` beside `fast`, are accepted like other names."""
 
 COMMANDS = {
     "build": "build -q --px4 px4 -o out",
@@ -69,12 +69,12 @@ COMMANDS = {
     "render": "render -q --template fields.json.j2 --px4 px4 -o out",
 }
 UNSAID = {"check": {"M106"}, "breaking": {"M106"}}
-"""What those do not mention that compare definitions."""
+"""Codes that the commands that compare definitions do not report."""
 
 
 @pytest.fixture(autouse=True)
 def tree(working_folder: Path) -> None:
-    """The tree, in the current folder."""
+    """Write the tree into the current folder."""
     write_definitions(working_folder / "px4", TREE)
     Path("fields.json.j2").write_text(
         "{ {% for field in message.fields %}{{ field.name | tojson }}: {{ field.tags | tojson }}"
@@ -154,7 +154,7 @@ def test_a_build_with_nothing_to_do_warns_again(capsys: pytest.CaptureFixture[st
 
 @pytest.mark.parametrize("release", ["v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03"])
 def test_no_release_has_a_novelty(release: str) -> None:
-    """A false alarm would be worse than silence."""
+    """A false alarm is worse than a missing warning."""
     source = str(shared(f"firmware/{release}"))
     notices = read_catalog(find_sources(source)).notices
     assert [found for found in notices if found.code[0] in "MS" and found.level is Level.WARNING] == []

@@ -1,7 +1,7 @@
-"""Unusual definitions: what PX4's generator, a C++ compiler and ROS 2 say of each, and what msggen makes of it.
+"""Tests of unusual definitions: the verdicts of PX4's generator, a C++ compiler, ROS 2 and msggen on each.
 
-The real genmsg and the real rosidl are asked, and g++ where it is there. What PX4 builds is no error in any command;
-docs/build.md has the same table for readers, and a test that compares both.
+The tests run the real genmsg and rosidl, and g++ if it is installed. A definition that PX4 builds is no error in any
+command. docs/build.md has the same table for readers, and a test compares the two.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ YES, NO, COMPILER = "yes", "no", "not its compiler"
 
 
 class Row(NamedTuple):
-    """`shown` in the table: what PX4 and ROS 2 say of `files`, and the code that msggen gives, or ""."""
+    """A row of the table: `shown` as text, the verdicts of PX4 and ROS 2 on `files`, and the code of msggen, or ""."""
 
     shown: str
     px4: str
@@ -38,13 +38,13 @@ class Row(NamedTuple):
 
 
 def row(shown: str, px4: str, ros: str, code: str = "", text: str = "") -> Row:
-    """Return a row for one message, below its timestamp: `text`, or else what is shown."""
+    """Return a row for one message with a timestamp and `text`, which defaults to the code in `shown`."""
     lines = text or "\n".join(re.findall(r"`([^`]+)`", shown)) + "\n"
     return Row(shown, px4, ros, code, {"Foo.msg": STAMP + lines})
 
 
 def files(shown: str, px4: str, ros: str, code: str, *names: str) -> Row:
-    """Return a row for messages of these names, each with nothing but its timestamp."""
+    """Return a row for messages with these names, each with only a timestamp."""
     return Row(shown, px4, ros, code, {f"{name}.msg": STAMP for name in names})
 
 
@@ -95,18 +95,18 @@ ROWS = [
 ]
 
 REFUSED_ALL_THE_SAME = {"`uint8[0] a`"}
-"""What PX4 builds and msggen does not: neither ROS 2 nor DDS has an array without elements."""
+"""Definitions that PX4 builds and msggen refuses: neither ROS 2 nor DDS has an array without elements."""
 
 
 def ids(each: Row) -> str:
     return each.shown
 
 
-# The oracles
+# Oracles
 
 
 def cpp(spec: object, name: str) -> Iterator[str]:
-    """Yield the C++ that PX4's templates make of a message."""
+    """Yield the C++ that PX4's templates generate for a message."""
     fields, constants = spec.parsed_fields(), spec.constants  # type: ignore[attr-defined]
     yield f"struct {snake_case(name)}_s {{"
     for field in fields:
@@ -118,7 +118,7 @@ def cpp(spec: object, name: str) -> Iterator[str]:
 
 
 def ask_px4(folder: Path) -> str:
-    """Return what PX4's generator, and then a compiler, say of the messages in `folder`."""
+    """Return the verdict of PX4's generator, and then of a compiler, on the messages in `folder`."""
     loader = pytest.importorskip("genmsg.msg_loader", reason="needs the package pyros-genmsg")
     paths = sorted(folder.glob("*.msg"))
     source = ["#include <cstdint>", *(f"typedef {alias(name)} t_{name};" for name in sorted(SIZED))]
@@ -136,7 +136,7 @@ def ask_px4(folder: Path) -> str:
             ):
                 return NO
             source += cpp(spec, path.stem)
-    except Exception:  # noqa: BLE001 - genmsg raises whatever comes
+    except Exception:  # noqa: BLE001 - genmsg raises any exception
         return NO
     names = [topic for path in paths for topic in topics(path)]
     source.append(f"enum class ORB_ID {{ {', '.join(f'{name} = {number}' for number, name in enumerate(names))} }};")
@@ -152,12 +152,12 @@ def alias(name: str) -> str:
 
 
 def ask_ros(folder: Path) -> str:
-    """Return whether rosidl reads the messages in `folder`."""
+    """Return the verdict of rosidl on the messages in `folder`."""
     parser = pytest.importorskip("rosidl_adapter.parser", reason="rosidl_adapter has wheels for Linux on x86-64 only")
     try:
         for path in sorted(folder.glob("*.msg")):
             parser.parse_message_file("px4_msgs", str(path))
-    except Exception:  # noqa: BLE001 - rosidl raises whatever comes
+    except Exception:  # noqa: BLE001 - rosidl raises any exception
         return NO
     return YES
 
@@ -211,7 +211,7 @@ COMMANDS = {
 def test_what_px4_builds_is_no_error_in_any_command(
     each: Row, command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What only its compiler refuses may be an error."""
+    """A definition that only PX4's compiler refuses may be an error."""
     tree(each, Path("px4"))
     write_definitions(Path(), {"templates/msg.h.em": "@spec.full_name\n", "templates/uORBTopics.hpp.em": "x\n"})
     given = [f"px4/msg/{name}" for name in each.files] if command == "px4-generate" else []
@@ -232,7 +232,7 @@ def test_strict_refuses_what_is_warned_of(
     assert main(["build", "-q", "--strict", "--px4", "px4", "-o", "out"]) == (FAILED if each.code else DONE)
 
 
-# The page
+# Documentation
 
 TABLE = re.compile(r"^\| ([^|]+) \| (yes|no|not its compiler) \| (yes|no) \| ([^|]+) \|$", re.MULTILINE)
 

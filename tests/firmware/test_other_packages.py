@@ -1,6 +1,6 @@
-"""Messages of other ROS packages: where they are found, which rules they follow, and what the commands make of them.
+"""Tests of messages of other ROS packages: how they are found, which rules apply, and what the commands do with them.
 
-What the generated package makes of them: tests/package/test_nested_packages.py.
+tests/package/test_nested_packages.py tests the generated package.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def catalog(*folders: str, px4: str | None = None) -> Catalog:
 
 
 def refused(*folders: str, px4: str | None = None) -> str:
-    """Return what is said of sources that cannot be used."""
+    """Return the error message for sources that cannot be used."""
     with pytest.raises(InputError) as caught:
         catalog(*folders, px4=px4)
     return str(caught.value)
@@ -55,13 +55,13 @@ def names_of(package: str) -> set[str]:
 
 
 def edited(path: str | Path, old: str, new: str) -> None:
-    """Replace what stands in a file once."""
+    """Replace `old` in a file, where it occurs once."""
     text = Path(path).read_text()
     assert text.count(old) == 1
     Path(path).write_text(text.replace(old, new))
 
 
-# --- Where a package is found
+# --- Finding a package
 
 
 def packed() -> str:
@@ -155,14 +155,14 @@ def test_a_folder_may_have_an_equals_sign_in_its_name(name: str) -> None:
 
 
 def test_a_tilde_behind_the_name_is_the_home_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not every shell puts it in there."""
+    """Not every shell expands a tilde after `=`."""
     monkeypatch.setenv("HOME", str(tmp_path))
     ros_packages("builtin_interfaces")
     assert keys(catalog("builtin_interfaces=~/builtin_interfaces")) == names_of("builtin_interfaces")
 
 
 class Wrong(NamedTuple):
-    """Arguments of a build, and how the line begins that it says of them."""
+    """A folder argument of a build, and the start of the error message for it."""
 
     folder: str
     line: str
@@ -203,7 +203,7 @@ def test_a_setting_that_is_no_package_has_its_place(capsys: Capture) -> None:
     assert capsys.readouterr().err.startswith("pyproject.toml:3:1: S103 'B' is not a ROS package name")
 
 
-# --- Which rules hold
+# --- Rules
 
 NOT_FOR_UORB = [
     ("M103", ""),
@@ -430,7 +430,7 @@ CHECK = ("check", "--px4", "firmware", "--output-format", "json")
 
 
 def found_by(capsys: Capture, *arguments: str) -> set[tuple[str, str]]:
-    """Return rule and subject of what a command finds; the exit code has to agree."""
+    """Return rule and subject of each finding of a command; check the exit code too."""
     code = main([*arguments])
     findings = json.loads(capsys.readouterr().out)["findings"]
     assert code == (FINDINGS if findings else DONE)
@@ -471,7 +471,7 @@ def test_two_sides_take_other_packages_and_nothing_else(capsys: Capture) -> None
 
 @pytest.mark.parametrize("command", [("check", "px4_msgs"), ("sync", "px4_msgs"), ("sync", "--create", "new")])
 def test_other_packages_alone_are_no_firmware(command: tuple[str, ...], capsys: Capture) -> None:
-    """Else a package would match nothing at all, or lose all its definitions."""
+    """Otherwise no definition of the package would match, and sync would remove all of them."""
     firmware()
     plain_package()
     before = content(PACKAGE)
@@ -485,7 +485,7 @@ def test_other_packages_alone_are_no_firmware(command: tuple[str, ...], capsys: 
 
 
 def test_a_nested_message_of_another_package_is_compared_with_what_it_was(capsys: Capture) -> None:
-    """What differs inside is found where uORB's messages nest it."""
+    """A difference in the nested message is reported for the uORB message that nests it."""
     write_definitions(firmware(), {"msg/Rig.msg": f"{STAMP}parts/Arm[2] arms\n", "parts/Arm.msg": "float32 angle\n"})
     committed(Path("firmware"))
     edited("firmware/parts/Arm.msg", "float32", "float64")
@@ -508,7 +508,7 @@ def test_sync_brings_only_the_messages_of_uorb(capsys: Capture) -> None:
 
 
 def test_only_topics_that_carry_a_definition_of_the_package_are_told_with_it(capsys: Capture) -> None:
-    """Not those that carry a message of another package with the same name."""
+    """Topics that carry a message of the same name from another package are not listed."""
     options = nesting_firmware()
     write_definitions(Path("firmware"), {"msg/Pose.msg": STAMP, BRIDGE_PLACE: RIG_BRIDGE})
     assert sync("-q", "--px4", "firmware", *options, "--create", PACKAGE) == DONE

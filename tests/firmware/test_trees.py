@@ -1,5 +1,6 @@
-"""A source may be a folder, a revision that git keeps, or an archive: all three mean the same, nothing is touched or
-unpacked, and one that cannot be read is told with its reason.
+"""Tests of sources: a folder, a git revision and an archive give the same result.
+
+Nothing is modified or unpacked, and the error for an unreadable source gives the reason.
 """
 
 from __future__ import annotations
@@ -31,26 +32,26 @@ RPM = definition("Rpm")
 FIRMWARE = Path("firmware")
 TARS = ("tar", "tar.gz", "tgz", "tar.bz2", "tbz2", "tar.xz", "txz")
 MODES = {"gz": "w:gz", "z2": "w:bz2", "xz": "w:xz", "ar": "w"}
-"""How tarfile writes an archive, by how its name ends."""
+"""The mode in which tarfile writes an archive, by the end of its name."""
 
 pytestmark = pytest.mark.usefixtures("working_folder")
 
 
 def catalog(source: str) -> str:
-    """Return all that a source says, and where in it, but not where it lies itself."""
+    """Return the whole catalog of a source with its locations, without the path of the source itself."""
     sources = find_sources(source)
     return repr(read_catalog(sources)).replace(f"{sources.label.rstrip('/')}/", "")
 
 
 def refused(source: str) -> str:
-    """Return what is said of a source that cannot be read."""
+    """Return the error message for a source that cannot be read."""
     with pytest.raises(InputError) as caught:
         find_sources(source)
     return str(caught.value)
 
 
 def repository(folder: Path = FIRMWARE) -> str:
-    """Commit the small firmware, then empty the work tree and commit that; return what the first commit says."""
+    """Commit the small firmware, then commit other files in its place; return the catalog of the first commit."""
     said = catalog(str(firmware(str(folder))))
     committed(folder)
     for arguments in (["tag", "v1.16"], ["tag", "-a", "-m", "signed off", "v1.16.1"], ["branch", "feature/rpm"]):
@@ -185,7 +186,7 @@ def test_names_that_are_no_messages_are_refused_in_a_revision_as_in_a_folder() -
 
 
 def stage_and_dirty() -> None:
-    """Leave behind what a user might have at hand: edits, staged or not, files deleted or new."""
+    """Make changes such as a user's: edits, staged and not staged, and files deleted and added."""
     (FIRMWARE / "msg" / "Rpm.msg").write_text("uint64 timestamp\n")
     git(FIRMWARE, "add", "-A")
     (FIRMWARE / "msg" / "Rpm.msg").write_text("uint64 timestamp\nfloat32 x\n")
@@ -200,7 +201,7 @@ def test_reading_a_revision_touches_neither_work_tree_nor_index(dirty: bool) -> 
     if dirty:
         stage_and_dirty()
     status = git(FIRMWARE, "status", "--porcelain")
-    os.utime(FIRMWARE / "srv" / "VehicleCommand.srv")  # what `git status` would note in the index
+    os.utime(FIRMWARE / "srv" / "VehicleCommand.srv")  # `git status` would record this in the index
     before = content(FIRMWARE), whole(FIRMWARE / ".git")
     assert catalog("firmware@HEAD") == said
     assert main(["breaking", "--px4", "firmware", "--against", "HEAD"]) == (FAILED if dirty else DONE)
@@ -300,7 +301,7 @@ OWN = ("GIT_COMMON_DIR", "GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_OBJE
 def test_a_hook_of_another_repository_does_not_mislead(
     variables: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Git sets these while it runs a hook; `--px4` may well be another repository."""
+    """Git sets these variables while it runs a hook, and `--px4` may name another repository."""
     said = repository()
     committed(write_definitions(Path("other"), {"msg/Other.msg": RPM}))
     git(Path("other"), "tag", "v1.16")
@@ -321,14 +322,14 @@ def test_another_language_does_not_mislead(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def pack_tar(path: str, folder: str, top: str = "firmware") -> str:
-    """Write `folder` as `top` into a tar archive whose kind its name says."""
+    """Write `folder` as `top` into a tar archive; the file name gives its compression."""
     with tarfile.open(path, MODES.get(path[-2:], "w:xz")) as archive:  # type: ignore[call-overload]
         archive.add(folder, top)
     return path
 
 
 def pack_zip(path: str, folder: str, top: str = "firmware") -> str:
-    """Write `folder` as `top` into a zip archive, links as Info-ZIP does."""
+    """Write `folder` as `top` into a zip archive, with links stored as Info-ZIP does."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for found in sorted(Path(folder).rglob("*")):
             name = os.path.normpath(os.path.join(top, found.relative_to(folder)))
@@ -343,7 +344,7 @@ def pack_zip(path: str, folder: str, top: str = "firmware") -> str:
 
 
 def pack(kind: str, folder: str = "firmware", top: str = "firmware") -> str:
-    """Return the path of a new archive."""
+    """Create an archive and return its path."""
     write = pack_zip if kind.lower() == "zip" else pack_tar
     return write(f"packed-v1.16.{kind}", folder, top)
 
@@ -381,7 +382,7 @@ def test_an_archive_of_the_messages_alone_is_read() -> None:
 
 
 def test_an_archive_of_the_messages_alone_keeps_their_history() -> None:
-    """`git archive v1.16 msg`: without its `msg/`, nobody asks for the archived versions."""
+    """In `git archive v1.16 msg`, `msg/` must not be stripped, or the archived versions are not found."""
     write_definitions(FIRMWARE, {"msg/versioned/Rpm.msg": RPM, "msg/px4_msgs_old/msg/RpmV0.msg": RPM})
     committed(FIRMWARE)
     git(FIRMWARE, "archive", "-o", "../packed.tar", "HEAD", "msg")
@@ -401,7 +402,7 @@ def test_hard_links_are_read() -> None:
 
 
 def with_members(path: str, names: list[str]) -> str:
-    """Add members of these names to an archive, each a message that is no message."""
+    """Add members with these names to an archive, each with text that is no valid message."""
     if path.endswith(".zip"):
         with zipfile.ZipFile(path, "a") as archive:
             for name in names:
@@ -449,7 +450,7 @@ def test_a_link_out_of_an_archive_is_not_followed() -> None:
         assert str(caught.value) == f"{path}/msg/Outside.msg: S101 no such file"
 
 
-# --- Symbolic links, in all three
+# --- Symbolic links in folders, revisions and archives
 
 
 def links_to_file() -> None:
@@ -533,7 +534,7 @@ def test_a_link_to_another_folder_of_the_repository_is_followed() -> None:
 
 
 def is_told_as_broken(path: str) -> bool:
-    """Whether a file is refused as an archive."""
+    """Whether a file is refused as a broken archive."""
     return refused(path).startswith(f"{path}: S109 cannot be read as an archive: ")
 
 
@@ -565,7 +566,7 @@ def test_a_truncated_archive_is_told_wherever_it_ends(kind: str) -> None:
 
 
 def test_a_truncated_tar_is_told_wherever_it_ends() -> None:
-    """It would be a firmware with fewer messages."""
+    """A truncated archive would otherwise read as a firmware with fewer messages."""
     firmware()
     data = Path(pack("tar")).read_bytes()
     for end in range(0, len(data.rstrip(b"\0")), 256):
@@ -577,7 +578,7 @@ def test_a_zip_with_a_password_is_told() -> None:
     firmware()
     data = bytearray(Path(pack("zip")).read_bytes())
     start = 0
-    for signature, place in ((b"PK\3\4", 6), (b"PK\1\2", 8)):  # each member is described twice (APPNOTE 4.3)
+    for signature, place in ((b"PK\3\4", 6), (b"PK\1\2", 8)):  # each member has two headers (APPNOTE 4.3)
         start = 0
         while (start := data.find(signature, start) + 1) > 0:
             data[start - 1 + place] |= 1
@@ -617,7 +618,7 @@ DAMAGE = st.lists(st.tuples(st.floats(0, 0.999), st.integers(0, 255)), min_size=
 @given(damage=DAMAGE)
 @example(damage=[(0.0, 0)])
 def test_a_damaged_archive_is_read_or_refused(kind: str, damage: list[tuple[float, int]]) -> None:
-    """Any exception but InputError goes through, and fails."""
+    """Any exception other than InputError fails the test."""
     sound = Path(f"sound.{kind}")
     if not sound.exists():
         write_definitions(Path("small"), {"small/msg/Rpm.msg": RPM, "small/srv/Ask.srv": "---\n"})
@@ -639,14 +640,14 @@ def test_a_zip_with_a_name_that_is_no_text_is_told() -> None:
 
 
 def test_a_checksum_that_does_not_fit_is_told() -> None:
-    """Otherwise other definitions than were packed are taken for them."""
+    """Otherwise the definitions read would differ from those that were packed."""
     firmware()
     data = Path(pack("tar.gz")).read_bytes()
     Path("broken.tar.gz").write_bytes(data[:-8] + bytes(4) + data[-4:])
     assert is_told_as_broken("broken.tar.gz")
 
 
-# --- What commands make of them
+# --- Commands
 
 
 @pytest.mark.parametrize("kind", ["revision", "tar.gz", "zip"])
@@ -663,7 +664,7 @@ def test_a_package_is_generated_from_a_revision_or_an_archive(kind: str, capsys:
 
 @pytest.mark.parametrize("source", ["firmware@HEAD", "packed-v1.16.tar"])
 def test_a_depfile_names_what_is_on_the_disk(source: str) -> None:
-    """make and Ninja know nothing of the files inside, and stop for want of them."""
+    """make and Ninja do not know the files inside an archive, and would stop because they are missing."""
     committed(firmware())
     pack("tar")
     assert main(["build", "-q", "--px4", source, "-o", "out", "--depfile", "out.d"]) == DONE

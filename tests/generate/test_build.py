@@ -1,6 +1,6 @@
-"""`msggen build` on a disk: it writes only what changed, touches only what is its own, and may be killed.
+"""Tests of `msggen build` on a disk: it writes only changed files, touches only its own, and survives being killed.
 
-Definitions are real ones, few at a time, so that each build takes milliseconds.
+The tests use a few real definitions at a time, so that each build takes milliseconds.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ def definition(name: str) -> str:
 
 
 def folder_of(name: str, *messages: str) -> Path:
-    """Return a bare folder with these embedded messages."""
+    """Return a folder of these embedded messages, outside any firmware tree."""
     return write_definitions(Path(name), {f"{message}.msg": definition(message) for message in messages})
 
 
 def firmware(name: str = "firmware", versioned: str = "versioned/") -> Path:
-    """Return a small PX4 tree: real messages, a service and a bridge of two topics."""
+    """Return a small PX4 tree with real messages, a service and a bridge of two topics."""
     files = {f"msg/{message}.msg": definition(message) for message in MESSAGES}
     files |= {f"msg/{versioned}{message}.msg": definition(message) for message in VERSIONED}
     service = (ROOT / "srv" / "VehicleCommand.srv").read_text(encoding="utf-8")
@@ -70,19 +70,19 @@ def firmware(name: str = "firmware", versioned: str = "versioned/") -> Path:
 
 
 def content(folder: Path) -> dict[str, bytes | None]:
-    """Return everything in `folder`, hidden files too: bytes by path, None for folders."""
+    """Return everything in `folder`, hidden files included: bytes by path, None for folders."""
     found = {str(path.relative_to(folder)): path for path in folder.rglob("*")}
     return {name: path.read_bytes() if path.is_file() else None for name, path in sorted(found.items())}
 
 
 def identity(folder: Path) -> dict[str, tuple[int, int]]:
-    """Return inode and time of every file: equal only where nothing was written, not even the same again."""
+    """Return inode and time of every file; both change even if a file is rewritten with the same content."""
     files = [path for path in folder.rglob("*") if path.is_file()]
     return {str(path.relative_to(folder)): (path.stat().st_ino, path.stat().st_mtime_ns) for path in files}
 
 
 def age(folder: Path) -> None:
-    """Make all files old, so that one written again shows even within the clock's grain."""
+    """Make all files old, so that a rewritten file shows even if the clock is coarse."""
     for path in folder.rglob("*"):
         if path.is_file():
             os.utime(path, (10**9, 10**9))
@@ -95,13 +95,13 @@ def imported(folder: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def built(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> Any:
-    """Build a package under a name of its own; return it, imported."""
+    """Build a package under a unique name and import it."""
     name = f"built_{next(_numbers)}"
     assert build("-q", "--package", name, "-o", "src", *arguments) == 0
     return imported(Path("src"), name, monkeypatch)
 
 
-# --- What is written, and what is not
+# --- Written files
 
 
 def test_a_second_run_writes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -193,7 +193,7 @@ def test_two_packages_share_a_folder() -> None:
     assert sorted(os.listdir("src")) == ["first", "second"]
 
 
-# --- What is someone else's
+# --- Files that msggen does not own
 
 
 def test_foreign_files_and_folders_stay_through_builds_and_removals() -> None:
@@ -269,7 +269,7 @@ def test_a_foreign_file_is_reported_without_writing_too(option: str, capsys: pyt
 
 
 def test_a_file_that_happens_to_be_right_is_adopted() -> None:
-    """A package from a version control that leaves hidden files out is known again."""
+    """A version control that omits hidden files loses the record, and the next build restores it."""
     firmware()
     build("-q", "--px4", "firmware")
     whole = content(PACKAGE)
@@ -291,7 +291,7 @@ def test_a_generated_file_edited_by_hand_stays_when_it_is_no_longer_needed(
     assert str(edited) in capsys.readouterr().err
 
 
-# --- A record that was damaged, or made to do damage
+# --- A damaged or malicious record
 
 
 @pytest.mark.parametrize(
@@ -321,7 +321,7 @@ def test_a_damaged_record_is_an_empty_one(text: str) -> None:
 
 
 def test_a_record_that_lost_lines_hides_no_missing_file() -> None:
-    """As after a merge that took only a part of it."""
+    """A merge that took only a part of the record has this effect."""
     folder_of("bare", "Rpm")
     build("-q", "--msg-dir", "bare")
     whole = content(PACKAGE)
@@ -367,7 +367,7 @@ def test_a_hostile_record_removes_nothing_outside(tmp_path: Path) -> None:
     assert {name: Path(name).read_text() for name in outside if Path(name).exists()} == outside
 
 
-# --- Looking without touching
+# --- Read-only runs
 
 
 def test_check_of_a_current_package_exits_with_0(capsys: pytest.CaptureFixture[str]) -> None:
@@ -471,7 +471,7 @@ def test_the_listed_outputs_are_those_to_come_not_those_there_are(capsys: pytest
 
 
 def rule(path: Path) -> tuple[list[str], list[str]]:
-    """Return targets and prerequisites of a Makefile rule, unescaped."""
+    """Return targets and prerequisites of a Makefile rule, without escapes."""
     joined = path.read_text().replace("\\\n", " ")
     targets, prerequisites = re.split(r":\s", joined, maxsplit=1)
 
@@ -528,7 +528,7 @@ def test_the_depfile_is_written_when_the_package_is_current_and_only_if_it_chang
     assert "bare/DebugVect.msg" in Path("types.d").read_text()
 
 
-# --- What is said
+# --- Messages to the user
 
 
 def test_a_build_says_what_it_made(capsys: pytest.CaptureFixture[str]) -> None:
@@ -647,7 +647,7 @@ def test_a_depfile_that_cannot_be_written_is_an_error(capsys: pytest.CaptureFixt
 
 
 def as_an_ordinary_user() -> list[str]:
-    """Return what to put before a command so that permissions count for it, even where the tests run as root."""
+    """Return the prefix of a command that makes permissions apply to it, even if the tests run as root."""
     if os.geteuid() != 0:
         return []
     tool = shutil.which("setpriv")
@@ -660,7 +660,7 @@ def as_an_ordinary_user() -> list[str]:
 def run(
     *arguments: str, prefix: list[str] | None = None, cwd: Path | None = None, seed: str = "random"
 ) -> subprocess.CompletedProcess[str]:
-    """Run `msggen build` as a process of its own."""
+    """Run `msggen build` in a separate process."""
     command = [*(prefix or []), sys.executable, "-m", "msggen", "build", *arguments]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": seed}
     return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
@@ -706,7 +706,7 @@ def test_the_bytes_depend_on_no_hash_seed_working_directory_or_place_of_the_sour
 
 
 def test_a_copy_of_sources_and_package_is_current_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As in a clone: the record holds for any place."""
+    """The record does not depend on the location, so a clone is up to date."""
     firmware()
     build("-q", "--px4", "firmware")
     shutil.copytree(tmp_path, tmp_path / "clone", ignore=shutil.ignore_patterns("clone"))
@@ -726,11 +726,11 @@ def test_the_order_in_which_the_disk_lists_files_does_not_matter(monkeypatch: py
     assert content(Path("one")) == content(Path("two"))
 
 
-# --- Killed while it works
+# --- Killed builds
 
 
 class Kill(NamedTuple):
-    """What one killed run left, and what the next run made of it."""
+    """The files that a killed run left, and the result of the next run."""
 
     step: int
     left: dict[str, bytes | None]
@@ -739,7 +739,7 @@ class Kill(NamedTuple):
 
 
 class Killed(NamedTuple):
-    """All the ways in which one build can be killed; packages before it and after it, had it run."""
+    """All kills of one build, with the package before the build and after an uninterrupted one."""
 
     before: dict[str, bytes | None]
     after: dict[str, bytes | None]
@@ -756,10 +756,10 @@ def changes_disk(function: Any) -> bool:
 
 
 def build_killed_at(step: int, *arguments: str) -> bool:
-    """Build in a child process that SIGKILL ends at its `step`-th change of the disk; return whether it came to that.
+    """Build in a child process that SIGKILL ends at its `step`-th change of the disk; return whether it was killed.
 
-    It is killed before as well as after each write and each move: what is then in the disk's hands and what is
-    still in Python's is as it would be for a kill from outside at that moment.
+    Steps are counted before and after each write and each move. The data on disk and the data still in Python's buffers
+    are then as they would be if the process were killed from outside at that moment.
     """
     child = os.fork()
     if child == 0:
@@ -779,7 +779,7 @@ def build_killed_at(step: int, *arguments: str) -> bool:
 
 
 def kill_everywhere(prepare: Path, *arguments: str) -> Iterator[Kill]:
-    """Kill the build of `arguments` at each of its steps, beginning anew from a copy of `prepare` each time."""
+    """Kill the build of `arguments` at each of its steps, each time on a fresh copy of `prepare`."""
     for step in itertools.count():
         shutil.rmtree("out", ignore_errors=True)
         shutil.copytree(prepare, "out")
@@ -792,7 +792,7 @@ def kill_everywhere(prepare: Path, *arguments: str) -> Iterator[Kill]:
 
 @pytest.fixture(scope="module", params=["first build", "more", "less", "changed"])
 def killed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Killed:
-    """A first build, and builds after definitions were added, removed and changed, each killed at every step."""
+    """The kills at every step of a first build, and of builds after definitions were added, removed and changed."""
     if not hasattr(os, "fork"):
         pytest.skip("needs fork")
     folder = tmp_path_factory.mktemp("killed")
@@ -823,7 +823,7 @@ def test_a_killed_build_leaves_only_whole_files(killed: Killed) -> None:
         for name in killed.before.keys() | killed.after.keys():
             if name in kill.left:
                 whole = [state[name] for state in (killed.before, killed.after) if name in state]
-                # The record names what is there and what may be: it has a text of its own in between.
+                # The record differs in between: it names the existing files and those to be written.
                 assert kill.left[name] in whole or name.endswith(RECORD), (kill.step, name)
 
 
@@ -854,7 +854,7 @@ def test_the_next_run_completes_what_a_killed_one_began(killed: Killed) -> None:
 
 
 def leftovers(killed: Killed) -> dict[int, list[str]]:
-    """Return, by step, what is there after the next run that a build undisturbed would not leave."""
+    """Return, by step, the files after the next run that an uninterrupted build would not leave."""
     return {kill.step: sorted(kill.repaired.keys() - killed.after.keys()) for kill in killed.kills}
 
 
@@ -956,7 +956,7 @@ def test_hidden_files_and_files_of_other_kinds_are_left_out() -> None:
 
 
 def conventions(package: Any) -> tuple[str, int]:
-    """Return what tells releases apart: the DDS name of a versioned topic, and the first id of a subscription."""
+    """Return values that identify a release: the DDS name of a versioned topic, and the first id of a subscription."""
     out, into = importlib.import_module(f"{package.__name__}.topics").ENDPOINTS
     return out.dds_name, into.object_id
 
@@ -1003,7 +1003,7 @@ FIRMWARE_MANIFEST = "<package><name>px4</name><version>1.0.0</version></package>
 
 
 def test_a_firmware_tree_stays_one_with_a_package_xml_in_its_root(monkeypatch: pytest.MonkeyPatch) -> None:
-    """PX4-Autopilot has one, of its ROS 1 days: `px4` names no package of messages there."""
+    """PX4-Autopilot has a package.xml from its ROS 1 days; its name, `px4`, is not that of a message package."""
     tree = firmware(versioned="")
     write_definitions(tree, {"package.xml": FIRMWARE_MANIFEST})
     package = built(monkeypatch, "--px4", tree)
@@ -1078,7 +1078,7 @@ def test_the_order_of_folders_changes_no_type_and_no_id() -> None:
 
 
 def test_a_firmware_tree_stays_one_beside_the_messages_of_a_ros_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tree's conventions and names hold; the package has names of its own, and its `msg` folder alone is uORB's."""
+    """The tree keeps its conventions and names; the package has its own. Its `msg` folder alone is read as uORB's."""
     tree = firmware(versioned="")
     write_definitions(
         Path("our_msgs"),
@@ -1146,12 +1146,12 @@ def test_a_real_tree_gives_all_messages_but_the_archived(release: str, messages:
     assert len(os.listdir(PACKAGE / "msg")) == messages + 1, "and __init__.py"
 
 
-# --- Two at once, and values that are none
+# --- Concurrent builds and invalid values
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_builds_at_the_same_time_leave_the_package_of_one_of_them() -> None:
-    """Runs on one folder wait for each other, record and all: nothing is mixed, and nothing is left over."""
+    """Runs on one folder wait for each other: the files and the record come from one run, and none are left over."""
     stamp = "uint64 timestamp\n"
     few = {"msg/Lamp.msg": stamp}
     many = {**few, "msg/Fan.msg": stamp, "srv/Ask.srv": "bool a\n---\nbool b\n"}
@@ -1174,7 +1174,7 @@ def test_builds_at_the_same_time_leave_the_package_of_one_of_them() -> None:
     "option", ["--px4", "--msg-dir", "--topics", "--release", "--output", "--package", "--depfile"]
 )
 def test_an_empty_value_is_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """An unset variable in a script must not mean the default."""
+    """An unset variable in a script must not select the default."""
     with pytest.raises(SystemExit) as stopped:
         build(option, "")
     assert stopped.value.code == 2
@@ -1189,7 +1189,7 @@ def test_a_misspelt_option_is_answered_with_the_nearest(capsys: pytest.CaptureFi
 
 
 def test_what_a_source_is_counts_as_input() -> None:
-    """The very same files follow other conventions in a tree of the firmware than in a folder."""
+    """The same files follow other conventions in a firmware tree than in a plain folder."""
     message = "uint32 MESSAGE_VERSION = 1\nuint64 timestamp\n"
     write_definitions(Path("in"), {"msg/VehicleStatus.msg": message, "dds_topics.yaml": "publications: []\n"})
     assert build("-q", "--px4", "in") == 0

@@ -1,8 +1,8 @@
-"""Hostile definitions: whatever comments, strings, names and numbers a file holds, none of it becomes code in the
-output, none of it writes outside the output's folder, and what is accepted gives a package that works.
+"""Tests of hostile definitions: no comment, string, name or number becomes code in the output.
 
-The proof that text stays text: each generated file is parsed, and its syntax tree has the same shape as that of the
-same definitions with harmless comments.
+No definition writes outside the output folder, and every accepted definition gives a package that works. To show that
+text stays text, each generated file is parsed: its syntax tree has the same shape as that of the same definitions with
+harmless comments.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FAILED = 2
 
 
 def values_of(catalog: Catalog, message: Message) -> dict[str, Any]:
-    """Return values that differ from field to field, as reference.py takes them."""
+    """Return values that differ from field to field, in the form that reference.py takes."""
     values: dict[str, Any] = {}
     for number, field in enumerate(message.fields, 1):
         if not field.type.is_primitive:
@@ -50,7 +50,7 @@ def values_of(catalog: Catalog, message: Message) -> dict[str, Any]:
 
 
 def check_round_trips(package: Any, catalog: Catalog) -> None:
-    """Every message of `catalog` encodes and decodes as the slow codec of reference.py does, from every encoding."""
+    """Check that every message of `catalog` encodes as in reference.py, and decodes from every encoding."""
     for message in catalog.messages.values():
         values = values_of(catalog, message)
         sample = to_object(package.msg, catalog, message, values)
@@ -62,7 +62,7 @@ def check_round_trips(package: Any, catalog: Catalog) -> None:
 
 
 def works(folder: Path, files: dict[str, str]) -> Any:
-    """Return the package of `files`, after every message, and the topics, were used."""
+    """Return the package of `files` after using every message and the topics."""
     catalog = catalog_of(folder, files)
     package = import_package(catalog, folder)
     check_round_trips(package, catalog)
@@ -95,7 +95,7 @@ uint8[3] a # [m] [@range 0, 1] {0}
 float32[20] b # {0} [@enum SOME] {0}
 Inner c # {0}
 # {0}"""
-"""A definition with one comment in every place that a comment can have, the end of the file included."""
+"""A definition with one comment in every place that a comment can have, including the end of the file."""
 
 
 def definitions(comment: str) -> dict[str, str]:
@@ -108,7 +108,7 @@ TAGS = ("unit", "range", "enum", "invalid", "frame")
 
 
 class Shape(ast.NodeTransformer):
-    """Takes out what may differ: the text of strings, docstrings, and the tags of a field, where they are strings."""
+    """Removes the parts that may differ: the text of strings, docstrings, and tags of fields if they are strings."""
 
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
         return ast.Constant("") if isinstance(node.value, str) else node
@@ -199,7 +199,7 @@ def test_a_comment_stays_a_comment_wherever_it_stands(comment: str, tmp_path: Pa
 @pytest.mark.slow
 @pytest.mark.parametrize("comment", NASTY.values(), ids=NASTY.keys())
 def test_comments_give_code_without_warnings(comment: str) -> None:
-    """An unknown escape is a SyntaxWarning on Python 3.12, and an error some day."""
+    """An unknown escape is a SyntaxWarning in Python 3.12, and will become an error."""
     with tempfile.TemporaryDirectory() as folder:
         rendered = render_package(catalog_of(Path(folder), definitions(comment)), "package")
     script = "import sys, warnings; warnings.simplefilter('error'); compile(sys.stdin.buffer.read(), 'Foo', 'exec')"
@@ -221,7 +221,7 @@ def test_any_printable_comment_leaves_the_shape_of_the_code_as_it_is(comment: st
 
 
 def docstrings(source: str) -> Iterator[str]:
-    """Yield the docstrings of a generated class: its own, and those behind its attributes."""
+    """Yield the docstrings of a generated class and of its attributes."""
     classes = [node for node in ast.parse(source).body if isinstance(node, ast.ClassDef)]
     for node in classes[0].body:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
@@ -232,7 +232,7 @@ def docstrings(source: str) -> Iterator[str]:
 @settings(max_examples=200)
 @given(COMMENTS.filter(lambda comment: "[" not in comment))
 def test_every_word_of_a_comment_arrives_in_its_docstring(comment: str) -> None:
-    """Words, because lines are wrapped; without brackets, because tags are taken apart."""
+    """Compare words, because lines are wrapped; use no brackets, because tags are parsed."""
     words = " ".join(comment.split())
     text = f"# {comment}\n\nuint64 timestamp # {comment}\nuint8 SOME = 1 # {comment}\n"
     with tempfile.TemporaryDirectory() as folder:
@@ -287,7 +287,7 @@ def test_any_printable_string_constant_is_one_literal(value: str) -> None:
     assert ast.literal_eval(constant.value) == value
 
 
-# Values that have no literal of their own
+# Values without a literal
 
 
 @pytest.mark.parametrize("text", ["nan", "-nan", "inf", "-inf", "1e-400"])
@@ -314,7 +314,7 @@ def test_defaults_of_every_kind_arrive(tmp_path: Path) -> None:
     assert found == (7, -7, True, b"\1\2\3", (-1, 2), (True, False), [-5] * 16, 1.0, 255)
 
 
-# Names that are no names
+# Invalid names
 
 
 def codes(folder: Path, files: dict[str, str]) -> set[str]:
@@ -422,7 +422,7 @@ def test_what_yaml_says_beside_the_topics_makes_no_objects_either(text: str, tmp
 
 
 def test_deeply_nested_yaml_is_an_error_and_not_a_crash(tmp_path: Path) -> None:
-    """In a process of its own: libyaml's recursion could end it."""
+    """The test runs in a separate process, because the recursion in libyaml could crash it."""
     write_definitions(tmp_path, {"in/msg/Foo.msg": STAMP, "in/dds_topics.yaml": "[" * 100_000})
     command = [sys.executable, "-m", "msggen", "build", "--px4", "in"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -485,7 +485,7 @@ def test_a_refused_definition_writes_nothing_anywhere(working_folder: Path, caps
     assert sorted(working_folder.rglob("*")) == before
 
 
-# Names that the generated code uses itself
+# Names that the generated code uses
 
 LOCALS = ["message", "data", "header", "error", "allow_surplus", "cdr", "arrays", "new", "pack", "unpack_from", "usual"]
 BUILTINS = [
@@ -547,7 +547,7 @@ def test_a_field_may_be_called_like_anything_the_code_uses(name: str, tmp_path: 
 
 @pytest.mark.parametrize("name", ["self", "cls", "encode", "decode", "lambda", "none_", "a__b", "classmethod"])
 def test_a_field_that_the_class_has_no_room_for_gets_an_underscore(name: str, tmp_path: Path) -> None:
-    """In the class alone, which works like all others."""
+    """Only the attribute of the class changes, and the class works like any other."""
     files = {f"msg/{kind}.msg": STAMP + text.format(name) for kind, text in KINDS.items()}
     package = works(tmp_path, {**files, "msg/Inner.msg": INNER})
     for kind in KINDS:
@@ -648,7 +648,7 @@ def test_nesting_a_thousand_deep_is_read_or_refused(tmp_path: Path) -> None:
     try:
         catalog = catalog_of(tmp_path, {"msg/M0.msg": STAMP, **files})
     except InputError as refused:
-        assert {error.code for error in refused.diagnostics} == {"M302"}  # noqa: PT017 - either is right
+        assert {error.code for error in refused.diagnostics} == {"M302"}  # noqa: PT017 - both outcomes are correct
     else:
         assert len(catalog.messages) == 1200
 

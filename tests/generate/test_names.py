@@ -1,4 +1,4 @@
-"""Names that Python or the generated class needs for itself: the wire keeps them, Python adds an underscore."""
+"""Tests of names that Python or the generated class reserves: only the Python name gets an underscore."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
 
 @pytest.fixture(scope="module")
 def package(catalog: Catalog, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """Their classes."""
+    """The package generated from the catalog."""
     made = import_package(catalog, tmp_path_factory.mktemp("package"))
     importlib.import_module(f"{made.__name__}.other_msgs.msg")
     return made
@@ -65,7 +65,7 @@ def every(package: Any, catalog: Catalog) -> list[tuple[Message, Any]]:
     return [(message, class_of(home_of(package, catalog, message), message)) for message in found]
 
 
-# The rules
+# Rules
 
 
 def message_of(text: str, name: str = "Foo") -> Message:
@@ -127,7 +127,7 @@ def test_modules_keep_apart_what_the_firmware_does() -> None:
     assert [module_name(name) for name in ("Foo", "FOO", "foo_bar", "None")] == ["_foo", "_f_o_o", "_foo_bar", "_none"]
 
 
-# The package
+# Package
 
 
 def test_every_message_has_its_class(package: Any, catalog: Catalog) -> None:
@@ -163,7 +163,7 @@ def test_constants_and_fields_are_told_apart(package: Any) -> None:
 def test_every_message_equals_the_reference(package: Any, catalog: Catalog) -> None:
     for message, cls in every(package, catalog):
         for seed in range(20):
-            values = values_of(catalog, message, Random(seed))  # noqa: S311 - no secret
+            values = values_of(catalog, message, Random(seed))  # noqa: S311 - not used for security
             made = to_object(package, catalog, message, values)
             expected = serialize(catalog, message, values, "little", 1)
             assert made.encode() == expected
@@ -178,7 +178,7 @@ def test_views_and_batches_read_the_same(package: Any, catalog: Catalog) -> None
     for message, cls in every(package, catalog):
         if not is_static(catalog, message):
             continue
-        drawn = [values_of(catalog, message, Random(seed)) for seed in range(5)]  # noqa: S311 - no secret
+        drawn = [values_of(catalog, message, Random(seed)) for seed in range(5)]  # noqa: S311 - not used for security
         samples = [serialize(catalog, message, values, "little", 1) for values in drawn]
         views = [cls.lazy(sample) for sample in samples]
         assert [repr(to_values(catalog, message, view)) for view in views] == [repr(values) for values in drawn]
@@ -266,7 +266,7 @@ def test_versions_are_converted_by_the_names_of_the_definition(tmp_path: Path) -
     assert converted.message.downgrade().message == package.LampV0(from_=0.5, lambda_=3)
 
 
-# What is left for an error
+# Remaining errors
 
 
 def test_two_messages_that_would_be_one_class_are_refused(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
-"""Structured arrays of samples: whatever form the samples come in, an element is what `decode` gives for its sample,
-and what `encode_batch` makes of it is what `encode` does. The comparison is one value at a time.
+"""Tests of structured arrays of samples, which compare a batch with `decode` and `encode`, one value at a time.
+
+Each element of an array equals the result of `decode` for its sample, in whatever form the samples are given, and
+`encode_batch` gives the same bytes as `encode`.
 """
 
 from __future__ import annotations
@@ -68,7 +70,7 @@ def rounded_up(sample: bytes) -> bytes:
     return sample + STALE * (-len(sample) % 4)
 
 
-# The two checks that most tests make
+# The two checks that most tests use
 
 
 def ways_to_give(samples: list[bytes]) -> Iterator[tuple[str, Any]]:
@@ -87,7 +89,7 @@ def ways_to_give(samples: list[bytes]) -> Iterator[tuple[str, Any]]:
 
 
 def check_decoding(cls: Any, samples: list[bytes]) -> None:
-    """Every way to give samples gives an array whose elements are what `decode` gives."""
+    """Check that every way to pass samples gives an array whose elements equal the results of `decode`."""
     expected = [plain(cls.decode(sample)) for sample in samples]
     for way, given_ in ways_to_give(samples):
         array = cls.decode_batch(given_)
@@ -97,14 +99,14 @@ def check_decoding(cls: Any, samples: list[bytes]) -> None:
 
 
 def all_bools_are_usual(array: Any) -> bool:
-    """Whether every bool is 0 or 1 in memory, as numpy takes for granted."""
+    """Whether every bool is 0 or 1 in memory, as numpy assumes."""
     if array.dtype.names:
         return all(all_bools_are_usual(array[name]) for name in array.dtype.names)
     return array.dtype != bool or bool((array.view(np.uint8) <= 1).all())
 
 
 def layouts(array: Any) -> Iterator[tuple[str, Any]]:
-    """Yield arrays of the same elements that lie in memory in another way."""
+    """Yield arrays of the same elements with other memory layouts."""
     yield "itself", array
     yield "a view with steps", np.repeat(array, 2)[::2]
     yield "reversed twice", array[::-1].copy()[::-1]
@@ -128,7 +130,7 @@ def layouts(array: Any) -> Iterator[tuple[str, Any]]:
 
 
 def reversed_type(dtype: Any) -> Any:
-    """Return the type with its fields the other way round, those of nested messages too."""
+    """Return the type with its fields in reverse order, those of nested messages too."""
     if dtype.names is None:
         return dtype
     return np.dtype([(name, reversed_type(dtype[name].base), dtype[name].shape) for name in reversed(dtype.names)])
@@ -143,7 +145,7 @@ def copy_by_name(target: Any, source: Any) -> None:
 
 
 def check_encoding(cls: Any, samples: list[bytes]) -> None:
-    """Every layout of an array gives what `encode` gives, and the same objects and columns."""
+    """Check that every layout of an array gives the bytes of `encode`, and the same objects and columns."""
     messages = [cls.decode(sample) for sample in samples]
     expected, values, columns = [message.encode() for message in messages], plain(messages), in_columns(messages)
     for layout, array in layouts(cls.decode_batch(samples)):
@@ -164,7 +166,7 @@ def check_columns(cls: Any, array: Any, values: dict[str, list[str]]) -> None:
 
 
 def named(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the numbers in a message with their names as pyulog spells them."""
+    """Yield the numbers in a message with their names in pyulog's spelling."""
     if isinstance(value, str):
         yield path, value
     elif isinstance(value, list):
@@ -182,7 +184,7 @@ def in_columns(messages: list[Any]) -> dict[str, list[str]]:
     return {label: [row[index][1] for row in rows] for index, label in enumerate(labels)}
 
 
-# Every message, every encoding
+# Every message in every encoding
 
 
 @every_message
@@ -229,7 +231,7 @@ def test_unusual_messages_are_what_decode_gives(name: str, made_up: MadeUp) -> N
 
 
 def check_each_byte(cls: Any, samples: Samples) -> None:
-    """A sample for every byte of a message: the batch reads it as `decode` does, or gives its error with the index."""
+    """Check a sample for every changed byte: the batch decodes it like `decode`, or gives its error with the index."""
     for encoding in ENCODINGS:
         zero = bytearray(samples[encoding][0])
         changed = each_byte_changed(bytes(zero))
@@ -244,7 +246,7 @@ def check_each_byte(cls: Any, samples: Samples) -> None:
 
 
 def numbered(text: str, number: int) -> str:
-    """Return the text of an error of `decode` as that of a batch."""
+    """Return the error text of `decode` as a batch reports it."""
     return text.replace("DecodeError: ", f"DecodeError: sample {number}: ")
 
 
@@ -259,7 +261,7 @@ def test_each_byte_of_an_unusual_message_counts(name: str, made_up: MadeUp) -> N
     check_each_byte(made_up.cls(name), made_up.samples(name))
 
 
-# The array
+# Arrays
 
 
 def test_columns_stand_in_the_order_of_the_fields(px4_types: Any) -> None:
@@ -276,7 +278,7 @@ def test_nested_arrays_have_the_shape_of_their_messages(px4_types: Any) -> None:
 
 
 def buffers(samples: list[bytes], folder: Path) -> Iterator[tuple[Any, bool]]:
-    """Yield the samples in every kind of buffer, and whether it can be written to."""
+    """Yield the samples in every kind of buffer, and whether the buffer is writable."""
     for data in (b"".join(samples), b"".join(map(rounded_up, samples))):
         path, changing = folder / f"{len(data)}.bin", folder / f"{len(data)}-changing.bin"
         path.write_bytes(data)
@@ -326,7 +328,7 @@ def test_an_array_of_a_list_is_one_copy(name: str, vectors: dict[str, Samples], 
 
 
 def peak_of(call: Callable[[Any], Any], argument: Any) -> int:
-    """Return the bytes that a call allocates at most at a time."""
+    """Return the peak number of bytes that a call allocates."""
     tracemalloc.start()
     try:
         with contextlib.suppress(ValueError):
@@ -402,7 +404,7 @@ def test_an_odd_bool_in_an_array_is_encoded_as_true(px4_types: Any) -> None:
         assert cls.from_row(given_[0]) == cls(armed=True), layout
 
 
-# numpy is a guest
+# numpy is optional
 
 PROGRAM = """
 import sys
@@ -460,7 +462,7 @@ def some_columns(px4_types: Any) -> Any:
     return batch_of(px4_types.EscStatus).columns(px4_types.EscStatus.decode_batch(m.encode() for m in messages))
 
 
-# Bad input
+# Invalid input
 
 NO_SAMPLES = {
     "a number": (5, "SensorCombined: expected a buffer of samples or an iterable of them, got int"),
@@ -552,7 +554,7 @@ def test_a_batch_has_one_encoding(name: str, vectors: dict[str, Samples], px4_ty
 
 
 def test_a_buffer_that_can_be_cut_in_two_ways_is_refused(made_up: MadeUp) -> None:
-    """Eight big-endian samples of 14 bytes with zeros might be seven of 16."""
+    """Eight big-endian samples of 14 bytes that contain zeros could also be seven samples of 16 bytes."""
     cls = made_up.cls("Bare_Response")
     zero = cls().encode()
     usual, swapped = b"".join([zero] * 12), b"".join([b"\0\0" + zero[2:]] * 12)
@@ -564,7 +566,7 @@ def test_a_buffer_that_can_be_cut_in_two_ways_is_refused(made_up: MadeUp) -> Non
 
 
 def changed_type(cls: Any, name: str, type_: Any) -> Any:
-    """Return zeros of the type of a message with one field of another type, without the field if that is None."""
+    """Return an array of zeros with the type of one field changed, or without the field if the type is None."""
     fields = [(field, cls.dtype()[field]) for field in cls.dtype().names]
     return np.zeros(
         1, [(field, type_ if field == name else own) for field, own in fields if (field, type_) != (name, None)]
@@ -667,7 +669,7 @@ def test_buffers_of_every_length_are_read_or_refused(name: str, vectors: dict[st
             sound |= {len(sample): expected[:1] for sample in (samples[0], rounded_up(samples[0]))}
             lengths = range(len(buffer) + 1)
             if len(rounded_up(samples[0])) - len(samples[0]) in (1, 2) and samples[0].startswith(b"\0\0"):
-                lengths = range(2 * len(samples[0]))  # zero options of the second sample might be its header
+                lengths = range(2 * len(samples[0]))  # zero options of the second sample could be its header
             for length in lengths:
                 found = outcome(cls.decode_batch, memoryview(buffer)[:length])
                 assert (
@@ -720,7 +722,7 @@ def test_hostile_input_takes_little_memory(px4_types: Any) -> None:
 
 
 def test_elements_of_a_nested_array_are_sorted_in_a_copy(px4_types: Any) -> None:
-    """As docs/batches.md says: the padding of EscStatus' elements overlaps the fields before them."""
+    """docs/batches.md states this: the padding of EscStatus' elements overlaps the fields before them."""
     cls = px4_types.EscStatus
     message = cls(timestamp=1, counter=2, esc_count=3, esc_connectiontype=4, esc_online_flags=5, esc_armed_flags=6)
     for number, report in enumerate(message.esc):

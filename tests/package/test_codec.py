@@ -1,4 +1,4 @@
-"""The generated codec against the slow one of reference.py: random definitions, random values, every encoding."""
+"""Tests of the generated codec against reference.py: random definitions, random values, every encoding."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ENCODINGS = sorted(HEADERS)
 
 
 def bits(value: Any) -> Any:
-    """Make values comparable: floats by their bits, so that NaN equals NaN and -0.0 differs from 0.0."""
+    """Make values comparable: floats as their bits, so that NaN equals NaN and -0.0 differs from 0.0."""
     if isinstance(value, dict):
         return {name: bits(item) for name, item in value.items()}
     if isinstance(value, list):
@@ -66,7 +66,7 @@ def test_every_embedded_message_decodes_from_every_encoding(
 def test_padding_is_ignored_whatever_stands_in_it(
     order: str, version: int, surplus: int, embedded: Catalog, px4_types: Any
 ) -> None:
-    """The firmware leaves stale memory in padding, and samples arrive rounded up."""
+    """The firmware leaves stale memory in padding, and the length of samples is rounded up."""
     message = embedded.messages["px4_msgs/EscStatus"]
     values = to_values(embedded, message, px4_types.EscStatus())
     clean = serialize(embedded, message, values, order, version)
@@ -80,7 +80,7 @@ def test_padding_is_ignored_whatever_stands_in_it(
 
 
 def _padding(catalog: Catalog, message: Message, order: str, version: int) -> set[int]:
-    """Return the positions that are zero in a sample whose every value has no zero byte."""
+    """Return the positions of zero bytes in a sample in which no value contains a zero byte."""
 
     def full(outer: Message) -> dict[str, Any]:
         values: dict[str, Any] = {}

@@ -1,7 +1,7 @@
-"""Hostile samples: cut off anywhere, any four bytes a number that is too large, any byte another one.
+"""Tests of hostile samples: truncated anywhere, with any four bytes replaced by a large number, or with changed bytes.
 
-Each gives DecodeError where reference.py finds the sample malformed, and else the message that reference.py reads; it
-gives nothing else, and needs no more memory than the size of the sample accounts for.
+Each sample raises DecodeError if reference.py finds it malformed, and otherwise gives the message that reference.py
+reads. Decoding needs no more memory than the size of the sample justifies.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ STATIC = {"a": 1, "b": 2, "c": [3, 4, 5]}
 VALUES = {"a": True, "b": "text", "c": "é", "d": "a😀", "e": ["", "b"], "f": ["a", "bcd"], "g": ["a"], "i": [1, 2, 3]}
 VALUES |= {"h": [True, False], "j": [-1], "k": [0.5, 1.5], "l": [7] * 17, "m": [{}, {}], "n": STATIC, "o": [STATIC] * 2}
 VALUES |= {"p": [STATIC], "q": [INSIDE], "r": [INSIDE], "s": {}, "t": 2**64 - 1, "u": [255]}
-"""One sample with all that has a length, and with what stands around it."""
+"""One sample with every type that has a length, and with other fields around them."""
 
 LARGE = (0, 1, 5, 2**16, 2**31 - 1, 2**31, 2**32 - 4, 2**32 - 1)
 
 FACTOR, OVERHEAD = 100, 100_000
-"""Bytes of memory for each byte of a sample, and in any case: a message of one byte becomes an object."""
+"""Bytes of memory per byte of a sample, plus a constant, since even a message of one byte becomes an object."""
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def sample_of(catalog: Catalog, encoding: tuple[str, int]) -> tuple[Message, byt
 
 
 def outcome(ours: Generated, message: Message, sample: bytes) -> str:
-    """Return the values in `sample` as text, or that there are none."""
+    """Return the values in `sample` as text, or "malformed"."""
     try:
         return repr(ours.decode(message, sample))
     except ours.errors.DecodeError:
@@ -83,7 +83,7 @@ def with_large_numbers(sample: bytes, order: Any) -> Iterator[bytes]:
 
 
 def with_flipped_bits(sample: bytes, chance: Random, count: int) -> Iterator[bytes]:
-    """Yield `sample` with up to four bits changed, the header's included."""
+    """Yield `sample` with up to four bits changed, in the header too."""
     for _ in range(count):
         changed = bytearray(sample)
         for _ in range(chance.randint(1, 4)):
@@ -123,7 +123,7 @@ def test_hostile_numbers_take_no_more_memory_than_the_sample_accounts_for(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["Nothing", "Static", "Inner"])
 def test_many_small_elements_take_memory_in_proportion(name: str, tmp_path: Path) -> None:
-    """The largest messages from the fewest bytes: as many elements as there can be, and one less than promised."""
+    """Decode large messages from few bytes: as many elements as there can be, and counts greater than that."""
     files = {f"msg/{inner}.msg": text for inner, text in (("Static", "uint8 a\n"), ("Nothing", ""), ("Inner", INNER))}
     catalog = catalog_of(tmp_path, {**files, "msg/Many.msg": f"{name}[] many\n"}, TOLERATED)
     with generated(catalog, tmp_path) as ours:
@@ -135,7 +135,7 @@ def test_many_small_elements_take_memory_in_proportion(name: str, tmp_path: Path
 
 
 def peak_of(decode: Any, samples: list[bytes], failure: type[Exception]) -> int:
-    """Return the most memory that decoding any of `samples` takes."""
+    """Return the peak memory of decoding any of `samples`."""
     tracemalloc.start()
     try:
         before, _ = tracemalloc.get_traced_memory()
@@ -152,7 +152,7 @@ def peak_of(decode: Any, samples: list[bytes], failure: type[Exception]) -> int:
 ELEMENTS = {"bool": True, "uint8": 1, "int16": 1, "float64": 0.5, "string": "a", "wstring": "a", "Inner": INSIDE}
 BOUNDED: dict[str, Any] = {f"{name}[<=3]": [value] * 4 for name, value in ELEMENTS.items()}
 BOUNDED |= {"string<=3": "éééé", "wstring<=3": "éééé", "string<=3[]": ["a", "éééé"], "wstring<=3[2]": ["éééé", ""]}
-"""Types with a bound, and values that are one beyond it."""
+"""Types with a bound, and values that exceed it by one."""
 
 
 @pytest.mark.parametrize("type_", BOUNDED)
@@ -174,7 +174,7 @@ def test_what_is_beyond_a_bound_is_neither_read_nor_written(type_: str, tmp_path
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_random_messages_changed_by_chance_give_an_error_or_what_the_reference_reads(seed: int, tmp_path: Path) -> None:
-    chance = Random(seed)  # noqa: S311 - no secret
+    chance = Random(seed)  # noqa: S311 - not used for security
     catalog = random_catalog(tmp_path, chance, 60, 5)
     with generated(catalog, tmp_path) as ours:
         for message in everything(catalog):

@@ -1,4 +1,4 @@
-"""Every supported Python that this machine has: the tool runs on it, and its package reads and writes every vector."""
+"""Tests with every supported Python on this machine: msggen runs, and its package reads and writes every vector."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ print("all vectors")
 
 
 def interpreter(version: str) -> str:
-    """Return the Python of this version, from the PATH or from pyenv; skip without."""
+    """Return the Python of this version from the PATH or from pyenv, or skip the test."""
     candidates = [shutil.which(f"python{version}"), *Path.home().glob(f".pyenv/versions/{version}.*/bin/python")]
     for candidate in candidates:
         if candidate:

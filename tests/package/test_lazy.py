@@ -1,6 +1,6 @@
-"""Lazy views pass for the messages that `decode` gives, read a field only when asked, and refuse what `decode` refuses.
+"""Tests of lazy views: they act like the messages of `decode`, read a field on access, and refuse the same samples.
 
-And `decode` itself: every length around the size of a sample, and subclasses.
+Also tests of `decode` itself: every length around the size of a sample, and subclasses.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def made_up(tmp_path_factory: pytest.TempPathFactory) -> MadeUp:
 
 
 def check_views(cls: Any, samples: Samples) -> None:
-    """A view of each sample has the values, the text and the bytes of the decoded message, and equals it."""
+    """Check that a view of each sample equals the decoded message and has the same values, text and bytes."""
     kinds: list[Any] = [bytes, bytearray, memoryview]
     for several in samples.values():
         messages = [cls.decode(sample) for sample in several]
@@ -100,14 +100,14 @@ def test_views_of_random_messages_equal_what_decode_gives(files: dict[str, str],
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SOME)
 def test_each_byte_counts_where_decode_counts_it(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
-    """Odd bools among them."""
+    """The changed bytes include odd bools."""
     cls = getattr(px4_types, name)
     for samples in vectors[name].values():
         for sample in each_byte_changed(samples[1]):
             assert outcome(cls.lazy, sample) == outcome(cls.decode, sample)
 
 
-# It passes for a message
+# Views act like messages
 
 PROGRAM = """
 import dataclasses
@@ -129,7 +129,7 @@ assert {} == {}
     ],
 )
 def test_dataclasses_take_a_view_before_any_message(first: str, expected: str) -> None:
-    """Each in a process of its own: dataclasses look at a class once, and a message may have made that easy."""
+    """Each case has its own process: dataclasses inspect a class once, so an earlier message could hide an error."""
     command = [sys.executable, "-c", PROGRAM.format(first, expected)]
     done = subprocess.run(command, cwd=ROOT / "generated", capture_output=True, text=True, check=False)
     assert done.stderr == ""
@@ -173,7 +173,7 @@ def test_a_view_decodes_messages_and_knows_its_class(px4_types: Any) -> None:
 
 @pytest.mark.parametrize("name", SOME)
 def test_a_view_can_be_part_of_a_message(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
-    """And its nested views parts of other ones."""
+    """The nested views of a view can be parts of other messages."""
     status, report = px4_types.EscStatus, px4_types.EscReport
     views = tuple(report.lazy(report(timestamp=number).encode()) for number in range(12))
     message = status(esc=views)
@@ -209,12 +209,12 @@ def test_views_cannot_be_changed(name: str, px4_types: Any) -> None:
     assert view == cls()
 
 
-# It reads what is asked, when it is asked
+# Fields are read on access
 
 
 @every_message
 def test_nothing_is_decoded_before_it_is_read(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
-    """Bytes that change afterwards are seen: by the view, and by the nested views that were taken from it before."""
+    """Later changes of the buffer are visible in the view, and in nested views that were taken before."""
     cls, sample = getattr(px4_types, name), vectors[name][USUAL][1]
     buffer = bytearray(cls().encode())
     view = cls.lazy(buffer)
@@ -226,7 +226,7 @@ def test_nothing_is_decoded_before_it_is_read(name: str, vectors: dict[str, Samp
 
 
 def test_reading_one_field_does_not_make_the_others(tmp_path: Path) -> None:
-    """Blocks of 6000 bytes cannot be decoded without room for them."""
+    """Blocks of 6000 bytes cannot be decoded without allocating memory for them."""
     files = {
         "msg/Block.msg": "uint64 timestamp\nuint8[6000] a\nfloat32[1500] b\n",
         "msg/Blocks.msg": "Block[3] before\nuint64 timestamp\nBlock after\nfloat32[1500] b\nbool last\n",
@@ -245,7 +245,7 @@ def test_reading_one_field_does_not_make_the_others(tmp_path: Path) -> None:
         tracemalloc.stop()
 
 
-# What it refuses
+# Refused samples
 
 
 @every_message
@@ -289,7 +289,7 @@ def test_a_buffer_with_gaps_is_read_as_decode_does(px4_types: Any) -> None:
 
 
 def ways_to_call(cls: Any, data: Any, *, allow_surplus: bool) -> Iterator[Any]:
-    """Yield what `decode` and `lazy` give, or the text of their error, however the option is passed."""
+    """Yield the results of `decode` and `lazy`, or their error texts, for every way to pass the option."""
     for call in (cls.decode, cls.lazy):
         yield outcome(call, data, allow_surplus)
         yield outcome(lambda data, call=call: call(data, allow_surplus=allow_surplus), data)
@@ -339,12 +339,12 @@ def test_subclasses_decode_to_themselves(name: str, vectors: dict[str, Samples],
 
 
 def test_a_subclass_that_overrides_decode_calls_the_function_of_its_parent(px4_types: Any) -> None:
-    """As docs/package.md says: `decode` is bound to its class."""
+    """docs/package.md states this: `decode` is bound to its class."""
     parent = px4_types.VehicleStatus
 
     class Child(parent):  # type: ignore[misc, valid-type]
         @classmethod
-        def decode(cls, data: Any, allow_surplus: Any = False) -> Any:  # noqa: FBT002 - as its parent
+        def decode(cls, data: Any, allow_surplus: Any = False) -> Any:  # noqa: FBT002 - same signature as the parent
             return parent.decode.__func__(cls, data, allow_surplus)
 
     sample = parent(timestamp=7).encode()
@@ -359,7 +359,7 @@ def test_a_subclass_that_overrides_decode_is_asked_once_for_each_sample(px4_type
 
     class Child(parent):  # type: ignore[misc, valid-type]
         @classmethod
-        def decode(cls, data: Any, allow_surplus: Any = False) -> Any:  # noqa: FBT002 - as its parent
+        def decode(cls, data: Any, allow_surplus: Any = False) -> Any:  # noqa: FBT002 - same signature as the parent
             message = parent.decode.__func__(cls, data, allow_surplus)
             message.timestamp += 1
             return message
@@ -384,7 +384,7 @@ def test_a_subclass_keeps_its_own_lazy(px4_types: Any) -> None:
 
 def test_lazy_itself_can_be_sent_to_other_processes(px4_types: Any) -> None:
     sample = px4_types.SensorCombined(timestamp=7).encode()
-    for _ in range(2):  # after its first call, it is another function
+    for _ in range(2):  # the first call replaces the function
         assert pickle.loads(pickle.dumps(px4_types.SensorCombined.lazy))(sample).timestamp == 7  # noqa: S301
     assert "view of the sample" in px4_types.SensorCombined.lazy.__doc__
 

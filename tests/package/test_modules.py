@@ -1,4 +1,4 @@
-"""The modules of a generated package: what they import, what they copy, and what the base class may have."""
+"""Tests of the modules of a generated package: their imports, their copies, and the members of the base class."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ SUPPORT = ROOT / "templates" / "python" / "support"
 MODULES = {path.stem: path for folder in (PACKAGE, SUPPORT) for path in folder.glob("*.py") if path.stem != "__init__"}
 
 METHODS = {"decode", "decode_batch", "dtype", "encode", "encode_batch", "from_row", "lazy"}
-"""The public methods of a message. They are final: a further one could take the name of a field."""
+"""The public methods of a message. The list is fixed, because a further method could take the name of a field."""
 
 
 def imported(tree: ast.AST) -> set[str]:
-    """Return the modules of the package that import statements in `tree` name."""
+    """Return the modules of the package that the import statements in `tree` name."""
     found = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.level == 1:
@@ -32,12 +32,12 @@ def imported(tree: ast.AST) -> set[str]:
 
 
 def eager(tree: ast.Module) -> set[str]:
-    """Return the modules that importing a module imports."""
+    """Return the modules that are imported when a module is imported."""
     return {name for node in tree.body if isinstance(node, ast.ImportFrom) for name in imported(node)}
 
 
 def late(tree: ast.Module) -> set[str]:
-    """Return the modules that functions import."""
+    """Return the modules that are imported inside functions."""
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     return {name for function in functions for name in imported(function)}
 
@@ -46,7 +46,7 @@ TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MOD
 
 
 def reached(start: str) -> set[str]:
-    """Return the modules that importing `start` imports, at any depth."""
+    """Return the modules that importing `start` imports, directly or indirectly."""
     found: set[str] = set()
     waiting = [start]
     while waiting:

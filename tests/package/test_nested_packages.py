@@ -1,7 +1,7 @@
-"""The generated package with messages of other ROS packages: where they are, and that they do what uORB's do.
+"""Tests of a generated package with messages of other ROS packages: their location, and the same behaviour as uORB's.
 
-Two messages of the same name meet here in every way: side by side in one message, one in the other, in arrays, in
-services. How packages are found and which rules they follow: tests/firmware/test_other_packages.py.
+Messages with the same name occur in every combination: side by side in one message, one inside the other, in arrays
+and in services. tests/firmware/test_other_packages.py tests how packages are found and which rules apply.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def class_of(package: Any, catalog: Catalog, message: Message) -> Any:
     return getattr(importlib.import_module(f"{home}.{message.folder}"), message.name)
 
 
-# --- Where the classes are
+# --- Location of the classes
 
 
 def test_each_package_has_a_place_of_its_own(package: Any) -> None:
@@ -77,7 +77,7 @@ def test_uorbs_package_does_not_have_the_messages_of_others(package: Any) -> Non
 )
 def test_what_is_not_there_is_an_attribute_error(package: Any, path: str, text: str) -> None:
     with pytest.raises(AttributeError) as caught:
-        eval(f"package.{path}", {"package": package})  # noqa: S307 - our own
+        eval(f"package.{path}", {"package": package})  # noqa: S307 - our own text
     assert text.format(package.__name__) in str(caught.value)
 
 
@@ -127,7 +127,7 @@ def test_services_alone_make_a_package_too(tmp_path: Path) -> None:
     assert alone.msg.__all__ == []
 
 
-# --- What the classes say of themselves
+# --- Information in the classes
 
 
 def test_types_are_spelled_as_the_definition_spells_them(package: Any) -> None:
@@ -168,7 +168,7 @@ def test_every_message_of_every_package_equals_the_reference(package: Any, catal
     for message in everything(catalog):
         cls = class_of(package, catalog, message)
         for seed in range(5):
-            values = values_of(catalog, message, Random(seed))  # noqa: S311 - no secret
+            values = values_of(catalog, message, Random(seed))  # noqa: S311 - not used for security
             sample = cls.decode(serialize(catalog, message, values, "little", 1))
             for encoding, header in HEADERS.items():
                 expected = serialize(catalog, message, values, *encoding)
@@ -179,11 +179,11 @@ def test_every_message_of_every_package_equals_the_reference(package: Any, catal
 def samples(package: Any, catalog: Catalog, cls: Any) -> list[Any]:
     """Return five messages with random values."""
     message = catalog.messages[cls.__msg__.ros_type.replace("/msg/", "/")]
-    drawn = (values_of(catalog, message, Random(seed)) for seed in range(5))  # noqa: S311 - no secret
+    drawn = (values_of(catalog, message, Random(seed)) for seed in range(5))  # noqa: S311 - not used for security
     return [to_object(package, catalog, message, values) for values in drawn]
 
 
-# --- What else a message does
+# --- Other methods of a message
 
 
 def static_classes(package: Any, catalog: Catalog) -> list[Any]:
@@ -196,7 +196,7 @@ def test_views_read_what_is_nested_at_any_depth(package: Any, catalog: Catalog) 
             view = cls.lazy(message.encode())
             assert view == message
             assert repr(view) == repr(cls.decode(message.encode()))
-            assert pickle.loads(pickle.dumps(view)) == message  # noqa: S301 - our own
+            assert pickle.loads(pickle.dumps(view)) == message  # noqa: S301 - our own bytes
     view = package.Rig.lazy(package.Rig().encode())
     assert isinstance(view.stamp, package.builtin_interfaces.msg.Time)
     assert isinstance(view.others[4], package.my_msgs.msg.Time)
@@ -223,7 +223,7 @@ def test_messages_are_copied_pickled_and_taken_apart(package: Any, catalog: Cata
     for cls in (package.Rig, package.my_msgs.msg.Log, package.my_msgs.msg.Track, package.my_msgs.msg.Header):
         for message in samples(package, catalog, cls):
             assert copy.deepcopy(message) == message
-            assert pickle.loads(pickle.dumps(message)) == message  # noqa: S301 - our own
+            assert pickle.loads(pickle.dumps(message)) == message  # noqa: S301 - our own bytes
             assert dataclasses.replace(message) == message
     rig = package.Rig(other=package.my_msgs.msg.Time(a=7))
     assert dataclasses.asdict(rig)["other"]["two"] == ({"sec": 0, "nanosec": 0},) * 2
@@ -277,7 +277,7 @@ def test_errors_name_the_value_at_any_depth(package: Any) -> None:
 
 def test_subclasses_find_what_their_base_nests(package: Any) -> None:
     class Mine(package.Rig):  # type: ignore[misc]
-        """Of a user, in a module that imports none of the nested messages."""
+        """A user's class, in a module that imports none of the nested messages."""
 
     sample = package.Rig(kind=3).encode()
     assert Mine.lazy(sample).others[0].stamp.sec == 0

@@ -1,5 +1,6 @@
-"""What the classes of the committed package do: values, codec, errors, protocols of the standard library, lazy
-imports, topics. Sample values of every field type go through every one of the 259 messages.
+"""Tests of the classes of the committed package: values, codec, errors, standard protocols, lazy imports and topics.
+
+Sample values of every field type go through each of the 259 messages.
 """
 
 from __future__ import annotations
@@ -41,11 +42,11 @@ BYTES = ("uint8", "char", "byte")
 ENCODINGS = sorted(HEADERS)
 
 FLOAT_VALUES = (0.1, -1e30, math.nan, math.inf, -math.inf, -0.0, 1e-40, 2**24 + 1)
-"""Among them values that float32 rounds."""
+"""Includes values that float32 rounds."""
 
 
 def filled(package: Any, message_type: Any) -> Any:
-    """Return a message whose every value is a different one: extremes, values to be rounded, NaN."""
+    """Return a message whose values all differ: extremes, values that are rounded, and NaN."""
     numbers = itertools.count()
 
     def one(base: str) -> Any:
@@ -71,7 +72,7 @@ def filled(package: Any, message_type: Any) -> Any:
 
 
 def on_the_wire(package: Any, message: Any) -> dict[str, Any]:
-    """Return the values as the wire holds them: floats as their bits."""
+    """Return the values as they are on the wire, floats as their bits."""
 
     def one(base: str, value: Any) -> Any:
         if base in FLOATS:
@@ -87,14 +88,14 @@ def on_the_wire(package: Any, message: Any) -> dict[str, Any]:
 
 
 def sample(catalog: Catalog, message: Any, order: str, version: int) -> bytes:
-    """Return `message` as a sample of any encoding, made by the slow codec of reference.py."""
+    """Return `message` as a sample in any encoding, made by the codec of reference.py."""
     definition = catalog.messages[f"px4_msgs/{message.__msg__.name}"]
     return serialize(catalog, definition, to_values(catalog, definition, message), order, version)
 
 
 @pytest.fixture(scope="module")
 def everything(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """A package with one message that has every type, alone and in arrays of either kind."""
+    """A package with one message that has every type, as single values and in both kinds of arrays."""
     types = ("bool", *INTEGERS, *FLOATS)
     lines = ["uint64 timestamp"]
     for type_ in types:
@@ -223,7 +224,7 @@ def test_messages_differ_when_any_value_does(name: str, px4_types: Any) -> None:
     ],
 )
 def test_floats_are_equal_when_they_are_on_the_wire(one: Any, other: Any, equal: Any, px4_types: Any) -> None:
-    """Values that cannot be encoded compare as they are."""
+    """Values that cannot be encoded are compared unchanged."""
     left, right = px4_types.DebugVect(x=one), px4_types.DebugVect(x=other)
     assert (left == right) is equal
     assert (right == left) is equal
@@ -252,7 +253,7 @@ def test_repr_evaluates_back(name: str, px4_types: Any) -> None:
         assert eval(repr(shown), names) == message  # noqa: S307 - our own text
 
 
-# The protocols of the language
+# Python protocols
 
 
 def test_match_statements_take_positions_and_keywords(px4_types: Any) -> None:
@@ -370,7 +371,7 @@ def test_the_base_of_all_messages_is_no_dataclass(px4_types: Any) -> None:
     assert not dataclasses.is_dataclass(px4_types.cdr.Message)
 
 
-# What a class knows about itself
+# Information in a class
 
 
 def test_the_description_of_a_message_has_what_the_issue_names(px4_types: Any) -> None:
@@ -426,7 +427,7 @@ print(*sorted(set(sys.modules) - before))
 
 
 def imported_by(statement: str) -> set[str]:
-    """Return the modules that `statement` imports in a bare interpreter."""
+    """Return the modules that `statement` imports in a new interpreter."""
     command = [sys.executable, "-I", "-S", "-c", PROGRAM.format(statement), str(ROOT / "generated")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     return set(done.stdout.split())
@@ -470,7 +471,7 @@ def test_no_module_imports_more_than_the_standard_library() -> None:
 
 def test_a_star_import_gives_everything(px4_types: Any) -> None:
     names: dict[str, Any] = {}
-    exec("from px4_types import *", names)  # noqa: S102 - a star is allowed only at the top of a module
+    exec("from px4_types import *", names)  # noqa: S102 - a star import is allowed only at module level
     assert {*NAMES, "topics", "msg", "srv", "cdr", "DecodeError", "EncodeError"} == names.keys() - {"__builtins__"}
     assert all(names[name] is getattr(px4_types.msg, name) for name in NAMES)
 
@@ -494,7 +495,7 @@ def test_a_misspelt_name_gets_a_suggestion(place: str, px4_types: Any) -> None:
 def test_importing_a_misspelt_name_is_an_import_error(px4_types: Any) -> None:
     assert px4_types
     with pytest.raises(ImportError, match="SensorCombine"):
-        exec("from px4_types import SensorCombine", {})  # noqa: S102 - a name that no checker would let pass
+        exec("from px4_types import SensorCombine", {})  # noqa: S102 - type checkers reject this name
 
 
 def test_a_service_has_its_request_and_response(px4_types: Any) -> None:
@@ -594,7 +595,7 @@ def test_short_input_is_an_error_at_every_length(
 def test_short_input_names_the_first_field_that_is_cut(
     name: str, order: str, px4_types: Any, embedded: Catalog
 ) -> None:
-    """Padding before a field belongs to it: the field before is complete."""
+    """Padding belongs to the field after it, so the field before is complete."""
     message_type = getattr(px4_types, name)
     data = sample(embedded, message_type(), order, 1)
     wrong = {}
@@ -616,7 +617,7 @@ KNOWN_HEADERS = [header[:2] for header in HEADERS.values()]
 
 @given(header=st.binary(min_size=2, max_size=2).filter(lambda header: header not in KNOWN_HEADERS))
 def test_an_unknown_header_is_an_error(header: bytes, px4_types: Any) -> None:
-    """Among them parameter lists and delimited encodings, which no PX4 message has."""
+    """Such headers include parameter lists and delimited encodings, which no PX4 message uses."""
     with pytest.raises(px4_types.DecodeError) as caught:
         px4_types.SensorCombined.decode(header + bytes(50))
     text = str(caught.value)
@@ -645,7 +646,7 @@ def test_a_wrong_delimiter_header_is_an_error(order: Any, wrong: int, px4_types:
 
 
 def encode_error(package: Any, message: Any) -> str:
-    """Return the text of the error that encoding `message` raises."""
+    """Return the error text of encoding `message`."""
     with pytest.raises(package.EncodeError) as caught:
         message.encode()
     assert isinstance(caught.value, ValueError)
@@ -713,7 +714,7 @@ def test_a_float_is_no_integer(type_: str, everything: Any) -> None:
 
 @pytest.mark.parametrize("wrong", [2, -1, 0.5, 1.0, 256, math.nan, "True", None, [], (), b"\1"], ids=repr)
 def test_what_is_no_bool_is_named(wrong: Any, px4_types: Any, everything: Any) -> None:
-    """1.0 too, whether or not the message has other bools."""
+    """1.0 is an error too, whether or not the message has other bools."""
     assert encode_error(px4_types, px4_types.VehicleStatus(failsafe=wrong)).startswith("VehicleStatus.failsafe: ")
     assert encode_error(px4_types, px4_types.VehicleCommand(from_external=wrong)).startswith(
         "VehicleCommand.from_external: expected a bool"
@@ -761,13 +762,13 @@ def test_an_array_of_the_wrong_length_is_an_error(
 
 
 def assigned(message: Any, field: str, value: Any) -> Any:
-    """Return `message` with a field set to what its constructor would have replaced."""
+    """Return `message` with a field set to a value that the constructor would have replaced."""
     setattr(message, field, value)
     return message
 
 
 def test_two_arrays_cannot_make_up_for_each_other(px4_types: Any) -> None:
-    """Four values and two would fill the place of three and three."""
+    """Arrays of four and two values have as many values in total as two arrays of three."""
     message = px4_types.SensorCombined(gyro_rad=(0.0,) * 4, accelerometer_m_s2=(0.0,) * 2)
     assert encode_error(px4_types, message) == "SensorCombined.gyro_rad: expected 3 values, got 4"
 
@@ -919,7 +920,7 @@ def test_what_is_no_namespace_is_refused(wrong: str, px4_types: Any) -> None:
 
 
 def test_both_ends_of_every_endpoint_get_on_with_each_other(px4_types: Any) -> None:
-    """A reader that asks for more than its writer offers receives nothing."""
+    """A reader that requests more than its writer offers receives nothing."""
     for endpoint in px4_types.topics.ENDPOINTS:
         writer, reader = endpoint.qos.writer, endpoint.qos.reader
         assert reader.reliability == "BEST_EFFORT" or writer.reliability == "RELIABLE"
@@ -927,7 +928,7 @@ def test_both_ends_of_every_endpoint_get_on_with_each_other(px4_types: Any) -> N
 
 
 def test_px4_s_end_of_every_endpoint_is_what_px4_does(px4_types: Any) -> None:
-    """Writers BEST_EFFORT, TRANSIENT_LOCAL, KEEP_LAST; readers VOLATILE, as deep as the queues of their sources."""
+    """Writers: BEST_EFFORT, TRANSIENT_LOCAL, KEEP_LAST. Readers: VOLATILE, as deep as the queues of their sources."""
     for endpoint in px4_types.topics.ENDPOINTS:
         px4 = endpoint.qos.writer if endpoint.direction == "out" else endpoint.qos.reader
         assert (px4.reliability, px4.history) == ("BEST_EFFORT", "KEEP_LAST")
@@ -944,11 +945,11 @@ def test_topics_exports_its_public_names_only(px4_types: Any) -> None:
     assert ast.get_docstring(tree)
 
 
-# --- What tools of others do with messages
+# --- Messages in third-party tools
 
 
 def test_annotations_can_be_evaluated(px4_types: Any) -> None:
-    """As pydantic, cattrs and Sphinx do; the names that only type checkers need are there at run time too."""
+    """pydantic, cattrs and Sphinx evaluate annotations; names for type checkers are also available at run time."""
     for name in ("SensorCombined", "ObstacleDistance", "EscStatus", "OnboardComputerStatus"):
         message_type = getattr(px4_types, name)
         hints = typing.get_type_hints(message_type)

@@ -1,7 +1,8 @@
-"""Whatever ROS 2's types can say, the generated codec writes and reads as others do.
+"""Tests of the generated codec against other codecs, for everything that ROS 2's types can express.
 
-Thousands of random definitions with random values: the generated package, reference.py, rosbags and pycdr2 agree on
-every byte and every value, in every encoding that each of them has. Where none of them can, there are samples of rclpy.
+For thousands of random definitions with random values, the generated package, reference.py, rosbags and pycdr2 agree on
+every byte and every value, in every encoding that each of them supports. Types that none of the others supports are
+tested with samples of rclpy.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ from support.reference import HEADERS, Values, padding, serialize
 from support.repository import VECTORS
 
 MESSAGES, SERVICES = 80, 10
-"""Of one batch: 100 definitions."""
+"""Per batch. Counting both halves of a service, these are 100 definitions."""
 
 ALL_CAN = [name for name in STRINGS if ("rosbags", name) not in CANNOT and ("pycdr2", name) not in CANNOT]
 
 
 class Sample(NamedTuple):
-    """Values of a message, and what reference.py makes of them, by encoding."""
+    """Values of a message, and the bytes that reference.py encodes them to, by encoding."""
 
     message: Message
     values: Values
@@ -44,8 +45,8 @@ class Batch(NamedTuple):
 
 
 def random_batch(folder: Path, seed: int, strings: Sequence[str] = STRINGS) -> Batch:
-    """Return random definitions, written into `folder`, and two random samples of each."""
-    chance = Random(seed)  # noqa: S311 - no secret
+    """Write random definitions into `folder`; return them with two random samples of each."""
+    chance = Random(seed)  # noqa: S311 - not used for security
     catalog = random_catalog(folder, chance, MESSAGES, SERVICES, strings)
     samples = []
     for message in [*everything(catalog)] * 2:
@@ -56,13 +57,13 @@ def random_batch(folder: Path, seed: int, strings: Sequence[str] = STRINGS) -> B
 
 
 def story(message: Message, encoding: tuple[str, int]) -> str:
-    """Return what a failure is about."""
+    """Return a description of the message for a failed assertion."""
     fields = ", ".join(f"{field.type} {field.name}" for field in message.fields)
     return f"{message.key} ({fields}) in {encoding}"
 
 
 def check(codec: Codec, batch: Batch) -> None:
-    """All values become the bytes that reference.py makes of them, and come back."""
+    """Check that all values encode to the bytes of reference.py and decode to the same values."""
     for message, values, encoded in batch.samples:
         expected = repr(values)
         for encoding in codec.encodings:
@@ -89,7 +90,7 @@ def test_random_messages_that_no_peer_can_do_equal_the_reference(seed: int, tmp_
 
 @pytest.mark.slow
 def test_padding_is_ignored_whatever_stands_in_it(tmp_path: Path) -> None:
-    """rclpy leaves stale memory in it, and up to 3 bytes behind the last value."""
+    """rclpy leaves stale memory in padding, and up to 3 bytes after the last value."""
     batch = random_batch(tmp_path, 100)
     with generated(batch.catalog, tmp_path) as ours:
         for message, values, encoded in batch.samples:
@@ -105,7 +106,7 @@ RCLPY = json.loads((VECTORS / "rclpy.json").read_text(encoding="utf-8"))
 
 
 def test_samples_of_rclpy_are_read_and_written_alike(tmp_path: Path) -> None:
-    """The recorded ones are zero where rclpy had left stale memory: in padding, and behind the last value."""
+    """The recorded samples have zeros where rclpy had left stale memory: in padding, and after the last value."""
     catalog = catalog_of(tmp_path, RCLPY["definitions"], TOLERATED)
     with generated(catalog, tmp_path) as ours:
         for vector in RCLPY["samples"]:

@@ -1,6 +1,6 @@
-"""Messages with strings, sequences or no fields have the API of all others, and say what is wrong.
+"""Tests of messages with strings, sequences or no fields: they have the API of all other messages and clear errors.
 
-That their bytes are right, test_peers.py shows; that no sample does harm, test_hostile_lengths.py.
+test_peers.py tests their bytes, and test_hostile_lengths.py tests hostile samples.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ DEFINITIONS = {
 
 @pytest.fixture(scope="module")
 def ros(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The classes of DEFINITIONS."""
+    """The package of DEFINITIONS."""
     folder = tmp_path_factory.mktemp("ros")
     source = write_definitions(folder / "in", DEFINITIONS)
     package = import_package(read_catalog(find_sources(None, (f"my_msgs={source}",))), folder)
@@ -46,7 +46,7 @@ def ros(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 @pytest.fixture
 def msg(ros: Any) -> Any:
-    """Its messages."""
+    """The messages of the package."""
     return ros.msg
 
 
@@ -58,13 +58,13 @@ def cdr(msg: Any) -> Any:
 
 @pytest.fixture
 def encode_as(cdr: Any) -> Any:
-    """The function that writes samples of other encapsulations."""
+    """The function that encodes samples with other encapsulations."""
     return importlib.import_module(f"{cdr.__package__}.encapsulation").encode_as
 
 
 @pytest.fixture
 def scan(msg: Any) -> Any:
-    """A message with something in every field."""
+    """A message with a value in every field."""
     header = msg.Header(msg.Time(1, 2), "laser")
     return msg.Scan(header, -1.5, [1.0, 2.5], [msg.Point(1.0, 2.0)], ["left", "", "é"])
 
@@ -72,10 +72,10 @@ def scan(msg: Any) -> Any:
 SAMPLE = bytes.fromhex(
     "00010000"
     "01000000 02000000"  # header.stamp
-    "06000000 6c6173657200"  # header.frame_id: five letters and a NUL
+    "06000000 6c6173657200"  # header.frame_id: five characters and a NUL
     "0000 0000c0bf"  # padding, angle_min
     "02000000 0000803f 00002040"  # ranges
-    "01000000 000000000000f03f 0000000000000040"  # corners: one, and it is aligned to 8 already
+    "01000000 000000000000f03f 0000000000000040"  # corners: one element, already aligned to 8
     "03000000 05000000 6c65667400"  # labels
     "000000 01000000 00"
     "000000 03000000 c3a900"
@@ -278,7 +278,7 @@ def test_more_than_three_bytes_behind_the_last_value_are_another_definition(scan
 
 
 def test_what_serialize_message_of_ros_2_leaves_behind_is_accepted(msg: Any, cdr: Any) -> None:
-    """It reckons empty sequences of 8-byte numbers as if they were aligned, and the end of each wstring."""
+    """In size computations, ROS 2 aligns empty sequences of 8-byte numbers and adds an end to each wstring."""
     empty, full = msg.JointState(), msg.JointState(position=[1.0], velocity=[1.0], effort=[1.0])
     assert msg.JointState.decode(empty.encode() + bytes(3 + 3 * 8)) == empty
     assert msg.Status.decode(msg.Status().encode() + bytes(3 + 8)) == msg.Status()
@@ -288,13 +288,13 @@ def test_what_serialize_message_of_ros_2_leaves_behind_is_accepted(msg: Any, cdr
 
 
 def test_a_text_of_no_bytes_is_an_empty_text(msg: Any) -> None:
-    """Older writers leave its NUL away."""
+    """Older writers omit the NUL."""
     assert msg.Header.decode(b"\0\1\0\0" + bytes(12)) == msg.Header()
 
 
 def test_a_delimiter_header_that_lies_is_told(scan: Any, cdr: Any, encode_as: Any) -> None:
     sample = bytearray(encode_as(scan, b"\0\7"))
-    place = sample.index((20).to_bytes(4, "little"))  # of corners: a count and two numbers
+    place = sample.index((20).to_bytes(4, "little"))  # the delimiter header of corners: a count and two numbers
     sample[place] = 24
     with pytest.raises(cdr.DecodeError, match=r"Scan.corners: expected a delimiter header of 20 at byte \d+, got 24"):
         type(scan).decode(sample)

@@ -1,4 +1,4 @@
-"""Every byte as the firmware's own serializer writes it: the embedded set here, other releases from ../shared."""
+"""Tests against samples written by the firmware's serializer: the embedded set, and other releases from `../shared`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_release_reads_and_writes_the_bytes_of_its_firmware(release: str, tmp_
 
 
 def check(catalog: Catalog, package: Any, path: Path) -> int:
-    """Hold both codecs to every vector; return how many there are."""
+    """Compare both codecs with every vector; return the number of vectors."""
     vectors = json.loads(path.read_text())
     for vector in vectors:
         message = catalog.messages[f"px4_msgs/{vector['type']}"]
@@ -50,7 +50,7 @@ def check(catalog: Catalog, package: Any, path: Path) -> int:
 
 
 def same(found: Any, expected: Any) -> bool:
-    """Compare values; numbers as the float32 or float64 that both stand for, NaN with NaN."""
+    """Compare values: numbers as the float32 or float64 that both represent, NaN as equal to NaN."""
     if isinstance(expected, dict):
         return found.keys() == expected.keys() and all(same(found[name], expected[name]) for name in expected)
     if isinstance(expected, list):

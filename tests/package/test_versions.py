@@ -1,7 +1,6 @@
-"""Several versions of a message at once: types of archived versions, the way from one to the next, and the right type
-for a topic by its name.
+"""Tests of several versions of a message: types of archived versions, conversion, and lookup by topic name.
 
-Real trees show that they fit what the firmware has; small definitions of our own show every rule.
+Real trees show that the types match the firmware; small definitions of our own show every rule.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ STAMP = "uint64 timestamp\n"
 
 
 def version(number: int) -> str:
-    """Return the line that says which version a definition is."""
+    """Return the line that declares the version of a definition."""
     return f"uint32 MESSAGE_VERSION = {number}\n"
 
 
@@ -56,7 +55,7 @@ def catalog_with_archived(tree: Path, release: str | None = None) -> Catalog:
 
 
 def package_of(files: dict[str, str], folder: Path) -> Any:
-    """Return the package that is made of a tree with these files, archived versions included."""
+    """Return the package of a tree with these files, archived versions included."""
     return import_package(catalog_with_archived(write_definitions(folder / "in", files)), folder / "out")
 
 
@@ -81,7 +80,7 @@ class Tree(NamedTuple):
 
 @pytest.fixture(scope="module")
 def tree_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Tree]:
-    """Return a release, read and built once."""
+    """A function that reads and builds each release once."""
 
     @cache
     def tree_of(release: str) -> Tree:
@@ -112,7 +111,7 @@ def test_every_archived_definition_of_a_tree_has_a_type(tree: Tree) -> None:
 
 @pytest.mark.slow
 def test_every_archived_version_of_a_tree_decodes_and_encodes(tree: Tree) -> None:
-    chance = Random(5)  # noqa: S311 - no secret
+    chance = Random(5)  # noqa: S311 - not used for security
     for message in tree.archived:
         cls = getattr(tree.package, message.name)
         for _ in range(20):
@@ -125,7 +124,7 @@ def test_every_archived_version_of_a_tree_decodes_and_encodes(tree: Tree) -> Non
 
 
 OTHER_THAN_RELEASED = {"BatteryStatusV0", "VehicleLocalPositionV0"}
-"""What v1.17 and later archive as version 0 is not what v1.16 has (docs/bump.md)."""
+"""The archived version 0 in v1.17 and later differs from the definition in v1.16 (docs/bump.md)."""
 
 
 @pytest.mark.parametrize(
@@ -135,7 +134,7 @@ OTHER_THAN_RELEASED = {"BatteryStatusV0", "VehicleLocalPositionV0"}
 def test_an_archived_version_is_to_the_wire_what_the_earlier_release_had(
     release: str, earlier: str, number: int, tree_of: Callable[[str], Tree]
 ) -> None:
-    """The firmware's own hashes, sizes and types of the release in which the version was current."""
+    """Compare with the firmware's own hashes, sizes and types of the release in which the version was current."""
     tree = tree_of(release)
     measured, type_hashes = oracle(f"uorb-{earlier}")["messages"], oracle(f"rihs01-{earlier}")
     then = read_catalog(find_sources(str(shared(f"firmware/{earlier}"))))
@@ -161,7 +160,7 @@ def test_an_archived_version_is_to_the_wire_what_the_earlier_release_had(
 
 
 UNVERSIONED = {"EstimatorStatusFlags", "FailsafeFlags", "SensorGps", "TelemetryStatus"}
-"""They changed between these releases and have no version, so nothing can tell."""
+"""Messages that changed between these releases without a version number, so nothing shows the change."""
 
 
 @pytest.mark.parametrize(
@@ -171,7 +170,7 @@ UNVERSIONED = {"EstimatorStatusFlags", "FailsafeFlags", "SensorGps", "TelemetryS
 def test_the_topics_of_an_earlier_release_lead_to_its_types(
     release: str, earlier: str, without: int, same: int, tree_of: Callable[[str], Tree]
 ) -> None:
-    """As many as docs/versions.md says; without archived versions it is the current ones that are left."""
+    """The counts are those in docs/versions.md; without archived versions, only the current types match."""
     topics = tree_of(release).topics
     measured = oracle(f"uorb-{earlier}")["messages"]
     agreeing, other, unknown = [], set(), set()
@@ -197,14 +196,14 @@ def test_the_topics_of_an_earlier_release_lead_to_its_types(
 
 
 def chains(tree: Tree) -> list[tuple[Message, ...]]:
-    """Return all messages with several versions, in all of them."""
+    """Return all messages that have several versions, each as the tuple of its versions."""
     found = [tree.catalog.versions(message) for message in tree.catalog.messages.values()]
     return [versions for versions in found if len(versions) > 1]
 
 
 def test_versions_lead_from_the_oldest_to_the_current_and_back(tree: Tree) -> None:
-    """Nothing is lost where two definitions agree, and what is lost are the fields that only one of them has."""
-    chance = Random(6)  # noqa: S311 - no secret
+    """Fields with the same name in two definitions keep their value; only fields that one of them lacks are lost."""
+    chance = Random(6)  # noqa: S311 - not used for security
     assert len(chains(tree)) == {"v1.16": 1, "v1.17": 9, "main-2026-03": 13}[tree.release]
     for versions in chains(tree):
         for start, steps, method in (
@@ -226,7 +225,7 @@ def test_versions_lead_from_the_oldest_to_the_current_and_back(tree: Tree) -> No
 
 
 def test_what_goes_down_and_up_again_keeps_all_that_both_have(tree: Tree) -> None:
-    chance = Random(7)  # noqa: S311 - no secret
+    chance = Random(7)  # noqa: S311 - not used for security
     for versions in chains(tree):
         for older, newer in itertools.pairwise(versions):
             for _ in range(20):
@@ -239,7 +238,7 @@ def test_what_goes_down_and_up_again_keeps_all_that_both_have(tree: Tree) -> Non
 
 
 def test_an_archived_definition_of_the_current_version_has_no_neighbours(tree_of: Callable[[str], Tree]) -> None:
-    """Main archives version 0 of VehicleGlobalPosition, which is current: AuxGlobalPosition was of that type."""
+    """Main archives version 0 of VehicleGlobalPosition, which is current, because AuxGlobalPosition had that type."""
     package = tree_of("main-2026-03").package
     for name in ("VehicleGlobalPosition", "VehicleGlobalPositionV0"):
         assert not hasattr(getattr(package, name), "upgrade")
@@ -249,7 +248,7 @@ def test_an_archived_definition_of_the_current_version_has_no_neighbours(tree_of
 def test_a_program_decodes_the_samples_of_two_vehicles_with_different_firmware(
     tree_of: Callable[[str], Tree],
 ) -> None:
-    """The bytes are those that the serializers of v1.16 and v1.17 wrote; all that the program knows are topic names."""
+    """The serializers of v1.16 and v1.17 wrote the samples; the program knows only topic names."""
     topics = tree_of("v1.17").topics
     same, versions = {"v1.16": 0, "v1.17": 0}, set()
     for firmware, namespace in (("v1.16", "/uav_1"), ("v1.17", "/uav_2")):
@@ -272,7 +271,7 @@ def test_a_program_decodes_the_samples_of_two_vehicles_with_different_firmware(
 
 
 class Rule(NamedTuple):
-    """A value of a field in the older version, and what the newer one makes of it: LOST, or the value it holds."""
+    """A value of a field in the older version, and its value in the newer version, or LOST."""
 
     older: str
     newer: str
@@ -284,14 +283,14 @@ LOST = object()
 NAN, INF = math.nan, math.inf
 
 RULES = [
-    # of the same type
+    # the same type
     Rule("uint8", "uint8", 7, 7),
     Rule("bool[2]", "bool[2]", (True, False), (True, False)),
     Rule("float32", "float32", 0.1, struct.unpack("f", struct.pack("f", 0.1))[0]),
     Rule("char[5]", "char[5]", b"hello", b"hello"),
     Rule("float32[3]", "float32[3]", (1.5, NAN, -INF), (1.5, NAN, -INF)),
     Rule("uint16[20]", "uint16[20]", tuple(range(20)), array("H", range(20))),
-    # integers that fit, and some that do not
+    # integers: values that fit, and values that do not
     Rule("uint8", "uint16", 255, 255),
     Rule("uint16", "uint8", 255, 255),
     Rule("uint16", "uint8", 256, LOST),
@@ -301,21 +300,21 @@ RULES = [
     Rule("uint64", "int64", 2**63, LOST),
     Rule("char", "uint8", 65, 65),
     Rule("byte", "int8", 128, LOST),
-    # floats that nothing is lost of, and some that would be rounded
+    # floats: values that stay exact, and values that would be rounded
     Rule("float32", "float64", 0.1, struct.unpack("f", struct.pack("f", 0.1))[0]),
     Rule("float64", "float32", 0.5, 0.5),
     Rule("float64", "float32", 0.1, LOST),
     Rule("float64", "float32", 1e300, LOST),
     Rule("float64", "float32", NAN, NAN),
     Rule("float64", "float32", -INF, -INF),
-    # another kind
+    # a different kind of type
     Rule("uint8", "bool", 1, LOST),
     Rule("uint8", "float32", 1, LOST),
     Rule("float32", "int32", 1.0, LOST),
     Rule("uint8", "uint8[1]", 7, LOST),
     Rule("uint8[1]", "uint8", b"\7", LOST),
     Rule("uint8", "Inner", 7, LOST),
-    # arrays: as wholes
+    # arrays: converted as a whole
     Rule("uint8[3]", "uint8[4]", b"abc", LOST),
     Rule("uint8[3]", "uint16[3]", b"abc", (97, 98, 99)),
     Rule("uint16[3]", "uint8[3]", (1, 2, 255), b"\1\2\xff"),
@@ -326,7 +325,7 @@ RULES = [
     Rule("float32[16]", "float64[16]", (0.5,) * 16, array("d", [0.5] * 16)),
     Rule("float64[16]", "float32[16]", (*[0.5] * 15, 0.1), LOST),
     Rule("bool[2]", "uint8[2]", (True, False), LOST),
-    # sequences and text: where there is room
+    # sequences and strings: converted if the value fits
     Rule("uint8[3]", "uint8[]", b"abc", b"abc"),
     Rule("uint8[]", "uint8[3]", b"abc", b"abc"),
     Rule("uint8[]", "uint8[3]", b"ab", LOST),
@@ -346,7 +345,7 @@ RULES = [
 
 @pytest.fixture(scope="module")
 def ruled(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The package with a message for each rule, named by its number."""
+    """The package with a message for each rule, numbered like the rules."""
     files = {"msg/Inner.msg": STAMP}
     for number, rule in enumerate(RULES):
         files[f"{ARCHIVE}/Rule{number}V0.msg"] = f"{version(0)}{STAMP}{rule.older} value\n"
@@ -374,7 +373,7 @@ def test_what_was_carried_comes_back(number: int, ruled: Any) -> None:
     assert (back.message, back.dropped, back.defaulted) == (old, (), ())
 
 
-# --- What is listed, and by which name
+# --- Dropped and defaulted fields, and their names
 
 
 NESTED = {
@@ -400,7 +399,7 @@ def nested(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 def test_nested_messages_are_carried_field_by_field_and_named_by_their_path(nested: Any) -> None:
-    """In the order of the definitions; an array of another length, or of another message, is lost as a whole."""
+    """Paths are in the order of the definitions; an array with another length or another message is lost as a whole."""
     events = (nested.EventV0(1, 2, 3, 4), nested.EventV0(5, 6, 7, 8), nested.EventV0(9, 10, 11, 12))
     old = nested.ReplyV0(first=1, timestamp=2, main=events[0], events=events, last=3)
     converted = old.upgrade()
@@ -531,7 +530,7 @@ def test_any_version_converts_to_any_other_and_to_nothing_else(tmp_path: Path) -
         convert(package.LampV0(), package.Fan)
 
 
-# --- Random definitions against an obvious way to convert
+# --- Random definitions against a simple conversion
 
 
 TYPES = ("bool", *INTEGERS, *FLOATS, "string", "string<=4", "wstring", *["Inner"] * 4, "Other", "")
@@ -540,7 +539,7 @@ PAIRS = 60
 
 
 def two_versions(chance: Random, name: str) -> dict[str, str]:
-    """Return two versions of a message, with fields of the same names."""
+    """Return two versions of a message that share field names."""
 
     def fields(types: tuple[str, ...], names: str) -> str:
         chosen = [(chance.choice(types), field) for field in chance.sample(names, len(names))]
@@ -555,7 +554,7 @@ def two_versions(chance: Random, name: str) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def random_pairs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Catalog, Any]:
-    chance = Random(55)  # noqa: S311 - no secret
+    chance = Random(55)  # noqa: S311 - not used for security
     files = {
         f"{ARCHIVE}/InnerV0.msg": f"{version(0)}uint16 a\n{STAMP}float64 b\nuint8 c\nstring d\nbool[2] f\n",
         "msg/versioned/Inner.msg": f"{version(1)}uint8 e\nint8 c\n{STAMP}float32 b\nuint8 a\nstring<=2 d\nbool[2] f\n",
@@ -573,7 +572,7 @@ def random_pairs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Catalog, Any
 @pytest.mark.parametrize("number", range(PAIRS))
 def test_random_versions_convert_as_an_obvious_way_does(number: int, random_pairs: tuple[Catalog, Any]) -> None:
     catalog, package = random_pairs
-    chance = Random(number)  # noqa: S311 - no secret
+    chance = Random(number)  # noqa: S311 - not used for security
     older, newer = catalog.versions(catalog.messages[f"px4_msgs/Outer{number}x"])
     for before, after, method in ((older, newer, "upgrade"), (newer, older, "downgrade")):
         zero = to_values(catalog, after, getattr(package, after.name)())
@@ -592,7 +591,7 @@ def test_random_versions_convert_as_an_obvious_way_does(number: int, random_pair
 def in_common(
     catalog: Catalog, old: Message, new: Message, values: dict[str, Any]
 ) -> tuple[dict[str, Any], set[str], set[str]]:
-    """Return the values of `new` that were carried, and what was dropped and defaulted, nested values by path."""
+    """Return the values that `new` carries over, and the dropped and the defaulted fields, nested ones by path."""
     mine = {field.name: field.type for field in old.fields}
     theirs = {field.name: field.type for field in new.fields}
     carried: dict[str, Any] = {}
@@ -622,7 +621,7 @@ def in_common(
 
 ZEROS: dict[str, Any] = {"string": "", "string<=2": "", "bool[2]": [False, False], "float32": 0.0, "float64": 0.0}
 ZEROS |= dict.fromkeys(("uint8", "int8", "uint16", "uint64"), 0)
-"""Those of the types in both versions of Inner."""
+"""Zeros of the types in both versions of Inner."""
 
 
 def has_room(type_: FieldType, count: int | None) -> bool:
@@ -638,7 +637,7 @@ def kind(type_: FieldType) -> str:
 
 
 def holds(mine: FieldType, theirs: FieldType, value: Any) -> bool:
-    """Whether a value is one of a type of the same kind."""
+    """Whether the type `theirs` can hold a value of a type of the same kind."""
     if theirs.name in INTEGERS:
         low, high = PRIMITIVES[theirs.name].integer_range
         return bool(low <= value <= high)
@@ -648,7 +647,7 @@ def holds(mine: FieldType, theirs: FieldType, value: Any) -> bool:
 
 
 def is_float32(value: float) -> bool:
-    """Whether a number is a whole number of the smallest float32, has 24 bits at most, and is not too large."""
+    """Whether a float32 can represent a finite number exactly: in precision, smallest step and magnitude."""
     if value == 0:
         return True
     numerator, denominator = abs(value).as_integer_ratio()
@@ -657,17 +656,17 @@ def is_float32(value: float) -> bool:
 
 
 def plain_values(values: Any) -> Any:
-    """Return values in a form in which NaN equals NaN, and 1 is not True."""
+    """Return values in a form in which NaN equals NaN, and 1 differs from True."""
     if isinstance(values, dict):
         return {name: plain_values(value) for name, value in values.items()}
     return [plain_values(value) for value in values] if isinstance(values, list) else repr(values)
 
 
-# --- Neighbours
+# --- Neighbouring versions
 
 
 def lamps(*archived: int, current: int | None, text: str = STAMP) -> dict[str, str]:
-    """Return versions of one message."""
+    """Return several versions of one message."""
     files = {f"{ARCHIVE}/LampV{number}.msg": f"{version(number)}{text}" for number in archived}
     files["msg/Fan.msg"] = STAMP
     return files | ({} if current is None else {"msg/Lamp.msg": f"{version(current)}{text}"})
@@ -714,7 +713,7 @@ def test_a_message_whose_name_ends_like_a_version_is_kept_apart(tmp_path: Path) 
 
 
 def test_messages_without_other_versions_stay_as_they_are(tmp_path: Path) -> None:
-    """Not a character of their modules changes, so they cost no more; and without versions there is nothing new."""
+    """Their modules do not change at all, so they cost no more; without versions, no new module is generated."""
     files = lamps(0, current=1)
     tree = write_definitions(tmp_path, files)
     without = render_package(read_catalog(find_sources(str(tree))), "lamps")
@@ -778,7 +777,7 @@ def topics(tmp_path_factory: pytest.TempPathFactory) -> Any:
     ],
 )
 def test_the_name_of_a_topic_leads_to_the_type_of_its_version(name: str, message: str, topics: Any) -> None:
-    """In ROS 2's spelling and in DDS's; direction, instance and all else are those of the endpoint."""
+    """ROS 2 and DDS names both work; direction, instance and all other attributes are those of the endpoint."""
     for spelling in (name, f"rt{name}"):
         endpoint = topics.endpoint(spelling)
         assert (endpoint.ros_name, endpoint.dds_name) == (name, f"rt{name}")
@@ -865,7 +864,7 @@ def test_a_topic_that_there_is_not_has_no_versions(name: str, topics: Any) -> No
 
 @pytest.mark.parametrize("release", ["v1.14", "v1.15"])
 def test_without_versions_in_names_a_name_leads_to_the_current_type(release: str, tmp_path: Path) -> None:
-    """The conventions before v1.16; the types are there all the same."""
+    """These releases have the conventions before v1.16; the types of archived versions exist all the same."""
     files = {
         name: text.replace("instance: 1", "rate_limit: 1").replace(
             "out/lamp, type: 'px4_msgs::msg::Lamp', rate_limit: 1", "out/fan2, type: 'px4_msgs::msg::Fan'"
@@ -889,7 +888,7 @@ def test_archived_versions_are_no_topics_of_uorb(topics: Any) -> None:
     assert topics.UORB["lamp"].message.__name__ == "Lamp"
 
 
-# --- The command
+# --- Command
 
 
 Capture = pytest.CaptureFixture[str]
@@ -935,7 +934,7 @@ def test_the_page_shows_what_really_happens(capsys: Capture) -> None:
 
 
 def headers_of_vehicle_status(tree: Path) -> dict[str, str]:
-    """Return what the page needs of the translations that PX4 has."""
+    """Return the part of PX4's translations that the page needs."""
     catalog = catalog_with_archived(tree)
     older, newer = catalog.versions(catalog.messages["px4_msgs/VehicleStatus"])[-2:]
     both = {field.name for field in older.fields} & {field.name for field in newer.fields}
@@ -959,7 +958,7 @@ for topic, version in sent.items():
 
 
 def between(page: str, language: str) -> str:
-    """Return the first block of a language."""
+    """Return the first code block of a language."""
     return page.split(f"```{language}\n")[1].partition("```")[0]
 
 
@@ -973,7 +972,7 @@ def test_archived_definitions_are_inputs_and_their_types_outputs(capsys: Capture
         assert build("--archived", "--list-outputs") == DONE
         listed = capsys.readouterr().out.split()
         assert sorted(listed) == sorted(str(path) for path in TYPES_OF.rglob("*") if path.suffix in (".py", ".typed"))
-        (TYPES_OF / ".msggen.json").unlink(missing_ok=True)  # then the definitions are read
+        (TYPES_OF / ".msggen.json").unlink(missing_ok=True)  # this makes the next run read the definitions
 
 
 @OWN_FOLDER
@@ -1085,7 +1084,7 @@ def test_a_current_message_named_like_an_archived_one_is_refused(capsys: Capture
 
 @OWN_FOLDER
 def test_what_only_uorb_asks_for_is_not_asked_of_archived_versions() -> None:
-    """A timestamp, topics that are well spelled, and topics that no other message has."""
+    """The rules concern the timestamp, the spelling of topic names, and topics of other messages."""
     text = f"{version(0)}# TOPICS lamp  lamp2\n# TOPICS fan\nuint8 x\n"
     write_definitions(Path("in"), {**lamps(current=1), f"{ARCHIVE}/LampV0.msg": text})
     assert build("-q", "--archived") == DONE
@@ -1155,7 +1154,7 @@ LampV0().upgrade().dropped = 5
 
 @pytest.fixture(scope="module")
 def typed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the package `lamps`, and nested messages in it, beside programs that use it."""
+    """A folder with the package `lamps`, nested messages in it, and programs that use it."""
     folder = tmp_path_factory.mktemp("typed")
     catalog = catalog_with_archived(write_definitions(folder / "in", {**NESTED, **BRIDGED}))
     for path, text in render_package(catalog, "lamps").items():

@@ -1,4 +1,4 @@
-"""The reader of msg/CMakeLists.txt, and conditions, next to what CMake itself makes of them."""
+"""Tests of the reader of msg/CMakeLists.txt, with its conditions compared to those of CMake."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def test_a_condition_that_depends_on_nothing_unknown_is_decided() -> None:
 
 @pytest.mark.tools("cmake")
 def test_cmake_agrees_on_random_conditions(tmp_path: Path) -> None:
-    choose = random.Random(5)  # noqa: S311 - no secret
+    choose = random.Random(5)  # noqa: S311 - not used for security
     texts = [_expression(choose, 4) for _ in range(150)]
     expected = []
     script = ["cmake_minimum_required(VERSION 3.10)"]

@@ -1,5 +1,6 @@
-"""The grammar of `.msg` and `.srv` files, read as a person would: types, values, comments, PX4's tags, TOPICS lines,
-services, and the line and column of every node.
+"""Tests of the grammar of `.msg` and `.srv` files: types, values, comments, PX4's tags, TOPICS lines and services.
+
+They also test the line and column of every node.
 """
 
 from __future__ import annotations
@@ -29,21 +30,21 @@ from support.repository import DEFINITIONS
 
 
 def read(text: str) -> Message:
-    """Return the message that `text` defines; it must be without error."""
+    """Return the message that `text` defines without errors."""
     message, errors = parse_message(text, "Foo.msg", "Foo", "px4_msgs")
     assert errors == []
     return message
 
 
 def read_service(text: str) -> Service:
-    """Return the service that `text` defines; it must be without error."""
+    """Return the service that `text` defines without errors."""
     service, errors = parse_service(text, "Foo.srv", "Foo", "px4_msgs")
     assert errors == []
     return service
 
 
 def errors_of(text: str) -> list[str]:
-    """Return the codes of all that is wrong with `text`."""
+    """Return the codes of all errors in `text`."""
     return [error.code for error in parse_message(text, "Foo.msg", "Foo", "px4_msgs")[1]]
 
 
@@ -112,7 +113,7 @@ def test_a_message_of_another_package_is_no_primitive_whatever_its_name() -> Non
         ("int8 A = -0x80", -128),
         ("uint8 A = 0b101", 5),
         ("uint8 A = 0o17", 15),
-        ("uint8 A = 010", 10),  # leading zeros count for nothing in ROS 2, as rosidl_adapter reads them
+        ("uint8 A = 010", 10),  # ROS 2 ignores leading zeros, as rosidl_adapter does
         ("char A = 65", 65),
         ("byte A = 255", 255),
         ("float32 A = 1", 1.0),
@@ -135,7 +136,7 @@ def test_a_message_of_another_package_is_no_primitive_whatever_its_name() -> Non
         ('string A = ""', ""),
         ("wstring A = größer", "größer"),
         ("string<=4 A = four", "four"),
-        (r'string A = "C:\new"', r"C:\new"),  # only a quote is escaped: any other backslash stands for itself
+        (r'string A = "C:\new"', r"C:\new"),  # only a quote can be escaped: any other backslash is literal
     ],
 )
 def test_a_constant_is_read_in_every_notation(line: str, value: Value) -> None:
@@ -269,7 +270,7 @@ def test_a_file_name_that_only_px4_takes_is_a_warning(name: str) -> None:
     assert only_field(f"{name}[3] x").type == FieldType(name, None, ArrayKind.FIXED, 3)
 
 
-# Places
+# Locations
 
 
 def test_every_node_knows_its_line_and_columns() -> None:
@@ -468,7 +469,7 @@ def test_a_topic_that_only_one_of_px4_and_ros_takes_is_a_warning(topic: str) -> 
     assert errors_of(f"uint64 timestamp\n# TOPICS {topic}") == ["M205"]
 
 
-# Constants with a meaning of their own
+# Constants with a special meaning
 
 
 def test_version_and_queue_length_are_read_from_their_constants() -> None:

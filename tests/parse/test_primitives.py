@@ -1,4 +1,4 @@
-"""The table of primitive types agrees with `struct`, which knows the same facts."""
+"""Tests that the table of primitive types agrees with `struct`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Translation headers of the firmware: what is read of them, and what upgrade() and downgrade() make of it.
+"""Tests of the firmware's translation headers: the parsed rules, and the results of upgrade() and downgrade().
 
-The headers are written for these tests, one for every form; the firmware's own are tried by hand.
+The headers are written for these tests, one for every form; the firmware's own headers are checked by hand.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ YES, NO = True, False
 
 
 class Form(NamedTuple):
-    """A statement that sets `y` of type `newer`, from `x` of type `older`, and what comes of a value of `x`."""
+    """A statement that sets `y` of type `newer` from `x` of type `older`, and the result for a value of `x`."""
 
     older: str
     newer: str
@@ -76,7 +76,7 @@ class Form(NamedTuple):
 
 
 FORMS = [
-    # another field
+    # a different field
     Form("uint8", "uint8", "n.y = o.x;", 7, 7),
     Form("uint8", "uint8", "n.y=o.x ; // n.y = 5;", 7, 7),
     Form("uint8", "uint8", "/* n.y = 5; */ n.y = (o.x);", 7, 7),
@@ -165,7 +165,7 @@ FORMS = [
     Form(
         "uint8[3]", "uint8[3]", "for (int i = 0; i < 3; ++i) for (int j = 0; j < 3; ++j) n.y[i] = o.x[j];", b"abc", LOST
     ),
-    # what is not plain
+    # statements that are not supported
     Form("uint8", "uint8", "n.y = o.x + 1;", 7, LOST),
     Form("uint8", "uint8", "n.y = static_cast<uint8_t>(o.x);", 7, LOST),
     Form("uint8", "uint8", "const auto x = o.x; n.y = x;", 7, LOST),
@@ -182,7 +182,7 @@ FORMS = [
 
 @pytest.fixture(scope="module")
 def forms(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The package with a message for each form, named by its number."""
+    """The package with a message for each form, numbered like the forms."""
     versions = {
         f"Form{number}": (f"uint8 TWO = 2\n{form.older} x\n", f"uint8 ONE = 1\n{form.newer} y\n")
         for number, form in enumerate(FORMS)
@@ -209,7 +209,7 @@ def test_a_statement_sets_a_field_or_leaves_it_without_a_value(number: int, form
     assert newer.decode(converted.message.encode()) == converted.message
 
 
-# --- What is listed
+# --- Dropped and defaulted fields
 
 
 def test_elements_without_a_value_and_elements_that_are_lost_are_listed_as_such(tmp_path: Path) -> None:
@@ -258,7 +258,7 @@ def test_a_value_that_its_field_cannot_hold_is_dropped_where_no_other_field_has_
 
 
 def test_a_field_of_the_same_name_that_is_set_in_an_unclear_way_is_not_carried_over(tmp_path: Path) -> None:
-    """Its value would be wrong more often than not; a field that the header leaves out is carried over by name."""
+    """The same value would usually be wrong; a field that the header does not mention is carried over by name."""
     versions = {"Gust": ("float32 scaled\nuint8 count\n", "float32 scaled\nuint8 count\n")}
     package = package_of(tree(versions, class_of("Gust", "n.scaled = o.scaled * 0.01f;")), tmp_path)
     converted = package.GustV0(timestamp=1, scaled=250.0, count=3).upgrade()
@@ -423,7 +423,7 @@ def chain_of(folder: Path) -> Any:
 
 
 def test_several_versions_are_passed_one_by_one(tmp_path: Path) -> None:
-    """What has no value in one has none in the next, and is not lost when it goes."""
+    """A field without a value in one version has none in the next, and does not count as dropped when it is removed."""
     package = chain_of(tmp_path)
     convert = importlib.import_module(f"{package.__name__}.versions").convert
     old, new = package.LampV0(1, 2, 3), package.Lamp(4, 5, 6, 7)
@@ -582,7 +582,7 @@ def test_a_header_that_is_cut_or_garbled_gives_rules_that_python_reads(data: st.
         ast.parse(f"Translation({', '.join(conversion.arguments)})")
 
 
-# --- Random translations against an obvious way to run them
+# --- Random translations against a simple interpreter
 
 FIELDS = {"a": "uint8", "b": "int16", "c": "float32", "d": "bool", "e": "float32[4]", "f": "uint8[3]", "g": "uint16[2]"}
 LENGTHS = {"e": 4, "f": 3, "g": 2}
@@ -597,7 +597,7 @@ CONSTANTS: dict[str, list[tuple[str, float]]] = {
 
 
 class Run:
-    """Makes statements, and what they do to a target with the fields FIELDS, as a dictionary."""
+    """Generates statements, and functions that apply them to a target with the fields FIELDS, as a dictionary."""
 
     def __init__(self, chance: Random) -> None:
         self.chance = chance
@@ -687,10 +687,10 @@ RANDOM_HEADERS = 40
 
 @pytest.fixture(scope="module")
 def random_headers(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, list[Any]]:
-    chance = Random(11)  # noqa: S311 - no secret
+    chance = Random(11)  # noqa: S311 - not used for security
     made = [Run(chance).statements() for _ in range(RANDOM_HEADERS)]
     fields = "".join(f"{type_} {name}\n" for name, type_ in FIELDS.items())
-    # Every field is set first, so that a branch that leaves one alone leaves it at a value.
+    # Set every field first, so that a branch that does not set it leaves it with a value.
     zeros = " ".join(f"n.{name} = {'{}' if name in LENGTHS else 0};" for name in FIELDS)
     versions = {f"Run{number}x": (fields, fields) for number in range(RANDOM_HEADERS)}
     header = "".join(class_of(f"Run{number}x", f"{zeros} {text}") for number, (text, _) in enumerate(made))
@@ -699,9 +699,9 @@ def random_headers(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, list[
 
 @pytest.mark.parametrize("number", range(RANDOM_HEADERS))
 def test_random_translations_do_what_they_say(number: int, random_headers: tuple[Any, list[Any]]) -> None:
-    """A value is the one that the statements give, run one after another; what they do not set plainly is listed."""
+    """Each value is the result of running the statements in order; fields that get no valid value are listed."""
     package, runs = random_headers
-    chance = Random(number)  # noqa: S311 - no secret
+    chance = Random(number)  # noqa: S311 - not used for security
     for _ in range(30):
         old: dict[str, Any] = {
             "a": chance.randrange(256),

@@ -1,6 +1,7 @@
-"""A capture of DDS traffic, as Wireshark reads it: for each writer its discovery, then its samples.
+"""A capture of DDS traffic that Wireshark can read: for each writer its discovery, then its samples.
 
-pcap with raw IPv4; UDP; RTPS 2.2 (OMG DDSI-RTPS 2.2, sections 8.3 and 9.4) with one DATA submessage in a packet.
+The format is pcap with raw IPv4, UDP and RTPS 2.2 (OMG DDSI-RTPS 2.2, sections 8.3 and 9.4), with one DATA submessage
+in a packet.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import struct
 from collections.abc import Iterable
 
 PREFIX = bytes(range(1, 13))
-"""Of the one participant's GUID."""
+"""The prefix of the only participant's GUID."""
 
 DISCOVERY = bytes([0, 0, 3, 0xC2])
 """The built-in writer that announces writers."""
@@ -18,7 +19,7 @@ ENDPOINT_GUID, TOPIC_NAME, TYPE_NAME, SENTINEL = 0x5A, 0x05, 0x07, 0x01
 
 
 def capture(samples: Iterable[tuple[str, str, bytes]]) -> bytes:
-    """Return a capture of `samples`: DDS topic, DDS type, and the sample with its header."""
+    """Return a capture of `samples`, each a DDS topic, a DDS type, and the sample with its header."""
     packets: list[bytes] = []
     writers: dict[str, bytes] = {}
     for topic, type_name, sample in samples:

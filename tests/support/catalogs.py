@@ -1,4 +1,4 @@
-"""Definitions written for one test, the catalog of them, and the package generated from it."""
+"""Definitions written for one test, their catalog, and the package generated from it."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""An obvious, slow comparison of two folders of definitions, to hold the fast one against.
+"""A slow, simple comparison of two folders of definitions, used to test the fast one.
 
-It shares nothing with msggen: it reads `.msg` files with a regular expression, unfolds a message into one row for each
-value as `(path, offset, type)`, and calls two messages the same when their rows and their types are. Which fields were
-only renamed, people have judged: RENAMED lists them for all pairs of releases.
+It shares no code with msggen: it reads `.msg` files with a regular expression, expands a message into one row for each
+value as `(path, offset, type)`, and treats two messages as equal if their rows and types are equal. RENAMED lists the
+fields that were only renamed, for all pairs of releases; it was written by hand.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CONSTANT = re.compile(r"^\s*(\w+)\s+([A-Z][A-Z0-9_]*)\s*=\s*([^#\n]*?)\s*(?:#.*)
 
 
 Names = dict[tuple[str, str], str]
-"""One name for fields that have several: by message and other name."""
+"""One name for each field that has several, by message and other name."""
 
 RENAMED: Names = {
     ("ActuatorArmed", "manual_lockdown"): "kill",
@@ -34,18 +34,18 @@ RENAMED: Names = {
     ("GimbalDeviceInformation", "gimbal_device_compid"): "gimbal_device_id",
     ("Mission", "dataman_id"): "mission_dataman_id",
 }
-"""The renames from any release to any other, judged by eye. What else has the place of another field replaced it."""
+"""The renames between any two releases, decided by hand. Any other field in the place of another one replaced it."""
 
 
 class Definition(NamedTuple):
-    """A message as its text says: fields as (type, length or None, name), constants as type and value by name."""
+    """A message read from its text: fields as (type, length or None, name), constants as type and value by name."""
 
     fields: tuple[tuple[str, int | None, str], ...]
     constants: dict[str, tuple[str, str]]
 
 
 class Row(NamedTuple):
-    """One value: how to reach it, where it lies, and its type; char and byte are uint8 by other names."""
+    """One value: its path, offset and type; char and byte count as uint8."""
 
     path: str
     offset: int
@@ -59,23 +59,23 @@ def read(folder: Path) -> dict[str, Definition]:
 
 
 def definition(text: str) -> Definition:
-    """Return what a text defines."""
+    """Return the definition in a text."""
     fields = tuple((type_, int(length) if length else None, name) for type_, length, name in FIELD.findall(text))
     return Definition(fields, {name: (type_, value) for type_, name, value in CONSTANT.findall(text)})
 
 
 def rows(messages: dict[str, Definition], name: str, names: Names | None = None) -> list[Row]:
-    """Return every value of a message, the elements of arrays one by one, in XCDR1.
+    """Return every value of a message in XCDR1, with the elements of arrays as separate rows.
 
-    Fields that `names` has are called as it says.
+    `names` gives other names for some fields.
     """
     return list(_unfold(messages, names or {}, name, "", 0))
 
 
 def misread(before: dict[str, Definition], after: dict[str, Definition], name: str, names: Names) -> set[str]:
-    """Return who decodes wrong values without an error: "old" readers new samples, "new" readers old ones.
+    """Return the readers that decode wrong values without an error: "old" for new samples, "new" for old samples.
 
-    Nobody does where the rounded sizes differ. A reader takes what it finds where its own definition has a value; one
+    The set is empty if the rounded sizes differ. A reader takes the bytes at the offset in its own definition; one
     value and an array of one are the same.
     """
     if -(-size(before, name) // 4) != -(-size(after, name) // 4):
@@ -105,13 +105,13 @@ def renames(before: dict[str, Definition], after: dict[str, Definition], name: s
 
 
 def differ(before: dict[str, Definition], after: dict[str, Definition], name: str) -> bool:
-    """Whether bytes or names of a message are not the same on both sides."""
+    """Whether the bytes or the names of a message differ between the two sides."""
     same_rows = rows(before, name) == rows(after, name)
     return not (same_rows and spelling(before, name) == spelling(after, name))
 
 
 def size(messages: dict[str, Definition], name: str) -> int:
-    """Return the bytes of a sample without its header."""
+    """Return the size of a sample in bytes, without its header."""
     last = rows(messages, name)[-1]
     return last.offset + SIZES[last.type]
 
@@ -128,7 +128,7 @@ def spelling(messages: dict[str, Definition], name: str) -> list[str]:
 def _unfold(
     messages: dict[str, Definition], names: Names, name: str, prefix: str, offset: int
 ) -> Generator[Row, None, int]:
-    """Yield the rows of a message that begins after `offset` bytes; return where it ends."""
+    """Yield the rows of a message that starts at `offset` bytes; return the offset of its end."""
     for type_, length, field in messages[name].fields:
         called = names.get((name, field), field)
         for index in range(length or 1):

@@ -1,8 +1,9 @@
 """Embeds a new release of PX4: `python tests/support/embed.py PX4-Autopilot v1.19`.
 
-`msg/`, `srv/` and `dds_topics.yaml` become those of the firmware, without its comments: ours stay where a field or
-constant stays, and what has none is listed. The release that was the newest becomes a file in `releases/` with what it
-has otherwise; the other files there stay as they are. `releases/README.md` has the steps before and after.
+`msg/`, `srv/` and `dds_topics.yaml` become those of the firmware, without its comments. Our comments stay with each
+field or constant that stays, and those without a comment are listed. The previously newest release becomes a file in
+`releases/` with its differences; the other files there do not change. `releases/README.md` has the steps before and
+after.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def files_of(tree: Tree) -> Files:
 
 
 def files_of_firmware(path: str, release: str) -> Files:
-    """Return the files of a tree of the firmware, without its comments."""
+    """Return the files of a firmware tree, without its comments."""
     sources = find_sources(path)
     root = sources.root
     if root and root.is_folder(ARCHIVE):
@@ -55,14 +56,14 @@ def files_of_firmware(path: str, release: str) -> Files:
 
 
 def lines_of(text: str) -> list[str]:
-    """Return the lines of a definition in one spelling, without comments; those of topics come last."""
+    """Return the lines of a definition in a normalised spelling, without comments and with topics last."""
     topics = [" ".join(line.split()) for line in text.split("\n") if line.startswith("# TOPICS")]
     codes = [" ".join(line.partition("#")[0].replace("=", " = ").split()) for line in text.split("\n")]
     return [code for code in codes if code] + topics
 
 
 def bridge_text(text: str, release: str, *, is_newest: bool = False) -> str:
-    """Return a YAML of the bridge without its comments; that of the newest release has a line for each key."""
+    """Return a bridge YAML without its comments; in the newest release, each key has its own line."""
     head = f"# What crosses the bridge between uORB and DDS: the topics of PX4 {release}."
     lists = [[*_list(key, entries, is_newest=is_newest)] for key, entries in yaml.safe_load(text).items()]
     return ("\n\n" if is_newest else "\n").join(["\n".join(lines) for lines in ([head], *lists)])
@@ -82,9 +83,10 @@ def _plain(value: Any) -> str:
 
 
 def earlier_release(release: str, older: Files, newer: Files, known: dict[str, list[str]]) -> str:
-    """Return what stands in `releases/` for `older`, which `newer` follows.
+    """Return the text in `releases/` for `older`, which `newer` follows.
 
-    `known` has by file name the texts of all newer releases that take part in its comments, and gets that of `newer`.
+    `known` has, by file name, the texts of all newer releases whose comments `older` can share. The text of `newer` is
+    added to it.
     """
     sections = []
     for name in sorted({*older, *newer}, key=lambda name: (older.get(name) or newer[name])[0]):
@@ -104,7 +106,7 @@ def _meaning(name: str, text: str) -> object:
 
 
 def _without(text: str, newer: list[str]) -> str:
-    """Return a definition without the comments that it would have from its newer versions."""
+    """Return a definition without the comments that it shares with its newer versions."""
     known = {name: comment for version in newer for name, comment in comments_in(version).items()}
     own = {name: comment for name, comment in comments_in(text).items() if known.get(name) != comment}
     heads = [head for head in map(head_of, newer) if head]
@@ -113,7 +115,7 @@ def _without(text: str, newer: list[str]) -> str:
 
 
 def commented(lines: list[str], comments: Mapping[str, str]) -> list[str]:
-    """Return the lines of a definition with comments by field or constant."""
+    """Return the lines of a definition with the comments of its fields and constants added."""
     names = [_name(line) for line in lines]
     return [
         f"{line}  # {comments[name]}" if name in comments else line for line, name in zip(lines, names, strict=True)
@@ -142,7 +144,7 @@ def merged(old: str, new: str) -> str:
 
 
 def embed(firmware: str, release: str) -> list[str]:
-    """Make `firmware` the newest embedded release; return what has no comment yet."""
+    """Make `firmware` the newest embedded release; return the fields and constants without a comment."""
     older, found = files_of(Folder(str(ROOT))), files_of_firmware(firmware, release)
     newer = {name: (path, _newest(name, text, release, older)) for name, (path, text) in found.items()}
     last = EMBEDDED[0]

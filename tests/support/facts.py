@@ -1,8 +1,8 @@
-"""What identifies PX4's messages, computed a second time: from the text alone, sharing nothing with msggen.
+"""A second computation of the identities of PX4's messages, from the text alone, that shares no code with msggen.
 
-Slow and plain, for messages of fixed size as PX4 has them. It equals what the firmware's own tools and rosidl computed
-for v1.14, v1.16, v1.17 and v1.18 (`tests/firmware/test_identity.py`). It stands in for them where nothing was measured:
-v1.15, and the type hashes of v1.14.
+It is slow and simple, for messages of fixed size such as PX4's. It equals the results of the firmware's own tools and
+of rosidl for v1.14, v1.16, v1.17 and v1.18 (`tests/firmware/test_identity.py`). It replaces them where nothing was
+measured: v1.15, and the type hashes of v1.14.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Facts(NamedTuple):
 
 
 def facts_in(text: str, name: str) -> Facts:
-    """Return what a definition says."""
+    """Return the facts in a definition."""
     found = Facts([], [], [])
     for line in text.splitlines():
         if line.startswith("# TOPICS "):
@@ -67,7 +67,7 @@ def message_hash(known: Set, name: str) -> int:
 
 
 def unfolded(known: Set, name: str) -> Iterator[str]:
-    """Yield a line for each field, those of nested messages behind theirs."""
+    """Yield a line for each field, followed by the lines of its nested message."""
     for type_, length, field in known[name].fields:
         yield f"{type_}[{length}] {field}" if length else f"{type_} {field}"
         if type_ in known:
@@ -75,7 +75,7 @@ def unfolded(known: Set, name: str) -> Iterator[str]:
 
 
 def cdr_size(known: Set, name: str, start: int = 0) -> int:
-    """Return the position behind a message in XCDR1 that begins at `start`."""
+    """Return the offset after a message in XCDR1 that starts at `start`."""
     position = start
     for type_, length, _ in known[name].fields:
         for _ in range(length or 1):
@@ -87,7 +87,7 @@ def cdr_size(known: Set, name: str, start: int = 0) -> int:
 
 
 def struct_size(known: Set, name: str) -> int:
-    """Return the bytes of the firmware's struct: simple values, then nested ones aligned to 8 (docs/wire.md, 9)."""
+    """Return the size of the firmware's struct: simple values, then nested ones aligned to 8 (docs/wire.md, 9)."""
     size = sum(SIZES[type_] * (length or 1) for type_, length, _ in known[name].fields if type_ in SIZES)
     for type_, length, _ in known[name].fields:
         for _ in range(length or 1):
@@ -108,13 +108,13 @@ def type_hash(known: Set, name: str) -> str:
 
 
 def nested(known: Set, name: str) -> set[str]:
-    """Return the messages that a message nests, at any depth."""
+    """Return the messages nested in a message, at any depth."""
     direct = {type_ for type_, _, _ in known[name].fields if type_ in known}
     return direct.union(*(nested(known, each) for each in direct))
 
 
 def description(known: Set, name: str) -> dict[str, Any]:
-    """Return a message as rosidl describes it."""
+    """Return the description of a message in rosidl's form."""
     fields = [
         {
             "name": field,
@@ -136,7 +136,7 @@ def constants_digest(known: Set, name: str) -> str:
 
 
 def messages(known: Set) -> dict[str, dict[str, Any]]:
-    """Return for each message what `tests/vectors` has of it."""
+    """Return the columns of `tests/vectors` for each message."""
     ids = {
         topic: number for number, topic in enumerate(sorted(topic for each in known.values() for topic in each.topics))
     }
@@ -155,7 +155,7 @@ def messages(known: Set) -> dict[str, dict[str, Any]]:
 
 
 def endpoints(known: Set, bridge: str, release: str) -> list[dict[str, Any]]:
-    """Return for each endpoint what `tests/vectors` has of it."""
+    """Return the columns of `tests/vectors` for each endpoint."""
     ids = sorted(topic for each in known.values() for topic in each.topics)
     lists = yaml.safe_load(bridge)
     incoming = [entry for key in ("subscriptions", "subscriptions_multi") for entry in lists.get(key) or ()]

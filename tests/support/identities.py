@@ -1,4 +1,4 @@
-"""A catalog in the form in which the firmware's own tools wrote down its identities."""
+"""A catalog in the form that the firmware's own tools use for its identities."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ def rihs01_of(catalog: Catalog) -> dict[str, str]:
 
 
 UNCHECKED = {"orb_id", "object_id_unconditional"}
-"""Columns of what the firmware computed that are not of an endpoint."""
+"""Columns computed by the firmware that do not describe an endpoint."""
 
 
 def assert_same_endpoints(found: list[dict[str, Any]], expected: list[dict[str, Any]]) -> None:
-    """Compare what the firmware computed: newer releases have more columns."""
+    """Compare with the results of the firmware, which have more columns in newer releases."""
     columns = expected[0].keys() - UNCHECKED
     assert columns <= found[0].keys()
     assert [{key: entry[key] for key in columns} for entry in found] == [

@@ -1,4 +1,4 @@
-"""Modules that take long to import."""
+"""Modules that are slow to import."""
 
 HEAVY = {"dataclasses", "difflib", "inspect", "jinja2", "msggen.model", "rich", "shutil", "subprocess", "xml", "yaml"}
-"""Modules that a build with nothing to do has no time to import."""
+"""Modules that a build with nothing to do must not import."""

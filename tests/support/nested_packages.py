@@ -1,4 +1,4 @@
-"""Definitions that nest messages of other ROS packages, several of them with the same name."""
+"""Definitions that nest messages of other ROS packages, several with the same name."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Codecs that test_peers.py compares with reference.py: the generated package's, and those of rosbags and pycdr2.
+"""Codecs that test_peers.py compares with reference.py: those of the generated package, rosbags and pycdr2.
 
-Each takes and gives values as reference.py does. What a peer cannot do is in CANNOT, and nothing else is left out.
+Each accepts and returns values like reference.py. CANNOT lists everything that a peer does not support.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ CANNOT = {
     ("pycdr2", "wstring"): "it has no such type",
     ("rosbags", "XCDR2"): "it writes none, and refuses the headers",
 }
-"""What is not compared with a peer, and why. For wstring, vectors/rclpy.json has what rclpy writes."""
+"""Types and encodings not compared with a peer, with the reason. For wstring, vectors/rclpy.json has rclpy's bytes."""
 
 USUAL = ("little", 1)
 
-pycdr2: Any = importlib.import_module("pycdr2")  # Any, because its annotations do not allow how its classes are made
+pycdr2: Any = importlib.import_module("pycdr2")  # Any, because its annotations do not allow this use of its classes
 types: Any = importlib.import_module("pycdr2.types")
 
 
@@ -41,7 +41,7 @@ def everything(catalog: Catalog) -> list[Message]:
 
 
 class Codec(Protocol):
-    """Samples from values, and back."""
+    """Encodes values as samples and decodes samples."""
 
     encodings: tuple[tuple[str, int], ...]
 
@@ -51,7 +51,7 @@ class Codec(Protocol):
 
 
 class Generated:
-    """The package that msggen makes."""
+    """The package that msggen generates."""
 
     encodings = tuple(HEADERS)
 
@@ -87,7 +87,7 @@ class Generated:
 
 @contextmanager
 def generated(catalog: Catalog, folder: Path) -> Iterator[Generated]:
-    """Make the package of `catalog` in `folder`, import it, and forget its modules in the end."""
+    """Generate the package of `catalog` in `folder`, import it, and remove its modules at the end."""
     package = import_package(catalog, folder)
     try:
         yield Generated(catalog, package)
@@ -97,7 +97,7 @@ def generated(catalog: Catalog, folder: Path) -> Iterator[Generated]:
 
 
 class Rosbags:
-    """Reads the same texts with a parser of its own. A `byte` is signed there."""
+    """Parses the same texts with its own parser. Its `byte` is signed."""
 
     encodings = tuple(encoding for encoding in HEADERS if encoding[1] == 1)
 
@@ -148,7 +148,7 @@ class Rosbags:
 
 
 def _texts(catalog: Catalog) -> Iterator[tuple[str, str]]:
-    """Yield the name and the text of each definition, services in two halves."""
+    """Yield the name and the text of each definition, with the halves of services as separate messages."""
     for message in catalog.messages.values():
         yield _name(message), Path(message.location.path).read_text(encoding="utf-8")
     for service in catalog.services:
@@ -157,12 +157,12 @@ def _texts(catalog: Catalog) -> Iterator[tuple[str, str]]:
 
 
 def _name(message: Message) -> str:
-    """Return the name of a message in rosbags, which knows no services."""
+    """Return the name of a message in rosbags, which does not support services."""
     return f"{message.package}/msg/{message.name}"
 
 
 class Pycdr2:
-    """Is given classes with the same fields. It has no `byte`, and its `char` is a text: both are uint8 here."""
+    """Uses classes with the same fields. It has no `byte`, and its `char` is a string, so both are uint8 here."""
 
     encodings = tuple(HEADERS)
 
@@ -199,7 +199,7 @@ class Pycdr2:
             return one
         if type_.array is ArrayKind.FIXED:
             return types.array[one, type_.length]
-        is_bounded = type_.array is ArrayKind.BOUNDED and type_.length <= 65535  # higher bounds are no type there
+        is_bounded = type_.array is ArrayKind.BOUNDED and type_.length <= 65535  # pycdr2 has no type for higher bounds
         return types.sequence[one, type_.length] if is_bounded else types.sequence[one]
 
     def _object(self, message: Message, values: Values) -> Any:

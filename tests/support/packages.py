@@ -1,4 +1,4 @@
-"""What the tests of `msggen sync` share: a small firmware of real definitions, packages, and what is on the disk."""
+"""Helpers for the tests of `msggen sync`: a small firmware of real definitions, packages, and the state of the disk."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ def firmware(name: str = "firmware") -> Path:
 
 
 def package(name: str = "px4_msgs", source: str = "firmware") -> Path:
-    """Return a package that is in step with the small tree."""
+    """Return a package that is up to date with the small tree."""
     assert sync("-q", "--px4", source, "--create", name) == 0
     return Path(name)
 
 
 def plain_package(name: str = "px4_msgs") -> Path:
-    """Return a package such as px4_msgs is without msggen: definitions, flat, and no record."""
+    """Return a package like px4_msgs without msggen: flat folders of definitions, and no record."""
     for path in Path("firmware").rglob("*.[ms][sr][gv]"):
         target = Path(name, path.suffix[1:], path.name)
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -60,7 +60,7 @@ def plain_package(name: str = "px4_msgs") -> Path:
 
 
 def content(folder: Path) -> dict[str, bytes | str | None]:
-    """Return everything in `folder`, but not git's own: bytes by path, texts of links, None for folders."""
+    """Return everything in `folder` except git's own files: bytes by path, targets of links, None for folders."""
     found: dict[str, bytes | str | None] = {}
     for path in sorted(folder.rglob("*")):
         if ".git" not in path.parts:
@@ -76,26 +76,26 @@ def definitions(folder: Path) -> dict[str, bytes]:
 
 
 def identity(folder: Path) -> dict[str, tuple[int, int]]:
-    """Return inode and time of every file and folder: equal only where nothing was written, not even the same again."""
+    """Return inode and time of every file and folder; both change even if a file is rewritten with the same content."""
     paths = [folder, *folder.rglob("*")]
     return {str(path.relative_to(folder)): (path.lstat().st_ino, path.lstat().st_mtime_ns) for path in paths}
 
 
 def age(folder: Path) -> None:
-    """Make everything old, so that what is written again shows even within the clock's grain."""
+    """Make everything old, so that a rewritten file shows even if the clock is coarse."""
     for path in (*folder.rglob("*"), folder):
         os.utime(path, (10**9, 10**9), follow_symlinks=False)
 
 
 def git(folder: Path, *arguments: str) -> str:
-    """Run git in `folder`; return what it prints."""
+    """Run git in `folder`; return its output."""
     identified = ("-c", "user.name=t", "-c", "user.email=t@example.com", "-c", "commit.gpgsign=false")
     command = ["git", "-C", str(folder), *identified, *arguments]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
 def committed(folder: Path) -> Path:
-    """Make `folder` a repository in which everything is committed."""
+    """Make `folder` a repository with everything committed."""
     git(folder, "init", "-q")
     git(folder, "add", "-A")
     git(folder, "commit", "-q", "-m", "all")

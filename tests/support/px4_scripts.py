@@ -1,4 +1,4 @@
-"""What the firmware's two generator scripts do, the slow way: EmPy itself, and the real genmsg."""
+"""A slow equivalent of the firmware's two generator scripts, with EmPy itself and the real genmsg."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ KINDS = {
 
 
 class Output:
-    """A file that keeps what is written when it is closed."""
+    """A file whose content stays available after it is closed."""
 
     def __init__(self) -> None:
         self.text = ""
@@ -36,7 +36,7 @@ class Output:
 
 
 def expand(text: str, names: Mapping[str, Any]) -> str:
-    """Return what EmPy makes of `text`, run as the scripts run it. Raises what the template raises."""
+    """Return the output of EmPy for `text`, run as in the scripts. Raise the exceptions of the template."""
     output, stdout = Output(), sys.stdout
     em.Interpreter._wasProxyInstalled = False
     try:
@@ -54,7 +54,7 @@ def expand(text: str, names: Mapping[str, Any]) -> str:
 
 
 def messages(kind: str, files: Sequence[str], includes: Sequence[str], templates: Path) -> dict[str, str]:
-    """Return the texts of px_generate_uorb_topic_files.py. The helper of the templates must be importable."""
+    """Return the texts of px_generate_uorb_topic_files.py. The helper module of the templates must be importable."""
     import genmsg.template_tools
 
     template, list_template = KINDS[kind]
@@ -105,7 +105,7 @@ def bridge(topics_file: Path, template: Path, namespace: str = "") -> str:
 
 
 def interval(rate: Any) -> int | None:
-    """Return the milliseconds of a rate limit: None for the default, 0 for no limit."""
+    """Return a rate limit in milliseconds: None for the default, 0 for no limit."""
     if rate is None:
         return None
     if isinstance(rate, str):
@@ -122,5 +122,5 @@ def topics(path: Path) -> list[str]:
 
 
 def snake_case(name: str) -> str:
-    """Return a name as uORB spells it."""
+    """Return a name in uORB's spelling."""
     return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()

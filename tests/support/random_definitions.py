@@ -1,7 +1,7 @@
-"""Random ROS 2 definitions, as texts of `.msg` and `.srv` files, and random values for the messages in them.
+"""Random ROS 2 definitions, as texts of `.msg` and `.srv` files, and random values for their messages.
 
-Everything follows from a seed, so that a failure can be repeated. Definitions lean towards what goes wrong: small
-types before large ones, nested messages that end unaligned, no elements, one element, as many as the bound allows.
+Everything follows from a seed, so that a failure can be repeated. Error-prone definitions are frequent: small types
+before large ones, nested messages that end unaligned, no elements, one element, and as many as the bound allows.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NAMES = (
     *("length", "list", "message", "name", "new", "offset", "order", "pack", "position", "raw", "sample", "size"),
     *("start", "str", "struct", "tuple", "type", "unpack", "value", "values", "version", "view", "x", "y", "z", "zip"),
 )
-"""Field names that code about messages might use itself."""
+"""Field names that code for messages might use itself."""
 
 TEXTS = (
     "",
@@ -47,24 +47,24 @@ TEXTS = (
     "€" * 9,
 )
 SPELLED = ("", "a", "two words", "it's", 'say "so"', "é", "# [1, 2]")
-"""Texts for constants and defaults, where quotes, brackets and `#` have a meaning."""
+"""Texts for constants and defaults, in which quotes, brackets and `#` have a meaning."""
 
 PACKAGES = ("px4_msgs", "other_msgs")
 
 TOLERATED = ("M103", "M401")
-"""What ROS 2 allows and uORB does not: messages without fields, and without a timestamp."""
+"""Errors that uORB reports and ROS 2 does not: messages without fields, and without a timestamp."""
 
 HEAVY = 300
-"""Messages of more values than that are not nested any more."""
+"""The most values that a nested message holds."""
 
 
 def random_catalog(
     folder: Path, chance: Random, messages: int, services: int = 0, strings: Sequence[str] = STRINGS
 ) -> Catalog:
-    """Write that many definitions into `folder`, and return the catalog that msggen reads from there.
+    """Write that many definitions into `folder`, and return the catalog that msggen reads from it.
 
-    They are spread over PACKAGES, which have messages of the same names; later ones nest earlier ones. Of the types
-    for text, they use `strings`.
+    The definitions are spread over PACKAGES, which have messages with the same names, and later ones nest earlier ones.
+    Their string types are those in `strings`.
     """
     author = _Author(chance, strings)
     for _ in range(messages):
@@ -81,7 +81,7 @@ def random_catalog(
 
 
 class _Author:
-    """Writes definitions; `weights` says of each message about how many values it holds."""
+    """Writes definitions; `weights` has the approximate number of values in each message."""
 
     def __init__(self, chance: Random, strings: Sequence[str]) -> None:
         self.chance = chance
@@ -89,7 +89,7 @@ class _Author:
         self.weights: dict[str, int] = {}
 
     def body(self, package: str) -> tuple[str, int]:
-        """Return a message of `package`, and about how many values it holds."""
+        """Return a message of `package`, and the approximate number of its values."""
         chance = self.chance
         names = chance.sample(NAMES, chance.choice((0, 1, 1, 2, 2, 3, 3, 4, 5, 8)))
         names = [name if chance.random() < 0.5 else f"field{index}" for index, name in enumerate(names)]
@@ -105,7 +105,7 @@ class _Author:
         return "".join(lines), weight
 
     def type(self, package: str) -> tuple[str, int]:
-        """Return a type, and about how many values it holds."""
+        """Return a type, and the approximate number of its values."""
         chance = self.chance
         base, weight = self.base(package)
         kind = chance.random()
@@ -130,7 +130,7 @@ class _Author:
         return f"{chance.choice(self.strings)}{bound}", 1
 
     def default(self, type_: str) -> str:
-        """Return a default with the space before it, or nothing."""
+        """Return a default with the space before it, or an empty string."""
         chance = self.chance
         base, bracket, length = type_.partition("[")
         if base.partition("<=")[0] not in (*NUMBERS, *STRINGS) or chance.random() < 0.7:
@@ -142,7 +142,7 @@ class _Author:
         return f" [{', '.join(self.literal(base) for _ in range(count))}]"
 
     def literal(self, type_: str) -> str:
-        """Return a value of a primitive as a definition spells it."""
+        """Return a value of a primitive in the spelling of definitions."""
         chance = self.chance
         name, _, bound = type_.partition("<=")
         if name in STRINGS:
@@ -157,7 +157,7 @@ class _Author:
 
 
 def values_of(catalog: Catalog, message: Message, chance: Random) -> dict[str, Any]:
-    """Return random values for `message`, as reference.py takes them."""
+    """Return random values for `message`, in the form that reference.py takes."""
 
     def one(type_: FieldType) -> Any:
         if type_.name in STRINGS:
@@ -199,7 +199,7 @@ def _integer(chance: Random, name: str) -> int:
 
 
 def _text(chance: Random, bound: int | None) -> str:
-    """Return a text that keeps the bound however it is counted: characters, UTF-8 bytes or UTF-16 code units."""
+    """Return a text within the bound in any unit: characters, UTF-8 bytes or UTF-16 code units."""
     if bound is not None and bound <= 100 and chance.random() < 0.2:
         return "x" * bound
     text = chance.choice(TEXTS) * (100 if chance.random() < 0.05 else 1)

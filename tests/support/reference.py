@@ -1,14 +1,14 @@
-"""A second codec, slow and obvious: CDR written and read one value at a time, straight from the definitions.
+"""A second codec, slow and simple: CDR written and read one value at a time, directly from the definitions.
 
-It shares nothing with msggen but the parsed model. The rules are those of docs/wire.md, 2 to 6:
+It shares nothing with msggen except the parsed model. The rules are those of docs/wire.md, 2 to 6:
 
 - a number of n bytes starts at a multiple of n (at most 8 in XCDR1, at most 4 in XCDR2), counted from the
   first byte after the encapsulation header
-- a string is the number of its bytes in UTF-8 and of the NUL behind them, as uint32; the bytes; the NUL
-- a wstring is the number of its UTF-16 code units, as uint32, and each of them as a uint32: no standard says
-  so, rclpy does
-- an array is its values one after the other; a sequence is their number, as uint32, and then like an array
-- a message is its fields one after the other; one without fields is a single byte
+- a string is the number of its bytes in UTF-8 plus one for the NUL, as uint32; then the bytes; then the NUL
+- a wstring is the number of its UTF-16 code units, as uint32, then each code unit as a uint32; no standard
+  defines this, but rclpy does it
+- an array is its values in order; a sequence is their number, as uint32, then its values in order
+- a message is its fields in order; a message without fields is a single byte
 - XCDR2 puts a delimiter header, the number of bytes that follow, before an array or a sequence of strings or
   messages
 """
@@ -27,37 +27,38 @@ SIZES = {"bool": 1, "byte": 1, "char": 1, "int8": 1, "uint8": 1, "int16": 2, "ui
 SIZES |= {"int32": 4, "uint32": 4, "int64": 8, "uint64": 8, "float32": 4, "float64": 8}
 
 SURPLUS = 3
-"""Samples arrive rounded up to a multiple of 4 (docs/wire.md, 7)."""
+"""The length of a sample is rounded up to a multiple of 4 (docs/wire.md, 7)."""
 
 OVERESTIMATE = 8
-"""rclpy's serialize_message ends each wstring, and aligns each sequence of 8-byte numbers that has none, but only when
-it reckons how long a sample is: that many bytes too many, at most.
+"""The most bytes by which rclpy's serialize_message overestimates a sample for each wstring and each empty sequence.
+
+It counts an end for each wstring, and alignment for each empty sequence of 8-byte numbers, but writes neither.
 """
 
 Values = dict[str, Any]
-"""A message as a dictionary; arrays and sequences are lists, nested messages dictionaries."""
+"""The values of a message as a dictionary; arrays and sequences are lists, nested messages dictionaries."""
 
 
 class MalformedError(Exception):
-    """Bytes that are no sample of the message."""
+    """Raised for bytes that are no valid sample of the message."""
 
 
 def serialize(catalog: Catalog, message: Message, values: Values, order: str, version: int) -> bytes:
-    """Return `values` as a sample, with header."""
+    """Return `values` as a sample with its header."""
     writer = Writer(catalog, order, version)
     writer.message(message, values)
     return HEADERS[order, version] + bytes(writer.buffer)
 
 
 def padding(catalog: Catalog, message: Message, values: Values, order: str, version: int) -> list[int]:
-    """Return the positions of padding in that sample."""
+    """Return the positions of padding in the sample of `values`."""
     writer = Writer(catalog, order, version)
     writer.message(message, values)
     return [4 + position for position in writer.padding]
 
 
 def deserialize(catalog: Catalog, message: Message, sample: bytes) -> Values:
-    """Return the values in a sample with header. Raises MalformedError."""
+    """Return the values in a sample with its header. Raise MalformedError if it is invalid."""
     if len(sample) < 4:
         raise MalformedError("no header")
     for (order, version), header in HEADERS.items():
@@ -71,7 +72,7 @@ def deserialize(catalog: Catalog, message: Message, sample: bytes) -> Values:
 
 
 class Writer:
-    """Appends to a buffer."""
+    """Appends values to a buffer."""
 
     def __init__(self, catalog: Catalog, order: str, version: int) -> None:
         self.catalog, self.order, self.version = catalog, order, version
@@ -90,7 +91,7 @@ class Writer:
             return
         start = 0
         if self.version == 2 and type_.name not in SIZES:
-            self.number("uint32", 0)  # until the size is known
+            self.number("uint32", 0)  # replaced when the size is known
             start = len(self.buffer)
         if type_.array is not ArrayKind.FIXED:
             self.number("uint32", len(value))
@@ -137,7 +138,7 @@ class Writer:
 
 
 class Reader:
-    """Takes from a buffer. Raises MalformedError where the buffer holds no such value."""
+    """Takes values from a buffer. Raises MalformedError if the buffer holds no such value."""
 
     def __init__(self, catalog: Catalog, buffer: bytes, order: str, version: int) -> None:
         self.catalog, self.buffer, self.order, self.version = catalog, buffer, order, version
@@ -175,7 +176,7 @@ class Reader:
         return self.message(self.catalog.nested(outer, type_))
 
     def string(self, bound: int | None) -> str:
-        """A string of no bytes, not even a NUL, is empty: rclpy reads it so."""
+        """A string of no bytes, not even a NUL, is empty, as in rclpy."""
         raw = self.take(self.number("uint32"))
         if raw and raw[-1] != 0:
             raise MalformedError("no NUL at the end of a string")
@@ -222,7 +223,7 @@ CODES |= {"float32": "f", "float64": "d"}
 
 
 def to_object(package: Any, catalog: Catalog, message: Message, values: Values) -> Any:
-    """Return `values` as an object of the generated class, which is an attribute of `package` or of one inside it."""
+    """Return `values` as an object of the generated class, an attribute of `package` or of a module inside it."""
 
     def one(type_: FieldType, value: Any) -> Any:
         is_message = not type_.is_primitive
@@ -245,7 +246,7 @@ def to_object(package: Any, catalog: Catalog, message: Message, values: Values) 
 
 
 def class_of(home: Any, message: Message) -> Any:
-    """Return the class of `message` in `home`, where it may have another name than in the definition."""
+    """Return the class of `message` in `home`, where its name may differ from the name in the definition."""
     found = getattr(home, message.name, None)
     return (
         found
@@ -260,7 +261,7 @@ def is_class_of(value: Any, message: Message) -> bool:
 
 
 def to_values(catalog: Catalog, message: Message, sample: Any) -> Values:
-    """Return an object of the generated class as values."""
+    """Return the values of an object of the generated class."""
 
     def one(type_: FieldType, value: Any) -> Any:
         return value if type_.is_primitive else to_values(catalog, catalog.nested(message, type_), value)

@@ -1,4 +1,4 @@
-"""The folders of this checkout, and `../shared` where there is one."""
+"""The folders of this checkout, and `../shared` if it exists."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ DEFINITIONS = sorted(path for folder in ("msg", "msg/versioned") for path in (RO
 """The files of the newest embedded release, without the archived versions."""
 
 NAMES = sorted(path.stem for path in DEFINITIONS)
-"""Its messages."""
+"""The names of the messages in DEFINITIONS."""
 
 SOME = ["SensorCombined", "VehicleStatus", "DebugKeyValue", "DebugArray", "PositionSetpointTriplet", "EscStatus"]
-"""Among them: numbers and tuples, bools, bytes, a large array, nested messages, an array of nested messages."""
+"""Some of NAMES: numbers and tuples, bools, bytes, a large array, nested messages, and an array of nested messages."""
 
 every_message = pytest.mark.parametrize(
     "name", [name if name in SOME else pytest.param(name, marks=pytest.mark.slow) for name in NAMES]
 )
-"""Run a test for each of NAMES, where only SOME are not slow."""
+"""Run a test for each of NAMES, marked as slow except for SOME."""
 
 
 def shared(path: str) -> Path:
-    """Return a path below `../shared`, or skip the test where there is none."""
+    """Return a path below `../shared`, or skip the test if it does not exist."""
     found = SHARED / path
     if not found.exists():
         pytest.skip(f"needs ../shared/{path}" if SHARED.is_dir() else "needs ../shared")

@@ -1,4 +1,4 @@
-"""Definitions of ROS 2's own packages, for tests: names, types and constants as the packages have them."""
+"""Definitions of ROS 2's own packages for tests, with the names, types and constants of the packages."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ TYPE_HASHES = {
     "std_msgs/msg/Empty": "RIHS01_20b625256f32d5dbc0d04fee44f43c41e51c70d3502f84b4a08e7a9c26a96312",
     "std_msgs/msg/Header": "RIHS01_f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01",
 }
-"""What ROS 2 Kilted brings along with these packages, computed by rosidl."""
+"""The type hashes that ROS 2 Kilted ships with these packages, computed by rosidl."""
 
 
 def manifest(name: str) -> str:
@@ -49,7 +49,7 @@ def manifest(name: str) -> str:
 
 
 def ros_packages(*names: str, folder: Path = Path()) -> list[str]:
-    """Write these packages, or all, into `folder`; return the options that name them."""
+    """Write these packages, or all of them, into `folder`; return the options that name them."""
     for name in names or DEFINITIONS:
         write_definitions(folder / name, {**DEFINITIONS[name], "package.xml": manifest(name)})
     return [word for name in names or DEFINITIONS for word in ("--msg-dir", str(folder / name))]

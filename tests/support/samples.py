@@ -1,4 +1,4 @@
-"""What the tests of batches and of lazy views share: samples of every message, and one form to compare values in."""
+"""Helpers for the tests of batches and lazy views: samples of every message, and one form for comparing values."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ USUAL = ("little", 1)
 HEADER = HEADERS[USUAL]
 
 Samples = dict[tuple[str, int], list[bytes]]
-"""Samples of one message by encoding; the same values in each."""
+"""Samples of one message by encoding, with the same values in each encoding."""
 
 _TYPES = ("bool", *INTEGERS, *FLOATS)
 
@@ -46,7 +46,7 @@ MADE_UP = {
     "srv/Tiny.srv": "bool a\n---\nuint8 a\nbool[2] b\n",
     "srv/Bare.srv": "Uneven[2] a\n---\nuint8[6] a\n",
 }
-"""Messages such as PX4 has none of; halves of services need no timestamp, so they can be smaller than any message."""
+"""Messages unlike any in PX4; halves of services need no timestamp, so they can be smaller than any message."""
 
 
 class MadeUp:
@@ -58,7 +58,7 @@ class MadeUp:
         importlib.import_module(f"{self.package.__name__}.srv")
 
     def cls(self, name: str) -> Any:
-        """Return a class; a half of a service is named `Tiny_Request`."""
+        """Return a class; the name of a half of a service is like `Tiny_Request`."""
         service, _, half = name.partition("_")
         return getattr(getattr(self.package.srv, service), half) if half else getattr(self.package, name)
 
@@ -66,7 +66,7 @@ class MadeUp:
         """Return five samples in every encoding."""
         halves = [half for service in self.catalog.services for half in (service.request, service.response)]
         message = next(found for found in (*self.catalog.messages.values(), *halves) if found.name == name)
-        values = [values_by_chance(self.catalog, message, Random(seed)) for seed in range(5)]  # noqa: S311 - no secret
+        values = [values_by_chance(self.catalog, message, Random(seed)) for seed in range(5)]  # noqa: S311 - not used for security
         return {
             encoding: [serialize(self.catalog, message, one, *encoding) for one in values] for encoding in ENCODINGS
         }
@@ -77,7 +77,7 @@ MADE_UP_NAMES += ["Tiny_Request", "Tiny_Response", "Bare_Request", "Bare_Respons
 
 
 def samples_of_vectors(catalog: Catalog, path: Path = VECTORS / "cdr.json") -> dict[str, Samples]:
-    """Return the firmware's samples by message, stale memory in their padding, and the same in other encodings."""
+    """Return the firmware's samples by message, with stale memory in padding, and their values in other encodings."""
     found: dict[str, Samples] = {}
     for vector in json.loads(path.read_text()):
         message = catalog.messages[f"px4_msgs/{vector['type']}"]
@@ -90,13 +90,13 @@ def samples_of_vectors(catalog: Catalog, path: Path = VECTORS / "cdr.json") -> d
 
 
 def random_samples(data: st.DataObject, catalog: Catalog, message: Message) -> Samples:
-    """Draw the values of three samples."""
+    """Draw the values of three samples and encode them in every encoding."""
     values = data.draw(st.lists(values_of(catalog, message), min_size=3, max_size=3), label=message.name)
     return {encoding: [serialize(catalog, message, one, *encoding) for one in values] for encoding in ENCODINGS}
 
 
 def values_by_chance(catalog: Catalog, message: Message, chance: Random) -> dict[str, Any]:
-    """Return random values for a message that is too large to draw each of them from hypothesis."""
+    """Return random values for a message with too many values to draw each from hypothesis."""
 
     def one(type_: FieldType) -> Any:
         if not type_.is_primitive:
@@ -126,9 +126,9 @@ def random_packages(data: st.DataObject, files: dict[str, str]) -> Iterator[tupl
 
 
 def plain(value: Any) -> Any:
-    """Return a message, an array or anything in them as dictionaries, lists and the texts of numbers.
+    """Return a message, an array or a part of them as dictionaries, lists and texts of numbers.
 
-    The texts tell 0 from False and from -0.0, and NaN equals NaN.
+    The texts distinguish 0 from False and from -0.0, and NaN equals NaN.
     """
     if isinstance(value, np.void):
         return {name: plain(value[name]) for name in value.dtype.names or ()}
@@ -140,7 +140,7 @@ def plain(value: Any) -> Any:
 
 
 def outcome(call: Any, *arguments: Any) -> Any:
-    """Return what a call gives, in that form, or its DecodeError or EncodeError as text."""
+    """Return the result of a call in the form of `plain`, or its DecodeError or EncodeError as text."""
     try:
         return plain(call(*arguments))
     except ValueError as error:
@@ -148,11 +148,11 @@ def outcome(call: Any, *arguments: Any) -> Any:
 
 
 def each_byte_changed(sample: bytes) -> list[bytes]:
-    """Return a sample for every byte behind the encoding, with that byte changed: 0xA5 makes an odd bool."""
+    """Return a sample for every byte after the encoding, with that byte changed to 0xA5, which makes an odd bool."""
     return [sample[:index] + b"\xa5" + sample[index + 1 :] for index in range(2, len(sample))]
 
 
 def cut_and_lengthened(sample: bytes) -> Iterator[bytes]:
-    """Yield what the sample begins with, of every length, and the sample with up to 8 bytes behind it."""
+    """Yield every prefix of the sample, and the sample with up to 8 more bytes."""
     for length in range(len(sample) + 9):
         yield (sample + b"\xa5" * 8)[:length]

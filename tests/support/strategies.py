@@ -1,4 +1,4 @@
-"""Hypothesis strategies: random definitions as PX4 has them, and random values of their messages."""
+"""Hypothesis strategies for random definitions such as PX4's, and random values of their messages."""
 
 from __future__ import annotations
 

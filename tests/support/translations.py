@@ -1,4 +1,4 @@
-"""Translation headers as the firmware has them."""
+"""Translation headers in the form of the firmware's."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ HEADERS = "msg/translation_node/translations"
 
 
 def class_of(name: str, up: str, down: str = "", *, older: str = "", newer: str = "") -> str:
-    """Return a class that translates `name` from version 0 to the current one, and back."""
+    """Return a class that translates `name` from version 0 to the current version and back."""
     return f"""
 class {name}V1Translation {{
 public:

@@ -1,4 +1,4 @@
-"""Definitions with names that Python, or a generated class, needs for itself."""
+"""Definitions with names that Python or a generated class reserves."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""EmPy templates come out as EmPy's own interpreter has them, errors are said to people, and a run leaves no trace.
+"""Tests of EmPy templates: their output equals that of EmPy's own interpreter, and errors are reported clearly.
 
-`reference` is the slow way: EmPy itself, which reads a template anew each time.
+A run has no side effects. `reference` is slow: it runs EmPy itself, which parses the template again each time.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ BLOCKS = [
 
 
 def _nest(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
-    """Return blocks around texts, and texts in a row."""
+    """Return a strategy for blocks around texts, and texts in sequence."""
     block = st.sampled_from(BLOCKS).flatmap(
         lambda parts: st.tuples(*[inner for _ in parts[1:]]).map(
             lambda texts: parts[0] + "".join(text + part for text, part in zip(texts, parts[1:], strict=True))
@@ -147,15 +147,15 @@ templates = st.recursive(st.sampled_from(FRAGMENTS), _nest, max_leaves=15)
 
 
 def reference(text: str, names: Mapping[str, Any] = NAMES) -> str | BaseException:
-    """Return what EmPy itself makes of `text`, or what it raises."""
+    """Return the output of EmPy itself for `text`, or the exception that it raises."""
     try:
         return expand(text, names)
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - a template may raise anything
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - a template may raise any exception
         return error
 
 
 def error(text: str, names: Mapping[str, Any] = NAMES) -> Diagnostic:
-    """Return what is said about an invalid template."""
+    """Return the error for an invalid template."""
     with pytest.raises(InputError) as caught:
         EmpyTemplate("some.em", text).expand(names)
     (found,) = caught.value.diagnostics
