@@ -664,7 +664,7 @@ def writable_copy(tree: Path, target: Path) -> Path:
 # --- Compilation and translation
 
 FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wno-unused-parameter", "-Werror", "-O0")
-"""Warning options of the translation node, which compiles with -Werror."""
+"""Compiler options of the translation node, which uses -Werror."""
 
 CPP_TYPES = {"byte": "uint8_t", "char": "uint8_t", "bool": "bool", "float32": "float", "float64": "double"}
 
