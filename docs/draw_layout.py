@@ -1,4 +1,4 @@
-"""Draws the bytes of a message: `python docs/draw_layout.py SensorCombined > docs/sensor_combined.svg`."""
+"""Draw the bytes of a message: `python docs/draw_layout.py SensorCombined > docs/sensor_combined.svg`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COLOURS = ("#cfe3f5", "#f6dfc2", "#d7ebd0", "#ecd6e9", "#f3ecb8", "#d3ebe9")
 
 
 def draw(name: str) -> str:
-    """Return an SVG picture of a sample of the embedded message `name`, 16 bytes a row."""
+    """Return an SVG picture of a sample of the embedded message `name`, with 16 bytes in a row."""
     catalog = read_catalog(find_sources(None))
     layout = lay_out(catalog, catalog.messages[f"px4_msgs/{name}"])
     rows = -(-layout.size // PER_ROW)
@@ -41,7 +41,7 @@ def draw(name: str) -> str:
 
 
 def _pieces(leaf: Leaf) -> list[tuple[int, int]]:
-    """Return start and end of the field's part of each row that it touches."""
+    """Return start and end of the field's part in each row that it touches."""
     start, end = leaf.offset, leaf.offset + leaf.element_count * leaf.size
     pieces = []
     while start < end:
@@ -61,7 +61,7 @@ def _fits(leaf: Leaf) -> bool:
 
 
 def _boxes(leaf: Leaf, letter: str, colour: str) -> list[str]:
-    """Return a box for each row that the field touches; the widest carries its name, or its letter in the legend."""
+    """Return a box for each row that the field touches; the widest has its name, or its letter in the legend."""
     boxes = []
     for first, last in _pieces(leaf):
         x, y, size = LEFT + first % PER_ROW * CELL, TOP + first // PER_ROW * ROW, (last - first) * CELL

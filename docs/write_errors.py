@@ -1,4 +1,4 @@
-"""Writes the part of docs/errors.md that is made from msggen/report/errors.yaml: `python docs/write_errors.py`."""
+"""Write the part of docs/errors.md that comes from msggen/report/errors.yaml: `python docs/write_errors.py`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GROUPS = {
 
 
 def page(current: str) -> str:
-    """Return the page: what `current` has before the mark, a table of all codes, and an entry for each."""
+    """Return the page: the text of `current` before the mark, a table of all codes, and an entry for each."""
     texts = error_texts()
     rows = [f"| [{code}](#{code.lower()}) | {CODES[code].value} | {text.title} |\n" for code, text in texts.items()]
     parts = [current.partition(MARK)[0], MARK, "\n| code | level | meaning |\n|---|---|---|\n", *rows]

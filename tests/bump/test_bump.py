@@ -1,7 +1,7 @@
-"""`msggen bump` does PX4's manual steps for a new version of a message, and what it writes compiles and translates.
+"""Tests that `msggen bump` does PX4's manual steps for a new version, and that its output compiles and translates.
 
-The trees are made of real definitions, the embedded ones or those of releases, with a git repository of their own.
-The headers are compiled against structs that look as ROS 2's do.
+The trees hold real definitions, embedded or from releases, and each is a git repository. The headers are compiled
+against structs that resemble those of ROS 2.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ V1_ALL = """#pragma once
 
 @pytest.fixture(scope="module")
 def committed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A committed PX4 tree of the embedded v1.17, with an earlier version of VehicleStatus."""
+    """A committed PX4 tree of the embedded v1.17, with an archived version of VehicleStatus."""
     tree = tmp_path_factory.mktemp("committed")
     release = embedded_tree("v1.17")
     files = {name: text for folder in ("msg/", "msg/versioned/", "srv/") for name, text in texts_in(release, folder)}
@@ -84,7 +84,7 @@ def committed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def firmware(committed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder: a copy of that tree."""
+    """A copy of that tree, as the current folder."""
     tree = shutil.copytree(committed, tmp_path / "PX4-Autopilot")
     monkeypatch.chdir(tree)
     return tree
@@ -98,7 +98,7 @@ def texts_in(release: Tree, folder: str) -> Iterator[tuple[str, str]]:
 
 
 def commit(tree: Path) -> None:
-    """Commit all that is in `tree`, with no configuration but its own."""
+    """Commit all files in `tree`, with no configuration but its own."""
     subprocess.run([GIT, "init", "-q"], cwd=tree, check=True)
     subprocess.run([GIT, "add", "-A"], cwd=tree, check=True)
     who = ["-c", "user.name=Someone", "-c", "user.email=someone@example.org", "-c", "commit.gpgsign=false"]
@@ -106,7 +106,7 @@ def commit(tree: Path) -> None:
 
 
 def edit(path: Path, old: str, new: str) -> None:
-    """Replace what stands in a file once."""
+    """Replace the only occurrence of `old` in a file."""
     text = path.read_text()
     assert text.count(old) == 1
     path.write_text(text.replace(old, new))
@@ -121,18 +121,18 @@ def bump(*arguments: str) -> int:
 
 
 def files_of(tree: Path) -> dict[str, str]:
-    """Return the texts of all files in `tree` but git's."""
+    """Return the texts of all files in `tree` except those of git."""
     paths = [path for path in tree.rglob("*") if path.is_file() and ".git" not in path.parts]
     return {str(path.relative_to(tree)): path.read_text() for path in paths}
 
 
 def changes(before: dict[str, str], after: dict[str, str]) -> dict[str, str]:
-    """Return what each file has become that is not as it was."""
+    """Return the new text of each file that was added or changed."""
     assert before.keys() <= after.keys()
     return {name: text for name, text in after.items() if before.get(name) != text}
 
 
-# --- The steps
+# --- Steps
 
 
 def test_a_message_not_edited_yet_gets_its_next_version(firmware: Path) -> None:
@@ -287,7 +287,7 @@ def test_ros_names_files_of_capitals_in_a_row_its_own_way() -> None:
     assert [ros_file(name) for name in names] == expected
 
 
-# --- Again, and no harm done
+# --- Repeated and interrupted runs, and files that stay
 
 
 @pytest.mark.slow
@@ -381,7 +381,7 @@ def test_what_would_change_is_told_and_not_done(
     assert bump("VehicleStatus", option) == DONE
 
 
-# --- The header
+# --- Header
 
 
 def test_fields_that_changed_are_marked(firmware: Path) -> None:
@@ -575,7 +575,7 @@ def test_a_bump_of_what_has_changed_does_not_say_so(capsys: pytest.CaptureFixtur
     assert "no changes" not in "".join(left(capsys))
 
 
-# --- It is complete
+# --- Completeness
 
 
 @pytest.mark.slow
@@ -600,13 +600,13 @@ RAISED = {
         "ConfigOverrides RegisterExtComponentReply RegisterExtComponentRequest VehicleCommandAck VehicleStatus"
     ),
 }
-"""The messages that PX4 itself gave a new version, and by hand."""
+"""Messages that PX4 itself gave a new version, by hand."""
 
 MISARCHIVED = {
     "BatteryStatus": "fields in a different order: expected 'uint16 faults' before 'uint8 warning'",
     "VehicleLocalPosition": "expected 'float32 hagl_max_z', 'float32 hagl_max_xy', found 'float32 hagl_max'",
 }
-"""Those whose version 0 is archived in v1.17 as v1.16 did not have it: applications of v1.16 read wrong values."""
+"""Messages whose archived version 0 in v1.17 differs from v1.16: applications of v1.16 read wrong values."""
 
 
 @pytest.mark.slow
@@ -648,23 +648,23 @@ def test_what_px4_archived_wrongly_is_found(
 
 
 def releases_of(folder: Path, names: tuple[str, str]) -> tuple[Path, Path, Path]:
-    """Return the trees of an older and a newer release, and a copy of the newer one to write to."""
+    """Return the trees of an older and a newer release, and a writable copy of the newer one."""
     older, newer = (shared(f"firmware/{name}") for name in names)
     return older, newer, writable_copy(newer, folder / "tree")
 
 
 def writable_copy(tree: Path, target: Path) -> Path:
-    """Copy a release, whose files may be kept without a write bit."""
+    """Copy a release, whose files may be read-only, and make the copy writable."""
     shutil.copytree(tree, target)
     for path in (target, *target.rglob("*")):
         path.chmod(path.stat().st_mode | 0o200)
     return target
 
 
-# --- It compiles, and it translates
+# --- Compilation and translation
 
 FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wno-unused-parameter", "-Werror", "-O0")
-"""Those of the translation node, which compiles with -Werror."""
+"""Compiler options of the translation node, which uses -Werror."""
 
 CPP_TYPES = {"byte": "uint8_t", "char": "uint8_t", "bool": "bool", "float32": "float", "float64": "double"}
 
@@ -688,7 +688,7 @@ def cpp_type(type_: FieldType) -> str:
 
 
 def struct_of(message: Message, package: str) -> str:
-    """Return a struct as ROS 2 generates it, as far as a translation can tell: its constructor is explicit."""
+    """Return a struct that a translation can use like the one of ROS 2; its constructor is explicit."""
     nested = sorted({field.type.name for field in message.fields if not field.type.is_primitive})
     return "\n".join([
         "#pragma once",
@@ -712,7 +712,7 @@ def struct_of(message: Message, package: str) -> str:
 
 
 def round_trip(older: Message, newer: Message, version: int) -> str:
-    """Return C++ that sets every primitive field, translates there and back, and counts what came back."""
+    """Return C++ that sets every primitive field, translates there and back, and counts the preserved fields."""
     carried = set(lines_of(newer))
     fields = [field for field in older.fields if field.type.is_primitive and f"{field.type} {field.name}" in carried]
     sets = []
@@ -738,9 +738,9 @@ def round_trip(older: Message, newer: Message, version: int) -> str:
 
 
 def run(tree: Path, folder: Path, names: Iterable[str]) -> dict[str, str]:
-    """Compile the headers of `tree` and translate the messages `names` there and back; return what came back of each.
+    """Compile the headers of `tree` and translate the messages `names` there and back; return each message's result.
 
-    Fails unless all fields that both versions have came back. "topics" has the registered ones.
+    Fail unless all fields that both versions have are preserved.
     """
     current = {message.name: message for message in read_catalog(find_sources(str(tree))).messages.values()}
     archived = read_history(Folder(str(tree))).archived
@@ -781,7 +781,7 @@ def test_headers_of_all_kinds_compile_and_translate(firmware: Path, tmp_path: Pa
         assert bump(name) == DONE
     assert run(firmware, tmp_path / "first", names).keys() == set(names)
 
-    commit(firmware)  # The next release: the headers from before now translate between archived versions.
+    commit(firmware)  # The next release: the earlier headers now translate between archived versions.
     append(VERSIONED / "Event.msg", "uint8 again")
     edit(STATUS, "float64[4] brand_new", "float32[4] brand_new")
     for name in names:
@@ -817,7 +817,7 @@ def test_every_versioned_message_of_a_release_can_be_bumped(tmp_path: Path) -> N
     assert run(tree, tmp_path / "cpp", names).keys() == set(names)
 
 
-# --- Bad input
+# --- Invalid input
 
 
 @pytest.mark.parametrize(
@@ -945,7 +945,7 @@ def test_errors_of_definitions_are_told_as_ever(firmware: Path, capsys: pytest.C
 
 
 def test_a_repository_that_git_refuses_is_no_missing_one(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The edited file must not pass for the old one."""
+    """Otherwise bump would take the edited file for the committed one."""
     shutil.rmtree(firmware / ".git")
     (firmware / ".git").write_text("gitdir: nowhere\n")
     assert bump("VehicleStatus") == FAILED
@@ -957,7 +957,7 @@ def test_every_code_of_bump_has_a_test() -> None:
     assert [code for code in CODES if code[0] == "B" and f"{code} " not in text] == []
 
 
-# --- The page
+# --- docs/bump.md
 
 
 def test_the_page_begins_with_what_really_happens(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:

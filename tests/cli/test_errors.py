@@ -1,5 +1,6 @@
-"""Invalid input: each error has its location, its code and a helpful message. One run reports all errors, exits with 2
-and writes nothing. No content of a file makes msggen fail in any other way.
+"""Tests of invalid input: each error has its location, its code and a helpful message.
+
+One run reports all errors, exits with 2 and writes nothing. No file content makes msggen fail in any other way.
 
 msggen/report/errors.yaml has one example for each code, which tests/report/test_error_texts.py runs. ERRORS and DOUBTS
 are further examples.
@@ -40,7 +41,7 @@ STRICT = (*TREE, "--strict")
 
 
 class Case(NamedTuple):
-    """`files` with one error in them, and what a build from `source` says to it."""
+    """Files with one error, and the expected message of a build from `source`."""
 
     code: str
     place: str
@@ -55,34 +56,34 @@ def line(code: str, column: int, fragment: str, text: str) -> Case:
 
 
 def in_a_tree(code: str, fragment: str, text: str) -> Case:
-    """Return an error on the second line of a message of the firmware's own tree."""
+    """Return an error on the second line of a message in a PX4 tree."""
     files: dict[str, str | bytes] = {FOO: f"{STAMP}{text}\n", "in/src/modules/README": ""}
     return Case(code, f"{FOO}:2:1", fragment, files)
 
 
 def bridge(code: str, place: str, fragment: str, text: str) -> Case:
-    """Return an error in the YAML, beside two sound messages."""
+    """Return an error in the YAML, beside two valid messages."""
     return Case(code, f"{YAML}:{place}", fragment, {FOO: f"{STAMP}uint8 id\nfloat32 x\n", BAR: STAMP, YAML: text})
 
 
 def doubt(code: str, place: str, fragment: str, text: str) -> Case:
-    """Return a warning about the YAML, which `--strict` makes an error."""
+    """Return a warning about the YAML, which `--strict` turns into an error."""
     return bridge(code, place, fragment, text)._replace(source=STRICT)
 
 
 def odd(code: str, place: str, fragment: str, text: str) -> Case:
-    """Return a warning about a message, which `--strict` makes an error."""
+    """Return a warning about a message, which `--strict` turns into an error."""
     return Case(code, f"{FOO}:{place}", fragment, {FOO: f"{STAMP}{text}\n"}, STRICT)
 
 
 def in_lists(code: str, place: str, fragment: str, lists: str) -> Case:
-    """Return a warning about what a tree lists, beside two messages and a board that turns on nothing."""
+    """Return a warning about the lists of a tree, beside two messages and a board that enables nothing."""
     files = {FOO: STAMP, BAR: STAMP, "in/msg/CMakeLists.txt": lists, "in/src/modules/README": "", "sitl.px4board": ""}
     return Case(code, place, fragment, dict(files), (*TREE, "--strict"))
 
 
 ERRORS = [
-    # the text of a definition
+    # text of a definition
     line("M101", 3, "found 'uint8 = 5'", "  uint8 = 5"),
     Case("M102", f"{FOO}:1:1", "byte order mark", {FOO: b"\xef\xbb\xbf" + STAMP.encode()}),
     Case("Y101", f"{YAML}:1:3", "byte 0xe4 is not UTF-8", {FOO: STAMP, YAML: b"# \xe4\n"}),
@@ -149,7 +150,7 @@ ERRORS = [
     bridge("Y205", "2:10", "no field 'ids' to route by, did you mean 'id'?", f"{ROUTED}  route_field: ids\n"),
     bridge("Y205", "2:10", "expected an integer, found float32", f"{ROUTED}  route_field: x\n"),
     bridge("Y201", "3:9", "no message defines the type 'my_msgs::msg::Foo'", ENTRY.replace("px4_msgs", "my_msgs")),
-    # what is read and written
+    # files and folders
     Case("S101", "nothing.yaml", "No such file", {FOO: STAMP}, (*TREE, "--topics", "nothing.yaml")),
     Case("S101", FOO, "Is a directory", {f"{FOO}/note.txt": ""}),
     Case("S102", "in", "no .msg file here", {"in/note.txt": ""}),
@@ -225,7 +226,7 @@ def files_below(folder: Path) -> dict[str, bytes]:
 
 
 def errors_in(message: bytes, yaml: bytes = b"", service: bytes = b"---") -> tuple[Diagnostic, ...]:
-    """Return what is wrong with three files; any exception but InputError goes through."""
+    """Return the errors in three files; any exception other than InputError propagates."""
     sources = Sources((File(FOO, FOO),), (File(SERVICE, SERVICE),), File(YAML, YAML), own=1)
     try:
         read_catalog(sources, {FOO: message, YAML: yaml, SERVICE: service})
@@ -234,7 +235,7 @@ def errors_in(message: bytes, yaml: bytes = b"", service: bytes = b"---") -> tup
     return ()
 
 
-# One error at a time
+# Single errors
 
 
 @pytest.mark.parametrize("error", [*ERRORS, *DOUBTS], ids=lambda error: f"{error.code} {error.fragment}")
@@ -255,7 +256,7 @@ def test_each_error_is_told_with_its_place_code_and_help(
 def test_what_px4_may_have_added_is_a_warning(
     error: Case, working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for _ in range(2):  # it is said again where there is nothing to do
+    for _ in range(2):  # repeated when there is nothing to do
         assert build(working_folder, error._replace(source=error.source[:-1])) == DONE
         told = capsys.readouterr().err
         assert told.startswith(f"{error.place}: {error.code} warning: ")
@@ -272,7 +273,7 @@ def test_warnings_are_told_beside_errors(working_folder: Path, capsys: pytest.Ca
     assert last == "1 error, nothing written"
 
 
-# All of them at once
+# All errors in one run
 
 
 def test_all_errors_of_all_files_come_in_one_run_in_order(
@@ -288,7 +289,7 @@ def test_all_errors_of_all_files_come_in_one_run_in_order(
     assert build(working_folder, Case("", "", "", files)) == FAILED
     *told, last = capsys.readouterr().err.splitlines()
     assert [" ".join(text.split()[:2]) for text in told] == [
-        f"{YAML}:4:3: Y103",  # a warning, told before the errors
+        f"{YAML}:4:3: Y103",  # a warning, reported before the errors
         f"{YAML}:5:10: Y204",
         f"{YAML}:6:9: Y201",
         f"{BAR}:2:1: M301",
@@ -318,7 +319,7 @@ def test_two_cycles_are_both_found() -> None:
     assert [error.message.split(": ")[1] for error in caught.value.diagnostics] == ["A > B > A", "C > D > E > C"]
 
 
-# Nothing written
+# No output after an error
 
 
 def test_an_invalid_input_leaves_an_earlier_package_as_it_was(
@@ -338,7 +339,7 @@ def test_errors_are_no_findings(option: str, working_folder: Path, capsys: pytes
     assert "M401" in capsys.readouterr().err
 
 
-# Whatever a file holds
+# Arbitrary file contents
 
 WORDS = [
     "uint8",
@@ -421,12 +422,12 @@ ANY_TEXT = st.one_of(
 
 
 def is_one_plain_line(text: str) -> bool:
-    """Whether a terminal shows `text` as it is: no line ends, no escapes, nothing that turns its direction."""
+    """Whether a terminal shows `text` unchanged: no line ends, no escapes, no change of text direction."""
     return not re.search(r"[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]", text)
 
 
 def made_of(words: list[str]) -> st.SearchStrategy[bytes]:
-    """Return texts that come close to the grammar that `words` belong to."""
+    """Return texts that resemble the grammar of `words`."""
     return st.lists(st.sampled_from(words), max_size=25).map(lambda chosen: "".join(chosen).encode())
 
 
@@ -458,7 +459,7 @@ def test_any_service_is_read_or_refused(data: bytes) -> None:
 
 
 def test_a_yaml_that_nests_without_end_is_refused() -> None:
-    # In a process of its own: what overflows the stack takes the interpreter with it.
+    # A separate process, because a stack overflow would end the interpreter.
     code = "parse_bridge(b'[' * 100_000, 'topics.yaml').found[0].code"
     program = f"from msggen.parse.bridge import parse_bridge; print({code})"
     outcome = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
@@ -474,7 +475,7 @@ def test_a_long_chain_of_nested_messages_is_an_error_not_a_crash() -> None:
     assert {error.code for error in caught.value.diagnostics} == {"M302"}
 
 
-# How it is said
+# Form of the messages
 
 
 def test_a_diagnostic_reads_as_place_code_and_message() -> None:
@@ -501,7 +502,7 @@ def test_a_suggestion_is_made_where_one_is_near(wrong: str, expected: str) -> No
     assert suggestion(wrong, ["VehicleStatus", "SensorCombined"]) == expected
 
 
-# The page
+# docs/errors.md
 
 PAGE = (ROOT / "docs" / "errors.md").read_text(encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""Every command works on every firmware, from PX4 v1.14 to v1.18 and main of March 2026, without a warning."""
+"""Tests that every command works without warnings on all firmware, from PX4 v1.14 to v1.18 and main of March 2026."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from support.catalogs import write_definitions
 from support.repository import PX4_TREE, shared
 
 FIRMWARE = ["v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03"]
-"""Each before the next, in order of time but for main, which lies between v1.17 and v1.18."""
+"""In chronological order, except main, which lies between v1.17 and v1.18."""
 
 each_firmware = pytest.mark.parametrize(
     "name", [name if name == "v1.18" else pytest.param(name, marks=pytest.mark.slow) for name in FIRMWARE]
@@ -97,7 +97,7 @@ def test_px4_generate_of_the_bridges(name: str, client: str) -> None:
 @pytest.mark.parametrize("name", [name for name in FIRMWARE if name >= "v1.16" or name.startswith("main")])
 def test_bump_tells_what_is_to_do(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for path in Path(tree(name)).rglob("*"):
-        if path.is_file():  # a copy without the modes: the folder is read-only
+        if path.is_file():  # copied without its mode, because the folder is read-only
             write_definitions(tmp_path / "px4", {str(path.relative_to(tree(name))): path.read_text()})
     run("bump", "VehicleStatus", "--px4", "px4", "--dry-run", code=FINDINGS)
     assert "to create: msg/px4_msgs_old/msg/VehicleStatusV" in capsys.readouterr().out

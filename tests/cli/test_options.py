@@ -1,4 +1,4 @@
-"""Options mean the same in every command that has them; old spellings keep working."""
+"""Tests that an option means the same in every command that has it, and that old spellings still work."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COMMANDS: dict[str, argparse.ArgumentParser] = next(
 
 
 def actions(command: str) -> list[argparse.Action]:
-    """Return the arguments of a command that its help shows."""
+    """Return the arguments that the help of a command shows."""
     return [action for action in COMMANDS[command]._actions if action.help is not argparse.SUPPRESS]
 
 
@@ -36,7 +36,7 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
 
 
 def meanings() -> dict[str, dict[str, tuple[object, ...]]]:
-    """Return what each spelling means, by command."""
+    """Return the meaning of each spelling, by command."""
     found: dict[str, dict[str, tuple[object, ...]]] = defaultdict(dict)
     for command in COMMANDS:
         for action in actions(command):
@@ -46,10 +46,10 @@ def meanings() -> dict[str, dict[str, tuple[object, ...]]]:
 
 
 SHARED = sorted(spelling for spelling, by_command in meanings().items() if len(by_command) > 1)
-"""The spellings that several commands have."""
+"""Spellings that several commands have."""
 
 CHECKED = sorted(meanings()["--check"])
-"""The commands that can tell what they would change."""
+"""Commands that can show what they would change."""
 
 
 # --- Declarations
@@ -139,7 +139,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def state(folder: Path) -> dict[str, tuple[int, int, bytes]]:
-    """Return all that is in a folder, and when it was written."""
+    """Return all files and folders in a folder, with inode, time and content."""
     found = {}
     for path in folder.rglob("*"):
         stat = path.stat()
@@ -284,7 +284,7 @@ def test_old_spellings_are_not_suggested(wrong: list[str], told: str, capsys: py
     assert told in capsys.readouterr().err
 
 
-# --- Embedded releases that are almost named
+# --- Names close to that of an embedded release
 
 
 def almost() -> Iterator[tuple[str, str]]:

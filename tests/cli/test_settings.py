@@ -1,4 +1,4 @@
-"""`[tool.msggen]` of pyproject.toml: found from where a user stands, counted from where it lies, and never misread."""
+"""Tests of `[tool.msggen]` in pyproject.toml: how it is found, how its paths resolve, which values are rejected."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def settings_file(text: str, folder: str = ".") -> None:
 
 
 def refused(text: str) -> str:
-    """Return what is said of the settings `text`."""
+    """Return the error about the settings `text`."""
     settings_file(text)
     with pytest.raises(InputError) as caught:
         read_settings(".")
@@ -61,7 +61,7 @@ per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
         "src",
         "vehicle_types",
         "vehicle_msgs",
-        True,  # noqa: FBT003 - all of them in order
+        True,  # noqa: FBT003 - all settings in order
         True,  # noqa: FBT003
         ("WIRE",),
         ("FIELD_ADDED", "DRIFT"),

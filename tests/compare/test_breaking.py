@@ -1,5 +1,6 @@
-"""`msggen breaking` says what a change would break: against a revision or another tree, by the rules that are chosen;
-a complete new version of a message takes care of its change, and of nothing less. One rule at a time: test_rules.py.
+"""Tests of `msggen breaking`: comparison with a revision or another tree, choice of rules, and new versions.
+
+A complete new version of a message handles its changes; an incomplete one does not. test_rules.py tests each rule.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ Capture = pytest.CaptureFixture[str]
 
 @pytest.fixture(scope="module")
 def committed_firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A committed tree of real definitions, named v1 and main."""
+    """A committed tree of real definitions, with the branch main and the tag v1."""
     names = {f"msg/{name}.msg": name for name in ("Rpm", "EscReport", "EscStatus")}
     names |= {f"msg/versioned/{name}.msg": name for name in ("HomePosition", "ArmingCheckReply", "Event")}
     names |= {f"msg/versioned/{name}.msg": name for name in ("VehicleCommand", "VehicleCommandAck")}
@@ -65,7 +66,7 @@ def committed_firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def firmware(committed_firmware: Path, working_folder: Path) -> None:
-    """The current folder: it has a copy of that tree, whose work tree is to be changed."""
+    """Copy that tree into the current folder, where a test can change its work tree."""
     shutil.copytree(committed_firmware, working_folder / FIRMWARE)
 
 
@@ -74,7 +75,7 @@ def breaking(*arguments: str) -> int:
 
 
 def findings(capsys: Capture, *arguments: str) -> list[dict[str, object]]:
-    """Return what is found between `v1` and the work tree, or by other arguments; the exit code has to agree."""
+    """Return the findings between `v1` and the work tree, or those for `arguments`; check the exit code."""
     code = breaking(*(arguments or AGAINST_V1), "--output-format", "json")
     found: list[dict[str, object]] = json.loads(capsys.readouterr().out)["findings"]
     assert code == (FINDINGS if any(each["fails"] for each in found) else DONE)
@@ -82,12 +83,12 @@ def findings(capsys: Capture, *arguments: str) -> list[dict[str, object]]:
 
 
 def broken(capsys: Capture, *arguments: str) -> set[tuple[object, object]]:
-    """Return rule and subject of what fails."""
+    """Return rule and subject of the findings that fail."""
     return {(each["rule"], each["subject"]) for each in findings(capsys, *arguments) if each["fails"]}
 
 
 def handled(capsys: Capture, *arguments: str) -> set[tuple[object, object]]:
-    """Return rule and subject of what a complete new version takes care of."""
+    """Return rule and subject of the findings that a complete new version handles."""
     return {(each["rule"], each["subject"]) for each in findings(capsys, *arguments) if each["handled"]}
 
 
@@ -105,7 +106,7 @@ def told(capsys: Capture, *arguments: str) -> str:
 
 
 def edit(file: str, old: str, new: str) -> None:
-    """Replace what stands once in a file of the firmware."""
+    """Replace the only occurrence of `old` in a file of the firmware."""
     path = FIRMWARE / file
     text = path.read_text(encoding="utf-8")
     assert text.count(old) == 1
@@ -120,7 +121,7 @@ def add_field(file: str = RPM, field: str = "uint8 added") -> None:
 ADDED = {("FIELD_ADDED", "Rpm")}
 
 
-# --- Against what
+# --- Revisions and trees
 
 
 @pytest.mark.parametrize("against", ["main", "v1", "HEAD", "@", "heads/main", "HEAD@{0}", "HEAD^{/all}"])
@@ -280,7 +281,7 @@ MODULE = ("--px4", "firmware", "--msg-dir", "firmware/module", "--against", "HEA
 
 @pytest.fixture
 def module() -> None:
-    """An external module inside of the firmware's repository."""
+    """Add an external module to the firmware's repository, and change its message."""
     write_definitions(FIRMWARE, {"module/msg/Fan.msg": FAN})
     git(FIRMWARE, "add", "-A")
     git(FIRMWARE, "commit", "-q", "-m", "module")
@@ -325,11 +326,11 @@ def test_a_bridge_that_is_named_is_no_change(place: str, capsys: Capture) -> Non
     assert broken(capsys, "--px4", "firmware", "--against", "HEAD", *option) == NONE
 
 
-# --- Which rules
+# --- Choice of rules
 
 
 def several() -> None:
-    """Change something in every category but VERSION."""
+    """Change something in every category except VERSION."""
     add_field()
     edit("msg/EscReport.msg", "esc_rpm  # [rpm]", "esc_speed  # [rpm]")
     edit("msg/EscReport.msg", "esc_voltage  # [V]", "esc_voltage  # [mV]")
@@ -476,7 +477,7 @@ def test_rules_that_breaking_never_asks_cannot_be_all_that_is_asked(name: str, c
 
 
 def test_choices_do_not_touch_check(capsys: Capture) -> None:
-    """`check` proves that both sides are the same, or does not."""
+    """`check` ignores the choice of rules, because it must prove that both sides are the same."""
     Path("pyproject.toml").write_text('[tool.msggen]\nselect = ["TOPIC"]\nignore = ["WIRE"]\n')
     add_field()
     assert main(["check", "firmware@v1", "firmware"]) == FINDINGS
@@ -505,7 +506,7 @@ def header(*messages: tuple[str, int]) -> str:
 
 
 def archive(file: str, number: int, old: str = "", new: str = "") -> None:
-    """Put the definition that `v1` has into the archive, with `old` replaced by `new`."""
+    """Archive the definition of `v1`, with `old` replaced by `new`."""
     text = git(FIRMWARE, "show", f"v1:{file}") + "\n"
     assert old in text
     name = f"{Path(file).stem}V{number}"
@@ -517,7 +518,7 @@ def raise_version(file: str, old: int, new: int) -> None:
 
 
 def bump() -> None:
-    """Add a field to HomePosition, and do all that belongs to it."""
+    """Add a field to HomePosition, with a complete new version."""
     add_field(HOME, NEW_FIELD)
     raise_version(HOME, 1, 2)
     archive(HOME, 1)
@@ -557,7 +558,7 @@ def test_it_does_not_take_care_of_constants_and_units(capsys: Capture) -> None:
 
 
 class Lack(NamedTuple):
-    """What is missing of a complete new version, and the rule that says so."""
+    """A step that is missing from a new version, and the rule that reports it."""
 
     what: str
     make: Callable[[], object]
@@ -620,7 +621,7 @@ def test_another_number_alone_is_needless(number: int, capsys: Capture) -> None:
 def test_a_new_version_is_not_needless_where_the_meaning_is_another(
     file: str, old: str, new: str, capsys: Capture
 ) -> None:
-    """Whether the meaning is worth a version is for people to say; without one nothing is found either."""
+    """A change of meaning does not require a new version, and a new version for it is not reported as needless."""
     edit(file, old, new)
     assert broken(capsys, *AGAINST_V1, "--select", "VERSION") == NONE
     raise_version(file, 1, 2)
@@ -632,11 +633,11 @@ def test_comments_ask_for_no_version(capsys: Capture) -> None:
     assert broken(capsys) == NONE
 
 
-# --- Versions of what is nested
+# --- Versions of nested messages
 
 
 def bump_event(*, with_reply: bool = True) -> None:
-    """Add a field to Event, which ArmingCheckReply nests; both are versioned, so both get a new version."""
+    """Add a field to Event, which ArmingCheckReply nests; both are versioned, so both need a new version."""
     add_field(EVENT, "uint8 severity")
     raise_version(EVENT, 1, 2)
     archive(EVENT, 1)
@@ -649,7 +650,7 @@ def bump_event(*, with_reply: bool = True) -> None:
 
 
 def test_both_versions_go_up_where_one_message_nests_the_other(capsys: Capture) -> None:
-    """The archived message nests the archived type, under its other name."""
+    """The archived message nests the archived type, which has another name."""
     bump_event()
     assert broken(capsys) == NONE
     assert handled(capsys) == {
@@ -673,7 +674,7 @@ def test_without_any_new_version_both_are_asked_for(capsys: Capture) -> None:
 
 
 def test_a_name_in_what_is_nested_asks_for_a_version_too(capsys: Capture) -> None:
-    """The hash of the outer message is another."""
+    """The hash of the outer message changes."""
     edit(EVENT, "uint8 log_levels", "uint8 levels")
     assert ("VERSION_NOT_RAISED", "ArmingCheckReply") in broken(capsys)
 
@@ -693,7 +694,7 @@ def test_a_type_without_versions_inside_of_a_versioned_message(capsys: Capture) 
     assert broken(capsys, "--px4", "firmware", "--against", "HEAD") == expected
 
 
-# --- Versions that come and go
+# --- Versions that are added or removed
 
 
 def test_a_message_that_becomes_versioned_keeps_the_rules(capsys: Capture) -> None:
@@ -725,7 +726,7 @@ def test_a_message_that_goes_is_no_matter_of_its_version(capsys: Capture) -> Non
 
 
 def test_a_tree_without_versioned_messages_asks_for_no_archive(capsys: Capture) -> None:
-    """A px4_msgs package keeps no earlier versions: it is the firmware that does."""
+    """A px4_msgs package has no archived versions; only the firmware keeps them."""
     for folder, number in (("old", 1), ("new", 2)):
         text = definition("HomePosition").replace("MESSAGE_VERSION = 1", f"MESSAGE_VERSION = {number}")
         field = NEW_FIELD if number == 2 else ""
@@ -748,7 +749,7 @@ def test_errors_that_do_not_matter_elsewhere_do_not_matter_in_the_archive(text: 
 
 
 def test_from_v1_16_to_v1_17_two_archived_versions_are_not_what_was_shipped(capsys: Capture) -> None:
-    """In the firmware itself: BatteryStatusV0 has fields in another order, VehicleLocalPositionV0 one too few."""
+    """BatteryStatusV0 in the firmware has its fields in another order, and VehicleLocalPositionV0 lacks one."""
     old, new = shared("firmware/v1.16"), shared("firmware/v1.17")
     found = broken(capsys, "--px4", str(new), "--against", str(old), "--ignore", "TRANSLATION_MISSING")
     assert {subject for rule, subject in found if rule == "VERSION_NOT_ARCHIVED"} == {
@@ -763,7 +764,7 @@ def test_from_v1_16_to_v1_17_two_archived_versions_are_not_what_was_shipped(caps
 
 
 def bridge(text: str) -> None:
-    """Commit the YAML as `text`."""
+    """Commit `text` as the YAML."""
     write_definitions(FIRMWARE, {YAML: text})
     git(FIRMWARE, "commit", "-q", "-a", "--allow-empty", "-m", "bridge")
 
@@ -774,7 +775,7 @@ WARNED = {("RATE_LIMIT_CHANGED", "/fmu/out/rpm")}
 
 
 def on_the_bridge(capsys: Capture, before: str, after: str) -> set[tuple[object, object]]:
-    """Return what is found where nothing but the YAML changes, warnings too."""
+    """Return all findings, warnings included, for a change of the YAML alone."""
     bridge(before)
     write_definitions(FIRMWARE, {YAML: after})
     return {(each["rule"], each["subject"]) for each in findings(capsys, "--px4", "firmware", "--against", "HEAD")}
@@ -935,7 +936,7 @@ def test_what_a_new_version_takes_care_of_may_be_silent(capsys: Capture) -> None
     assert [(each["silent"], each["handled"], each["fails"]) for each in found] == [(True, True, False)]
 
 
-# --- How it is said
+# --- Output
 
 
 @pytest.mark.parametrize("output_format", FORMATS)
@@ -957,7 +958,7 @@ def test_findings_come_sorted_by_what_they_are_about_and_their_place(capsys: Cap
 
 
 def test_the_output_is_the_same_in_every_process() -> None:
-    """Sets have another order in each."""
+    """The order of a set differs between processes."""
     several()
     bump()
     command = [sys.executable, "-m", "msggen", "breaking", *AGAINST_V1, "--output-format", "full"]
@@ -971,7 +972,7 @@ def test_the_output_is_the_same_in_every_process() -> None:
 
 
 def test_a_commit_that_breaks_something_is_stopped_by_a_hook(capsys: Capture) -> None:
-    """Git runs hooks with variables that name its repository; the firmware is another, and is meant."""
+    """Git runs hooks with variables that name the hook's own repository, but the firmware is in another one."""
     committed(write_definitions(Path("other"), {"msg/Other.msg": STAMP}))
     hook = Path("other/.git/hooks/pre-commit")
     hook.parent.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""Changes that are easily taken for others: what each of them is, and whether old readers notice."""
+"""Tests of changes that look alike: how each is reported, and whether old or new readers misread it."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def bridged(topic: str, type_: str) -> str:
 
 
 class Case(NamedTuple):
-    """Files before and after, what is found as (rule, subject), and the subjects that go wrong silently.
+    """Files before and after a change, the expected findings as (rule, subject), and the subjects that are misread.
 
-    `silent` are those that go wrong both ways, `for_old` and `for_new` those that only old or new readers misread.
+    Both old and new readers misread those in `silent`, only old readers `for_old`, only new readers `for_new`.
     """
 
     previous: dict[str, str]
@@ -63,7 +63,7 @@ def without(files: dict[str, str], name: str) -> dict[str, str]:
 
 
 def headers(*steps: str) -> dict[str, str]:
-    """Return a header for each step, "WV0 W" say, that copies all the fields that there are, by a macro."""
+    """Return one header for each step, such as "WV0 W"; it copies every field by a macro."""
     texts = {}
     for step in steps:
         older, newer = step.split()
@@ -460,7 +460,7 @@ def test_a_change_is_what_it_is_and_nothing_else(name: str, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_way_back_is_the_same_seen_from_the_other_side(name: str, tmp_path: Path) -> None:
-    """Renames are renames both ways, and who misreads whom is turned round."""
+    """The reverse change has the same renames, reversed, and old and new readers swap roles."""
     case = CASES[name]
     found = run(tmp_path, case._replace(previous=case.current, current=case.previous))
     back = {GONE: NEW, NEW: GONE}

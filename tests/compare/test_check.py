@@ -1,5 +1,6 @@
-"""`msggen check` says whether two sources mean the same: by bytes, names, constants, nested types, versions and
-services, never by text; errors in a source are reported. Layouts of whole releases: test_comparison.py.
+"""Tests of `msggen check`: bytes, names, constants, nested types, versions and services count, other text does not.
+
+Errors in a source are reported. test_comparison.py compares the layouts of whole releases.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ Capture = pytest.CaptureFixture[str]
 
 @pytest.fixture(autouse=True)
 def firmware_and_package(working_folder: Path) -> None:
-    """The current folder: a small firmware, and a package in step with it, such as px4_msgs is without msggen."""
+    """Create a small firmware in the current folder, and a matching plain package, not created by msggen."""
     write_definitions(working_folder / firmware(), {"msg/Fleet.msg": f"{STAMP}EscStatus[2] escs\n"})
     plain_package()
 
@@ -49,7 +50,7 @@ def check(*arguments: str) -> int:
 
 
 def drift(capsys: Capture, *arguments: str) -> set[tuple[str, str]]:
-    """Return rule and subject of what is found; the exit code has to agree."""
+    """Return rule and subject of the findings; check the exit code."""
     code = check(*(arguments or SIDES), "--output-format", "json")
     findings = json.loads(capsys.readouterr().out)["findings"]
     assert code == (FINDINGS if findings else DONE)
@@ -67,13 +68,13 @@ def told(capsys: Capture, *arguments: str) -> str:
 
 
 def edit(path: str | Path, old: str, new: str) -> None:
-    """Replace what stands in a file once."""
+    """Replace the only occurrence of `old` in a file."""
     text = Path(path).read_text(encoding="utf-8")
     assert text.count(old) == 1
     Path(path).write_text(text.replace(old, new), encoding="utf-8")
 
 
-# --- The sides
+# --- Sources
 
 
 def test_a_package_is_judged_by_the_firmware(capsys: Capture) -> None:
@@ -154,11 +155,11 @@ def test_a_path_that_is_no_source_is_told(arguments: tuple[str, ...], start: str
     assert told(capsys, *arguments).startswith(start)
 
 
-# --- What counts
+# --- Differences that count
 
 
 class Edit(NamedTuple):
-    """What is done to a file of the package: `old` becomes `new`; and what is found."""
+    """A replacement of `old` by `new` in a file of the package, and the expected findings."""
 
     what: str
     file: str
@@ -231,7 +232,7 @@ def test_a_service_by_the_name_of_a_message_is_one_more(capsys: Capture) -> None
     assert drift(capsys) == {("DEFINITION_ADDED", "VehicleCommand")}
 
 
-# --- What does not count
+# --- Differences that do not count
 
 
 def rewrite(change: Callable[[str], str]) -> None:
@@ -263,7 +264,7 @@ def test_how_a_definition_is_written_does_not_count(change: Callable[[str], str]
 
 @pytest.mark.parametrize("lines", ["# TOPICS tacho\n", "# TOPICS  rpm tacho\n", "# TOPICS esc_status\n"])
 def test_lines_of_topics_do_not_count(lines: str, capsys: Capture) -> None:
-    """uORB topics are the firmware's business; packages without them, or with old ones, work as well."""
+    """Only the firmware uses uORB topics; a package works without them or with outdated ones."""
     (MSG / "Rpm.msg").open("a").write(lines)
     assert drift(capsys) == IN_STEP
 
@@ -306,7 +307,7 @@ def test_a_package_of_another_name_is_compared_by_names_of_messages(name: str, c
     assert drift(capsys) == {("FIELD_RETYPED", "EscReport"), *NESTED}
 
 
-# --- Messages of one's own
+# --- A user's own messages
 
 OWN = {
     "msg/Mine.msg": f"{STAMP}Rpm rpm\n",
@@ -368,7 +369,7 @@ def test_an_error_in_a_message_of_both_sides_is_told_at_its_place(text: str, sai
 
 
 def test_an_error_in_what_a_shared_message_nests_is_told_too(capsys: Capture) -> None:
-    """Were `Mine` not nested, it would be nobody's business."""
+    """If `Mine` were not nested, its errors would be ignored."""
     edit(MSG / "Rpm.msg", "float32 rpm_raw", "Mine mine")
     write_definitions(MSG, {"Mine.msg": "float3 x\n"})
     assert told(capsys, *SIDES).startswith("px4_msgs/msg/Mine.msg:1:1: M301 ")
@@ -432,7 +433,7 @@ def test_a_message_of_a_near_name_that_cannot_be_read_is_only_new(capsys: Captur
     assert drift(capsys) == {("MESSAGE_REMOVED", "Rpm"), ("DEFINITION_ADDED", "RpmSensor")}
 
 
-# --- Sizes that vary
+# --- Variable sizes
 
 
 @pytest.mark.parametrize(
@@ -481,7 +482,7 @@ def test_empty_messages_and_halves_of_services_are_compared(capsys: Capture) -> 
     assert drift(capsys) == {("FIELD_ADDED", "Ping_Request"), ("FIELD_REMOVED", "Ping_Response")}
 
 
-# --- Just what crosses the bridge
+# --- Messages that cross the bridge
 
 TOPICS_ONLY = (*SIDES, "--topics-only")
 
@@ -560,7 +561,7 @@ def test_an_invalid_bridge_is_told_at_its_place(text: str, said: str, capsys: Ca
     assert told(capsys, *TOPICS_ONLY).startswith(f"firmware/{BRIDGE_PLACE}{said}")
 
 
-# --- How it is said
+# --- Output
 
 
 @pytest.mark.parametrize("output_format", FORMATS)
@@ -571,7 +572,7 @@ def test_every_format_says_whether_there_is_drift(output_format: str, capsys: Ca
     assert check(*SIDES, "--output-format", output_format) == FINDINGS
     drifted = capsys.readouterr().out
     assert "FIELD_RENAMED" in drifted
-    assert "FIELD_RENAMED" not in in_step or output_format in ("sarif", "junit")  # these name all rules
+    assert "FIELD_RENAMED" not in in_step or output_format in ("sarif", "junit")  # these list all rules
     (MSG / "Rpm.msg").write_text("nonsense\n")
     assert check(*SIDES, "--output-format", output_format) == FAILED
     unclear = capsys.readouterr()
@@ -607,7 +608,7 @@ def test_nothing_is_written_anywhere(tmp_path: Path) -> None:
     assert content(tmp_path) == before
 
 
-# --- Topics, where both sides have a bridge
+# --- Topics where both sides have a bridge
 
 
 def test_two_firmwares_that_bridge_differently_differ(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,5 +1,7 @@
-"""`check` and `breaking` find every change of a layout and nothing else: all pairs of releases, and thousands of random
-edits, against the slow comparison in `comparison.py` and the hashes that the firmware's own tools computed.
+"""Tests that `check` and `breaking` find every change of a layout and report no others.
+
+They compare all pairs of releases and thousands of random edits. The expected results come from the slow comparison in
+`comparison.py` and from the hashes that the firmware's own tools computed.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ def subjects(found: Report, *categories: Category) -> set[str]:
 
 
 def silent(found: Report) -> dict[str, set[str]]:
-    """Return who misreads whom: the readers by message."""
+    """Return the readers that misread each message, as msggen reports them."""
     return {
         each.change.subject: {reader.value for reader in each.silent_for}
         for each in found.findings
@@ -50,7 +52,7 @@ def silent(found: Report) -> dict[str, set[str]]:
 
 
 def misread(before: Definitions, after: Definitions, names: slow.Names) -> dict[str, set[str]]:
-    """Return the same by the slow comparison."""
+    """Return the readers that misread each message, according to the slow comparison."""
     both = before.keys() & after
     return {name: readers for name in both if (readers := slow.misread(before, after, name, names))}
 
@@ -59,7 +61,7 @@ def misread(before: Definitions, after: Definitions, names: slow.Names) -> dict[
 
 
 class Pair(NamedTuple):
-    """Two releases, what the slow comparison read of them, and what msggen says."""
+    """Two releases, their definitions as the slow comparison reads them, and msggen's reports."""
 
     before: Definitions
     after: Definitions
@@ -75,7 +77,7 @@ def read(release: str) -> Definitions:
 
 @cache
 def hashes(release: str) -> dict[str, int] | None:
-    """Return the hashes that the firmware's own tools computed, None where nobody has measured them."""
+    """Return the hashes that the firmware's own tools computed, or None for a release without them."""
     if release in WITHOUT_ORACLE:
         return None
     messages = json.loads(shared(f"oracles/uorb-{release}.json").read_text())["messages"]
@@ -109,7 +111,7 @@ def test_the_findings_agree_with_the_hashes_of_the_firmware(pair: Pair) -> None:
 
 
 def test_names_alone_are_no_matter_of_bytes(pair: Pair) -> None:
-    """What has no WIRE finding has the same values in the same places, and what has one has not."""
+    """A message has a WIRE finding if and only if its values or their places differ."""
     wire = subjects(pair.check, Category.WIRE)
     for name in pair.before.keys() & pair.after:
         before, after = (slow.rows(side, name, slow.RENAMED) for side in (pair.before, pair.after))
@@ -156,12 +158,12 @@ def test_constants_are_missed_if_and_only_if_they_are_gone(pair: Pair) -> None:
 
 
 def test_what_went_silently_wrong_from_one_release_to_the_next() -> None:
-    """The reason for all this: no error anywhere, and wrong values."""
+    """These messages are misread without any error."""
     found = report(check, shared("firmware/v1.16"), shared("firmware/v1.17"))
     both = {"old", "new"}
     assert silent(found) == {
-        "ActuatorArmed": both,  # force_failsafe became termination: in other words, but for people to say
-        "Px4ioStatus": both,  # likewise
+        "ActuatorArmed": both,  # force_failsafe became termination: a synonym, but only a person can tell
+        "Px4ioStatus": both,  # as above
         "AirspeedValidated": both,
         "ArmingCheckReply": both,
         "ControlAllocatorStatus": {"new"},
@@ -195,7 +197,7 @@ def _lines(text: str) -> list[str]:
 
 @st.composite
 def cosmetic_edits(draw: st.DrawFn) -> dict[str, str]:
-    """The same definitions with other comments and white space."""
+    """Draw the same definitions with other comments and white space."""
     edited = {}
     for name in NAMES:
         out = []
@@ -224,9 +226,9 @@ def test_comments_and_white_space_never_count(edited: dict[str, str], tmp_path_f
 
 
 class Edited(NamedTuple):
-    """Definitions after some edits, and the old names of the fields whose new names are near, by message.
+    """Definitions after some edits, and the old names of the renamed fields, by message and new name.
 
-    A field whose type is another now is no longer the same by another name.
+    A renamed field whose type also changes counts as another field.
     """
 
     files: dict[str, str]
@@ -235,7 +237,7 @@ class Edited(NamedTuple):
 
 @st.composite
 def edits(draw: st.DrawFn) -> Edited:
-    """The same definitions after some edits of fields: added, removed, swapped, renamed, replaced, retyped, resized."""
+    """Draw definitions with edited fields: added, removed, swapped, renamed, replaced, retyped or resized."""
     lines_of = {name: [line.partition("#")[0].strip() for line in _lines(TEXTS[name])] for name in NAMES}
     texts = {name: [line for line in lines if line and "=" not in line] for name, lines in lines_of.items()}
     names: slow.Names = {}

@@ -1,4 +1,4 @@
-"""Which fields with different names are one field: judged by names, comments and units, the same both ways."""
+"""Tests of the recognition of renamed fields by names, comments and units, in both directions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def fields(text: str) -> list[Field]:
 
 
 def judged(before: str, after: str, kept: str = "") -> bool:
-    """Return whether the first new field is the first old one; judged both ways, which have to agree."""
+    """Return whether the first new field is the first old one renamed; check that both directions agree."""
     lost, gained, both = fields(before), fields(after), fields(kept) if kept else []
     forwards = is_renamed(lost[0], gained[0], Candidates(lost, gained, both))
     assert is_renamed(gained[0], lost[0], Candidates(gained, lost, both)) == forwards

@@ -1,4 +1,4 @@
-"""Each rule finds what it is for, in its example: a pair of folders `previous` and `current`. And only that."""
+"""Tests that each rule reports its example, a pair of folders `previous` and `current`, and that no other rule does."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ ALSO = {
     "VERSION_NOT_ARCHIVED": {"FIELD_ADDED"},
     "VERSION_NOT_RAISED": {"FIELD_ADDED"},
 }
-"""What other rules find in an example, because it cannot be had without."""
+"""Other rules that report an example and cannot be avoided there."""
 SILENT = {"FIELD_MOVED", "FIELD_RETYPED"}
-"""Examples that keep their size and have other values."""
+"""Examples in which the size stays the same but the values change."""
 
 each_rule = pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.id)
 

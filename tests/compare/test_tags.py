@@ -1,4 +1,4 @@
-"""The table of tags: the parser, the model, the views of `render`, the rules and `__msg__` follow from it."""
+"""Tests that the parser, the model, the views of `render`, the rules and `__msg__` follow the table of tags."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SIDES = {
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the tool with one more line: a row for `[@since ...]`."""
+    """A copy of the tool with one more row in the table, for `[@since ...]`."""
     folder = tmp_path_factory.mktemp("checkout")
     for name in ("msggen", "templates", "releases", "msg", "srv"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -41,7 +41,7 @@ def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(checkout: Path, *arguments: str, status: int = 0) -> str:
-    """Run Python with the copy of the tool; return what it printed."""
+    """Run Python with the copy of the tool; return its output."""
     done = subprocess.run(
         [sys.executable, *arguments],
         cwd=checkout,

@@ -1,4 +1,4 @@
-"""Units and ranges that are spelled in several ways, and mean the same."""
+"""Tests that different spellings of a unit or range mean the same."""
 
 from __future__ import annotations
 

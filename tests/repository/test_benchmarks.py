@@ -1,4 +1,4 @@
-"""The benchmarks compare like with like, say why where they cannot, and run as a whole from nothing."""
+"""Tests that the benchmarks compare like with like, give a reason where they cannot, and run from a fresh clone."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_slow_first_call_makes_no_turn_shorter(monkeypatch: pytest.MonkeyPatch
 
 
 def clockwork(took: Iterable[float], monkeypatch: pytest.MonkeyPatch) -> tuple[list[float], Callable[[], None]]:
-    """Replace the clock by one that only `work` moves, by what it `took`; return its calls and `work`."""
+    """Replace the clock by one that advances only in `work`, by the times in `took`; return its calls and `work`."""
     times = iter(took)
     calls: list[float] = []
 
@@ -85,7 +85,7 @@ def test_processes_run_once_to_warm_up_and_may_begin_anew_in_each_round(tmp_path
     assert sorted(path.name for path in tmp_path.iterdir()) == ["round_0", "round_1", "round_2"]
 
 
-# --- What is measured
+# --- Measured programs
 
 
 @pytest.mark.parametrize("name", MESSAGES)
@@ -112,17 +112,17 @@ def test_definitions_carry_what_they_nest(samples: dict[str, Sample]) -> None:
 
 
 def program_run(peer: Peer, sample: Sample) -> dict[str, Any]:
-    """Return the names that a peer's program makes."""
+    """Return the names that a peer's program defines."""
     names: dict[str, Any] = {"__name__": "contest", "data": sample.payload}
     execute(peer.program(sample), names)
     return names
 
 
-# --- Who takes part
+# --- Peers
 
 
 class Shifted(Peer):
-    """Decodes a value that is none of the sample's, or encodes other bytes."""
+    """A peer that decodes a wrong value or encodes wrong bytes."""
 
     name = "shifted"
 
@@ -135,7 +135,7 @@ class Shifted(Peer):
 
 
 class Missing(Peer):
-    """Nobody has it installed."""
+    """A peer that is not installed."""
 
     name = "missing"
 
@@ -144,7 +144,7 @@ class Missing(Peer):
 
 
 class Unable(Peer):
-    """Knows no way to declare any message."""
+    """A peer that cannot declare any message."""
 
     name = "unable"
 
@@ -230,7 +230,7 @@ def test_copies_of_the_set_are_as_many_messages_that_fit_together(tmp_path: Path
     assert esc.type.name == "EscReportCopy1"
 
 
-# --- What is shown
+# --- Output
 
 
 SPEEDS = Speeds(
@@ -297,12 +297,12 @@ def test_charts_are_the_same_for_the_same_numbers() -> None:
     assert "dc:date" not in drawn
 
 
-# --- The environment
+# --- Environment
 
 
 @pytest.fixture
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
-    """Put the environment into a folder of the test, and do as if pip were there; return what it was told."""
+    """Put the environment into a temporary folder and replace pip; return the calls of pip."""
     calls: list[tuple[str, ...]] = []
     requirements = tmp_path / "requirements.txt"
     requirements.write_text("# peers\nrosbags==1\n\ncydr==2\n")
@@ -346,7 +346,7 @@ def test_the_environment_is_kept_until_requirements_change(
     assert len(elsewhere) == 2
 
 
-# --- All of it
+# --- Complete run
 
 
 TREE = ("benchmarks", "generated", "msg", "msggen", "releases", "srv", "templates", "tests/vectors")
@@ -355,7 +355,7 @@ FILES = ("LICENSE", "README.md", "dds_topics.yaml", "pyproject.toml")
 
 @pytest.mark.slow
 def test_the_command_runs_from_nothing_and_a_quick_run_writes_nothing(tmp_path: Path) -> None:
-    """As on a fresh clone: the peers come from the package index."""
+    """As on a fresh clone, with the peers from the package index."""
     for name in TREE:
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns(".venv*", "__pycache__"))
     for name in FILES:

@@ -1,7 +1,7 @@
-"""The wrappers for CI do what they say: the pre-commit hooks in a real repository, the GitHub Action step by step.
+"""Tests of the wrappers for CI: the pre-commit hooks in a real repository, and the GitHub Action step by step.
 
-So does the page about them, docs/ci.md. Both wrappers install msggen as their users do, from a checkout and with what
-the package index has.
+The page about them, docs/ci.md, is tested too. Both wrappers install msggen as users do, from a checkout and with the
+packages of the index.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ ATTITUDE = (ROOT / "msg" / "versioned" / "VehicleAttitude.msg").read_text(encodi
 
 
 def swap(definition: str, one: str, other: str) -> str:
-    """Let the lines of two fields change places: where they have one type, the size stays, and values are others."""
+    """Swap the lines of two fields: if both have the same type, the size stays the same and the values change."""
     lines = definition.splitlines()
     first, second = (next(i for i, line in enumerate(lines) if line.split(" ")[1:2] == [name]) for name in (one, other))
     lines[first], lines[second] = lines[second], lines[first]
@@ -57,7 +57,7 @@ def run(folder: Path, *command: str, **environment: str) -> subprocess.Completed
 
 
 def commit_all(folder: Path) -> str:
-    """Commit everything in `folder`, which becomes a repository if it is none; return the commit."""
+    """Commit everything in `folder`, creating a repository if there is none; return the commit."""
     for command in ("init -q", "add -A", "commit -q --no-verify -m everything"):
         done = run(folder, "git", *command.split())
         assert done.returncode == 0, done.stdout
@@ -92,7 +92,7 @@ def test_the_hooks_run_when_definitions_change(path: str, *, counts: bool) -> No
 
 @pytest.fixture(scope="module")
 def tool(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """This checkout, uncommitted work included, as a repository of its own, and its commit."""
+    """A repository with the files of this checkout, uncommitted work included, and its commit."""
     folder = tmp_path_factory.mktemp("tool")
     for name in (*NEEDED, HOOKS):
         if (ROOT / name).is_dir():
@@ -104,7 +104,7 @@ def tool(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 @pytest.fixture(scope="module")
 def workspace(tool: tuple[Path, str], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A user's repository with a firmware, a package that matches it, the generated types, and all hooks."""
+    """A user's repository with a firmware, a package that matches it, the generated types and all hooks."""
     folder = tmp_path_factory.mktemp("workspace")
     hooks = [
         {"id": "msggen-check", "args": ["--px4", "firmware", "px4_msgs"]},
@@ -181,7 +181,7 @@ def test_inputs_never_become_part_of_a_script() -> None:
 
 
 def run_step(step: dict[str, Any], folder: Path, runner: Path, inputs: dict[str, str]) -> tuple[int, str]:
-    """Run a step as GitHub does: expressions filled in, the script in a file, bash with these options."""
+    """Run a step as GitHub does: with expressions filled in, the script in a file, and bash with the same options."""
     values = {name: about.get("default", "") for name, about in ACTION["inputs"].items()} | inputs
     environment = {
         name: re.sub(r"\${{ inputs\.(\w+) }}", lambda match: values[match[1]], text)
@@ -197,7 +197,7 @@ def run_step(step: dict[str, Any], folder: Path, runner: Path, inputs: dict[str,
 
 @pytest.fixture(scope="module")
 def runner(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The temporary folder of a runner that has done the action's first step."""
+    """The temporary folder of a runner that has run the first step of the action."""
     folder = tmp_path_factory.mktemp("runner temp")
     code, output = run_step(INSTALL, folder, folder, {})
     assert code == 0, output
@@ -268,7 +268,7 @@ CONSOLE: list[list[str]] = [block.splitlines() for block in re.findall(r"```cons
 
 @pytest.fixture
 def documented(working_folder: Path) -> None:
-    """What the page tells of: a firmware with two fields swapped and one renamed, and a package made before that."""
+    """Create the example of the page: a firmware with two fields swapped and one renamed, and an older package."""
     firmware, package = working_folder / "PX4-Autopilot", working_folder / "src" / "px4_msgs"
     for name in ("msg", "srv"):
         shutil.copytree(ROOT / name, firmware / name)
@@ -283,7 +283,7 @@ def documented(working_folder: Path) -> None:
 
 
 def console(command: str) -> list[str]:
-    """Return what the page shows below a command."""
+    """Return the lines that the page shows below a command."""
     lines = next(block for block in CONSOLE if block[0].startswith(command))[1:]
     return lines[: next((index for index, line in enumerate(lines) if line.startswith("$ ")), len(lines))]
 

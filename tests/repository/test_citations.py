@@ -1,4 +1,4 @@
-"""What comments, docstrings and pages cite is in the repository: pages with their sections, and paths."""
+"""Tests that pages, sections and paths cited in comments, docstrings and pages exist in the repository."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOT_OURS = ["tests/vectors"]
 KINDS = [".py", ".j2", ".em", ".md", ".yaml", ".yml", ".toml"]
 
 PAGE = re.compile(r"(?<![\w/.-])(?:docs/)?(\w+\.md)(?!\.)(?:#([\w-]+)|, ((?:\d+(?:, | and | to )?)+))?")
-"""A page, and after it an anchor or the numbers of sections."""
+"""The name of a page, optionally followed by an anchor or the numbers of sections."""
 
 PATH = re.compile(
     r"(?<![\w/.<>{}*-])((?:benchmarks|docs|examples|generated|msggen|releases|tests|templates/(?:python|ros2))/[\w./*-]+)"
@@ -30,7 +30,7 @@ FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 TRACKER = re.compile(
     r"\bissues?\s+(?:no\.\s*)?#?\d|\b(?:as|our|see|the|this)\s+issues?\b(?! (?:form|template))", re.IGNORECASE
 )
-"""How a text speaks of work on this repository that its readers cannot look up. GitHub's forms are something else."""
+"""Words about work on this repository that readers cannot look up. The names of GitHub's forms are allowed."""
 
 
 class Text(NamedTuple):
@@ -41,7 +41,7 @@ class Text(NamedTuple):
 
 
 def files() -> list[Path]:
-    """Return the files that people write, without PX4's definitions and what is generated."""
+    """Return the files written by hand, without PX4's definitions."""
     found = [path for path in ROOT.iterdir() if path.is_file()]
     found += [path for folder in FOLDERS for path in (ROOT / folder).rglob("*")]
     hidden = [ROOT / ".ci", ROOT / ".github"]
@@ -51,7 +51,7 @@ def files() -> list[Path]:
 
 
 def prose_of(path: Path) -> str:
-    """Return the comments and docstrings of a file, and of a page all but its examples."""
+    """Return the comments and docstrings of a file, or a page without its examples."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
         return "\n".join(comments(text))
@@ -61,7 +61,7 @@ def prose_of(path: Path) -> str:
 
 
 def comments(source: str) -> Iterator[str]:
-    """Yield comments, and the strings that are statements of their own."""
+    """Yield comments, and the strings that are statements."""
     before = tokenize.NEWLINE
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.COMMENT or (
@@ -92,12 +92,12 @@ def sections(page: Path) -> list[int]:
 
 
 def find_page(name: str) -> Path | None:
-    """Return the page of ours with this name."""
+    """Return the page of this repository with this name."""
     return next((path for path in (ROOT / "docs" / name, ROOT / name) if path.is_file()), None)
 
 
 def unresolved(text: Text) -> Iterator[str]:
-    """Yield each citation of `text` that leads nowhere."""
+    """Yield each citation in `text` whose target does not exist."""
     for citation in PAGE.finditer(text.prose):
         name, anchor, numbers = citation.groups()
         page = find_page(name)
@@ -111,7 +111,7 @@ def unresolved(text: Text) -> Iterator[str]:
 
 
 def dead_anchors(text: Text) -> Iterator[str]:
-    """Yield each link of a page to an anchor that is not there."""
+    """Yield each link of a page to an anchor that does not exist."""
     for target, anchor in LINK.findall(text.prose):
         page = (ROOT / text.path).parent / target if target else ROOT / text.path
         if page.suffix == ".md" and anchor not in anchors(page):

@@ -1,4 +1,4 @@
-"""docs/cmake.md holds what it promises: its snippet, copied as it stands, builds, rebuilds and rests in real builds."""
+"""Tests that the snippet of docs/cmake.md, copied unchanged, builds, rebuilds and does nothing when up to date."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def snippet() -> str:
 
 
 class Project:
-    """A project whose CMakeLists.txt is the page's snippet, with a `msggen` that counts how often it is started."""
+    """A project whose CMakeLists.txt is the page's snippet, with a `msggen` that counts its runs."""
 
     def __init__(self, folder: Path, generator: str) -> None:
         self.generator = generator
@@ -48,7 +48,7 @@ class Project:
         self.run("-S", str(self.source), "-B", str(self.build_folder), "-G", self.generator, f"-DMSGGEN={self.msggen}")
 
     def build(self) -> int:
-        """Build; return how many times a package was generated (or found to be current)."""
+        """Build; return how many times a package was generated or found to be current."""
         before = self.generated()
         self.run("--build", str(self.build_folder))
         return self.generated() - before
@@ -73,7 +73,7 @@ class Project:
         return sum("--list-outputs" not in line for line in self.log.read_text().splitlines())
 
     def age(self) -> None:
-        """Make everything old, in its order, so that whatever is written next is newer than all of it."""
+        """Make all files one day older, in the same order, so that any later write is newer."""
         for path in self.source.rglob("*"):
             if path.is_file():
                 status = path.stat()
@@ -90,7 +90,7 @@ class Project:
     params=[pytest.param(name, marks=pytest.mark.tools("cmake", program)) for name, program in GENERATORS.items()]
 )
 def project(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
-    """A configured and built project, all of it a day old."""
+    """A configured and built project, with all files one day old."""
     made = Project(tmp_path, request.param)
     made.configure()
     assert made.build() == 1
@@ -156,7 +156,7 @@ def test_a_removed_definition_is_removed_from_the_package(project: Project) -> N
     before = project.times()
     again = project.build()
     assert [name for name, times in project.times().items() if times != before[name] and name != MARKER] == []
-    # CMake 3.25's Makefile generator never forgets a dependency: it asks msggen each time, which finds nothing to do.
+    # The Makefile generator of CMake 3.25 keeps old dependencies: it always runs msggen, which finds nothing to do.
     assert again == 0 or project.generator == "Unix Makefiles"
 
 

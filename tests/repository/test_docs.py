@@ -1,4 +1,4 @@
-"""The documentation shows what really happens."""
+"""Tests of the documentation: links resolve, examples show the real output, and the picture is current."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_the_picture_of_the_layout_is_current() -> None:
 
 
 def sessions(page: str) -> list[str]:
-    """Return the console sessions of a page that need nothing but msggen and the embedded set."""
+    """Return the console sessions of a page that need nothing except msggen and the embedded set."""
     blocks = re.findall(r"```console\n(.*?)```", (ROOT / "docs" / page).read_text(), re.DOTALL)
     return [block for block in blocks if "\n$ msggen" in f"\n{block}"]
 
@@ -68,7 +68,7 @@ def sessions(page: str) -> list[str]:
 @pytest.mark.tools("git")
 @pytest.mark.parametrize("page", ["check.md"])
 def test_the_sessions_of_a_page_are_real(page: str, tmp_path: Path) -> None:
-    """Every command prints what the page shows below it, one after the other in one shell."""
+    """Each command prints what the page shows below it; all of them run in order in one shell."""
     tree = tmp_path / "PX4-Autopilot"
     bridge = tree / "src" / "modules" / "uxrce_dds_client"
     bridge.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""The checks that a reviewer would run by hand: linters, type checkers, and that the committed output is current."""
+"""Tests that the linters and type checkers pass and that the committed output is current."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PACKAGE = ROOT / "generated" / "px4_types"
 
 
 def run(*command: str, cwd: Path = ROOT) -> None:
-    """Run a module of this environment; fail with what it printed."""
+    """Run a module of this environment; fail with its output."""
     done = subprocess.run([sys.executable, "-m", *command], cwd=cwd, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -106,7 +106,7 @@ error: type[ValueError] = DecodeError
 
 @pytest.fixture(scope="module")
 def unusual(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A package of unusual messages; beside it `nested`, with messages of several ROS packages, and `names`."""
+    """A package of unusual messages, beside `nested`, with messages of several ROS packages, and `names`."""
     folder = tmp_path_factory.mktemp("types")
     write_definitions(folder / "nested", dict(render_package(sources(folder / "in" / "nested"), "nested")))
     write_definitions(folder / "names", dict(render_package(write_sources(folder / "in" / "names"), "names")))
@@ -122,7 +122,7 @@ def test_mypy_is_content_with_packages_of_unusual_messages(unusual: Path) -> Non
 
 
 def test_the_committed_record_is_current(tmp_path: Path) -> None:
-    """So that a build in a fresh clone leaves the work tree clean."""
+    """A stale record would make a build in a fresh clone change the work tree."""
     Build(find_sources(None), str(tmp_path), PACKAGE.name).run(write=True)
     expected, found = (folder / PACKAGE.name / RECORD_NAME for folder in (tmp_path, PACKAGE.parent))
     assert found.read_bytes() == expected.read_bytes(), "run `msggen build` and commit what it wrote"
@@ -173,7 +173,7 @@ SensorCombined.CLIPPING_X = 2
 
 @pytest.fixture(scope="module")
 def errors(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[int]]:
-    """The lines of APPLICATION and of MISTAKES in which mypy finds errors, from one run."""
+    """The lines of APPLICATION and MISTAKES in which mypy finds errors, from one run."""
     folder = tmp_path_factory.mktemp("applications")
     (folder / "application.py").write_text(APPLICATION)
     (folder / "mistakes.py").write_text(MISTAKES)

@@ -1,4 +1,4 @@
-"""The files for contributors and for GitHub: paths, versions and URLs agree, and workflows are valid."""
+"""Tests of the files for contributors and for GitHub: paths, versions and URLs agree, and workflows are valid."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def load(path: Path) -> Any:
 # --- paths in the prose
 
 PLACEHOLDERS = re.compile(r"LANGUAGE|PRECISION_CHANGED|DEFAULT_CHANGED|checkstyle|ulog|/idl|test_idl")
-"""Files of the examples, which a contributor would add."""
+"""Files in the examples that do not exist, because a contributor would add them."""
 
 
 @pytest.mark.parametrize("page", ["CONTRIBUTING.md", "SECURITY.md", "docs/backend.md", "docs/library.md"])

@@ -1,7 +1,7 @@
-"""Decoding stays as close to what `struct` alone takes as it is.
+"""Tests that decoding does not become slower in relation to `struct` alone.
 
-Both are measured in this process, taking turns, and the minima of many short turns are compared: the ratio depends
-neither on the machine's speed nor on what else it does. A disturbed attempt is repeated.
+Both are measured in this process in turns, and the minima of many short turns are compared: the ratio depends neither
+on the speed of the machine nor on its load. A disturbed attempt is repeated.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ RECORDED = {
     "EscStatus": 2.4,
     "OrbTestLarge": 2.6,
 }
-"""How many times as long as the floor decoding takes, with CPython 3.11.7. To be lowered when it gets faster."""
+"""Ratio of decoding to the floor with CPython 3.11.7. Lower it when decoding gets faster."""
 ON_OTHERS = 1.0 if sys.version_info >= (3, 11) else 1.35
-"""What CPython 3.10 takes in proportion; 3.12 and 3.13 take as long as 3.11."""
+"""Factor for CPython 3.10; 3.12 and 3.13 take as long as 3.11."""
 WORSE_BY_HALF = 1.5
 ATTEMPTS = 4
 SHORT = FULL._replace(rounds=40, turn=0.0004)
@@ -46,7 +46,7 @@ def entries() -> Entries:
 
 
 def times_the_recorded(entries: Entries) -> dict[str, float]:
-    """Return what the ratio of each message has become, 1 as recorded, and that of all together."""
+    """Return the ratio of each message relative to the recorded one, and their geometric mean as "all"."""
     speeds = measure(entries, "decode", SHORT)
     ratios = {
         message: times[OURS.name] / times[FLOOR.name] / RECORDED[message] / ON_OTHERS
@@ -56,7 +56,7 @@ def times_the_recorded(entries: Entries) -> dict[str, float]:
 
 
 def best_of_attempts(entries: Entries) -> dict[str, float]:
-    """Return the least of each ratio, measured again while one of them is too large."""
+    """Return the smallest of each ratio, measured again while any of them is too large."""
     best = times_the_recorded(entries)
     for _ in range(1, ATTEMPTS):
         if max(best.values()) > WORSE_BY_HALF:
@@ -83,7 +83,7 @@ def test_the_guard_fails_when_all_messages_take_twice_as_long(entries: Entries) 
 
 
 def slowed(by_name: Any) -> dict[str, Entry]:
-    """Return the contestants of one message with msggen's decode done twice."""
+    """Return the contestants of one message, with msggen's decoding done twice."""
     ours = by_name[OURS.name].decode
     twice = Contestant(f"({ours.statement}, {ours.statement})", ours.names)
     return {**by_name, OURS.name: Entry(twice, "not measured")}

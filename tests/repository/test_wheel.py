@@ -1,4 +1,4 @@
-"""What a user installs: a wheel of this repository, in an empty environment, away from the checkout."""
+"""Tests of the wheel as a user installs it: in an empty environment, outside the checkout."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""ROS 2's own tools accept a package that `msggen sync --create` makes: rosidl the definitions, catkin_pkg package.xml.
+"""Tests that ROS 2's own tools accept a package that `msggen sync --create` makes.
 
-CMake runs its CMakeLists.txt with stand-ins for ament and rosidl, which write down what they are called with.
+rosidl reads the definitions and catkin_pkg reads package.xml. CMake runs CMakeLists.txt with stand-ins for ament and
+rosidl, which record their calls.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ def test_rosidl_reads_every_service_as_msggen_does(package: Path) -> None:
 
 
 def assert_same(found: object, expected: Message) -> None:
-    """Compare fields and constants, as rosidl and msggen read them."""
+    """Compare fields and constants as rosidl and msggen read them."""
     fields = [(str(field.type).removeprefix("px4_msgs/"), field.name) for field in found.fields]  # type: ignore[attr-defined]
     assert fields == [(str(field.type), field.name) for field in expected.fields]
     constants = {each.name: (each.type, each.value) for each in found.constants}  # type: ignore[attr-defined]
@@ -71,7 +72,7 @@ def assert_same(found: object, expected: Message) -> None:
 
 
 def test_rosidl_turns_definitions_into_idl(tmp_path: Path) -> None:
-    """What the build does first with each; a few show that our package gives it all that it needs."""
+    """The build does this first with each definition; a few are enough to show that the package is complete."""
     convert = pytest.importorskip("rosidl_adapter.msg").convert_msg_to_idl
     assert main(["sync", "-q", "--create", str(tmp_path / "px4_msgs")]) == 0
     for name in ("VehicleStatus", "EscStatus", "SensorCombined"):

@@ -1,6 +1,6 @@
-"""`msggen sync` on a disk: the package holds what the firmware has, and what is somebody's own stays theirs.
+"""Tests of `msggen sync`: the package gets the firmware's definitions, and the user's own files stay unchanged.
 
-PackageContents are real ones, few at a time where the whole set would not show more.
+The definitions are real; most tests need only a few.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ RELEASES = ("v1.14", "v1.16", "v1.17", "v1.18", "main-2026-03")
 pytestmark = pytest.mark.usefixtures("working_folder")
 
 
-# --- What a package holds
+# --- Contents of a package
 
 
 def test_definitions_are_the_firmwares_byte_for_byte_and_lie_flat() -> None:
@@ -135,7 +135,7 @@ def test_where_folders_cannot_be_swapped_files_are_replaced_one_by_one(monkeypat
 
 @pytest.mark.parametrize("kind", ["msg", "srv"])
 def test_what_lies_in_versioned_of_a_package_is_none_of_its_definitions(kind: str) -> None:
-    """As `cp -r` of the firmware's folders leaves it: ROS builds what lies flat."""
+    """`cp -r` of the firmware's folders leaves such files, but ROS builds only those directly in `msg/` and `srv/`."""
     firmware()
     package()
     leftover = {"msg": "VehicleStatus.msg", "srv": "VehicleCommand.srv"}[kind]
@@ -151,7 +151,7 @@ def test_in_a_bare_folder_versioned_counts() -> None:
     assert "VehicleStatus.msg" in os.listdir(PACKAGE / "msg")
 
 
-# --- Nothing to do, nothing written
+# --- Nothing to do
 
 
 def test_a_second_sync_writes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -211,11 +211,11 @@ def test_only_what_changes_is_written() -> None:
     assert after.keys() == before.keys()
 
 
-# --- What is whose
+# --- Ownership of files
 
 
 def test_a_plain_package_is_adopted() -> None:
-    """Names that PX4 has or once had are PX4's; others are somebody's own."""
+    """Files with a current or former name of PX4 are PX4's; all others are the user's own."""
     firmware()
     plain_package()
     own = {"msg/Wheel.msg": definition("Rpm"), "srv/Ask.srv": "uint8 a\n---\n", "msg/notes.txt": "", "src/node.cpp": ""}
@@ -332,7 +332,7 @@ def test_a_hostile_record_removes_nothing_else() -> None:
     assert Path("outside.msg").exists()
 
 
-# --- The rest of a created package
+# --- Other files of a created package
 
 
 def test_the_readme_names_the_commit_and_never_a_path(tmp_path: Path) -> None:
@@ -368,7 +368,7 @@ def test_the_readme_names_the_commit_of_a_revision() -> None:
 
 
 def test_the_readme_says_where_there_is_no_commit() -> None:
-    git(Path(), "init", "-q")  # a repository around it, which does not have the firmware
+    git(Path(), "init", "-q")  # an enclosing repository that does not contain the firmware
     firmware()
     package()
     assert "unknown: the files are not in a git repository" in (PACKAGE / "README.md").read_text()
@@ -430,7 +430,7 @@ def test_a_package_is_made_in_a_new_or_empty_folder(place: str) -> None:
     assert not list(Path().rglob(f"*{staging.STAGE}"))
 
 
-# --- Only what crosses the bridge
+# --- Messages that cross the bridge
 
 
 def test_topics_only_takes_what_crosses_the_bridge_with_what_it_nests() -> None:
@@ -452,7 +452,7 @@ def test_messages_that_no_longer_cross_leave_and_hand_made_ones_stay() -> None:
     assert not (PACKAGE / "srv").exists()
 
 
-# --- What is said
+# --- Output
 
 SUMMARY = """\
 added   msg/Wheel.msg

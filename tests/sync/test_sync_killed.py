@@ -1,8 +1,8 @@
-"""`msggen sync` may be killed at any moment: the package is the old one or the new one, and the next run finishes.
+"""Tests that `msggen sync` may be killed at any moment: the package is old or new, and the next run finishes.
 
-Once at every single call that changes the disk, and at random moments with some forty definitions. Where both `msg/`
-and `srv/` change, there are two swaps, with nothing between them: a kill right there, within some ten microseconds,
-leaves one folder wholly new and the other wholly old.
+One test kills it before every call that changes the disk, another at random moments with some forty definitions. If
+both `msg/` and `srv/` change, two swaps follow each other directly: a kill between them, within about ten microseconds,
+leaves one folder entirely new and the other entirely old.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ pytestmark = [
 
 
 def newer_firmware(*, srv: bool) -> None:
-    """Make a tree in which a message is new, one changed and one gone; and with `srv` the services likewise."""
+    """Make a tree with one new, one changed and one removed message; with `srv`, also rename the service."""
     newer = firmware("newer")
     (newer / "msg" / "Rpm.msg").unlink()
     write_definitions(newer, {"msg/DebugVect.msg": definition("DebugVect")})
@@ -64,9 +64,9 @@ def newer_firmware(*, srv: bool) -> None:
 
 
 def dies_at(number: int, run: Callable[[], object], error: OSError | None = None) -> bool:
-    """Run `run` in a process that ends without a word before its call number `number` that changes the disk.
+    """Run `run` in a process that exits abruptly before its call number `number` that changes the disk.
 
-    With `error` it goes on, and that call raises it. Returns False when there are fewer such calls.
+    With `error`, that call raises it instead and the process continues. Return False if there are fewer such calls.
     """
     child = os.fork()
     if child == 0:
@@ -98,7 +98,7 @@ def dies_at(number: int, run: Callable[[], object], error: OSError | None = None
 
 
 def folder_states(old: dict[str, bytes], new: dict[str, bytes]) -> set[str]:
-    """Return for `msg` and `srv` whether they are wholly old or wholly new; fail if they are neither."""
+    """Return the states of `msg` and `srv`, each entirely old or entirely new; fail for a mixture."""
     found = definitions(PACKAGE)
     states = set()
     for kind in ("msg/", "srv/"):
@@ -110,13 +110,13 @@ def folder_states(old: dict[str, bytes], new: dict[str, bytes]) -> set[str]:
 
 
 def hand_made() -> None:
-    """Put files into the package that are none of msggen's business."""
+    """Put files into the package that do not belong to msggen."""
     write_definitions(PACKAGE, HAND_MADE)
     age(PACKAGE)
 
 
 def kill_everywhere(start: Callable[[], object], *arguments: str) -> list[set[str]]:
-    """Kill a sync before each of its calls in turn; check what is left, and that the next run finishes."""
+    """Kill a sync before each of its calls in turn; check the result, and that the next run finishes."""
     start()
     old = definitions(PACKAGE)
     sync("-q", *arguments)
@@ -229,7 +229,7 @@ def test_without_a_swap_every_file_is_whole_and_the_next_run_finishes(monkeypatc
 
 
 def versioned_firmware(name: str) -> Path:
-    """Return a tree with all versioned messages, and the service."""
+    """Return a tree with all versioned messages and the service."""
     for kind in ("msg/versioned", "srv"):
         shutil.copytree(ROOT / kind, Path(name, kind))
     return Path(name)
@@ -243,12 +243,12 @@ def test_killed_at_random_moments_a_package_is_wholly_old_or_wholly_new() -> Non
     for index, path in enumerate(sorted((newer / "msg" / "versioned").glob("*.msg"))):
         if index % 3 == 0:
             path.write_text(f"{path.read_text()}uint8 NEWER = 1\n")
-        elif index % 9 == 1 and path.stem != "VehicleCommand":  # which the service nests
+        elif index % 9 == 1 and path.stem != "VehicleCommand":  # the service nests it
             path.rename(path.with_name(f"Newer{path.name}"))
     shutil.copy(newer / "srv" / "VehicleCommand.srv", newer / "srv" / "Command.srv")
     states = {tree: definitions(package(f"from-{tree.name}", str(tree))) for tree in (older, newer)}
     for tree in (older, newer):
-        read_catalog(find_sources(f"from-{tree.name}"))  # so whatever equals one of them loads
+        read_catalog(find_sources(f"from-{tree.name}"))  # checks both once: a package equal to either loads too
     package(source="older")
     started = time.perf_counter()
     sync("-q", "--px4", "newer", PACKAGE)

@@ -1,4 +1,4 @@
-"""What `msggen sync` refuses: with exit code 2, the place and the reason, and everything as it was."""
+"""Tests of the cases that `msggen sync` refuses: exit code 2, location and reason, and no change on disk."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def state(folder: Path) -> dict[str, tuple[object, int]]:
 
 
 class Refusal(NamedTuple):
-    """What is refused: how it comes about, what is called then, and what is said."""
+    """A refused case: its preparation, the arguments of `sync`, and the expected error."""
 
     code: str
     place: str
@@ -61,7 +61,7 @@ class Refusal(NamedTuple):
     arguments: tuple[str, ...] = SYNC
 
 
-# The ways to come about. Each starts with a package that is in step, and a firmware that has moved on.
+# Preparations. Each starts with a package that is in step, and then a firmware that has changed.
 
 
 def chmod(mode: int, name: str) -> Callable[[], None]:
@@ -203,7 +203,7 @@ def nothing() -> None:
 
 
 REFUSALS = [
-    # a path that is no firmware
+    # the source is not a firmware
     Refusal("S101", "nowhere", "no such folder", nothing, ("--px4", "nowhere", "px4_msgs")),
     Refusal("S102", "folder", "no .msg file", make_folder, ("--px4", "folder", "px4_msgs")),
     Refusal("S102", "firmware/msg", "did you mean 'firmware'?", nothing, ("--px4", "firmware/msg", "px4_msgs")),
@@ -215,7 +215,7 @@ REFUSALS = [
         ("--px4", "firmware/msg@HEAD", "px4_msgs"),
     ),
     Refusal("M301", "firmware/msg/Wheel.msg:2:1", "did you mean 'float32'?", bad_firmware),
-    # a bad git revision
+    # invalid git revision
     Refusal("S108", "firmware@v9", "not a git repository", nothing, ("--px4", "firmware@v9", "px4_msgs")),
     Refusal(
         "S108",
@@ -224,7 +224,7 @@ REFUSALS = [
         lambda: committed(Path("firmware")),
         ("--px4", "firmware@v9", "px4_msgs"),
     ),
-    # a target that is none
+    # the target is not a package
     Refusal("S111", "nowhere", "or --create to create one", nothing, ("--px4", "firmware", "nowhere")),
     Refusal("S111", "folder", "no package.xml here", make_folder, ("--px4", "firmware", "folder")),
     Refusal("S111", "folder", "this one has files", make_folder, ("--px4", "firmware", "--create", "folder")),
@@ -246,7 +246,7 @@ REFUSALS = [
         ("--px4", "firmware", "--create", "firmware/srv/new"),
     ),
     Refusal("S107", "px4_msgs/package.xml:1:10", "not XML", spoil_manifest),
-    # a package of another name
+    # package of another name
     Refusal("S112", "px4_msgs/package.xml", "'my_msgs', not 'px4_msgs'", rename_package),
     Refusal("S112", "px4_msgs/package.xml", "not 'my_msgs'", nothing, (*SYNC, "--package", "my_msgs")),
     Refusal("S112", "--ros-package", "'my-msgs' is not a valid name", nothing, (*SYNC, "--package", "my-msgs")),
@@ -257,7 +257,7 @@ REFUSALS = [
         spelled_with_the_package,
         ("--px4", "firmware", "--create", "--package", "my_msgs", "new"),
     ),
-    # a dirty target
+    # dirty target
     Refusal("S113", str(RPM), "commit or stash", uncommitted_edit),
     Refusal("S113", str(RPM), "commit or stash", staged_edit),
     Refusal("S113", str(RPM), "commit or stash", uncommitted_and_obsolete),
@@ -269,7 +269,7 @@ REFUSALS = [
     Refusal("S104", "px4_msgs/msg/Wheel.msg", "msggen did not write this one", hand_made),
     Refusal("S104", str(RPM), "found a folder", replace_by_folder),
     Refusal("S104", "px4_msgs/msg", "expected a folder", replace_folder_by_file),
-    # a read-only target
+    # read-only target
     Refusal("S114", str(RPM), "the file is read-only", chmod(0o444, "msg/Rpm.msg")),
     Refusal("S114", "px4_msgs/msg", "the folder is read-only", chmod(0o555, "msg")),
     Refusal("S114", "px4_msgs", "the folder is read-only", chmod(0o555, ".")),
@@ -286,11 +286,11 @@ REFUSALS = [
     Refusal("S115", "px4_msgs/srv", "out of the package", replace_by_link("srv", "../moved")),
     Refusal("S115", str(RPM), "out of the package", replace_by_link("msg/Rpm.msg", "../../moved")),
     Refusal("S115", str(RPM), "out of the package", replace_by_link("msg/Rpm.msg", "/nowhere")),
-    # files with the same name but for case
+    # file names that differ only in case
     Refusal("S116", "px4_msgs/msg/rpm.msg", "'msg/Rpm.msg'", rename("msg/Rpm.msg", "msg/rpm.msg")),
     Refusal("S116", "px4_msgs/msg/RPM.MSG", "'msg/Rpm.msg'", rename("msg/Rpm.msg", "msg/RPM.MSG")),
     Refusal("M204", "firmware/msg/versioned/Rpm.msg:1:1", "already defined in", defined_twice),
-    # definitions of one's own that nest what would be removed
+    # a user's own definitions that nest a removed message
     Refusal("M301", "px4_msgs/msg/Mine.msg:2:1", "'EscReport' would be removed", own_that_nests()),
     Refusal("M301", "px4_msgs/msg/Mine.msg:2:1", "'EscReport'", own_that_nests(text="px4_msgs/EscReport one\n")),
     Refusal(
@@ -353,7 +353,7 @@ def test_everything_that_stands_against_it_is_told_in_one_run(capsys: pytest.Cap
 def test_an_existing_package_is_not_brought_in_step_with_the_embedded_set_for_want_of_a_source(
     arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its comments are not PX4's: all definitions would be written anew."""
+    """The comments of the embedded set are not PX4's, so sync would rewrite all definitions."""
     firmware()
     package()
     before = state(Path())
@@ -399,7 +399,7 @@ def test_the_current_folder_is_not_replaced(
     assert os.listdir() == []
 
 
-# --- What is not refused
+# --- Cases that are not refused
 
 
 @pytest.mark.parametrize(

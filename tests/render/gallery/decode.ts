@@ -1,4 +1,4 @@
-// Decodes samples, one a line as `Name hex`, with the gallery's module; prints all values of each in a line.
+// Decode samples with the gallery's module. Each input line is `Name hex`; the output line has all its values.
 import { readFileSync } from "node:fs";
 import * as messages from "./messages.ts";
 
