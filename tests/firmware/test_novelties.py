@@ -94,7 +94,7 @@ def test_novelties_are_warnings_and_with_strict_errors(command: str, capsys: pyt
     assert main([*COMMANDS[command].split(), "--strict"]) == FAILED
     *errors, last = capsys.readouterr().err.splitlines()
     assert {" ".join(line.split(" ")[:2]) for line in errors} == expected.keys()
-    assert last.startswith(f"{len(expected)} errors, ")
+    assert last.startswith(f"{len(expected)} errors")
 
 
 def test_what_comes_out_is_right(tmp_path: Path) -> None:

@@ -298,7 +298,7 @@ REFUSALS = [
     ),
     Refusal("M301", "px4_msgs/msg/Mine.msg:1:1", "'Rpm'", own_that_nests_what_does_not_cross, (*SYNC, "--topics-only")),
     # no bridge
-    Refusal("S110", "firmware", "crosses the bridge", without_bridge, (*SYNC, "--topics-only")),
+    Refusal("S110", "firmware", "no dds_topics.yaml here", without_bridge, (*SYNC, "--topics-only")),
 ]
 
 
