@@ -74,11 +74,11 @@ class CodecError(ValueError):
 
 
 class DecodeError(CodecError):
-    """The bytes are not a sample of the message."""
+    """An error in decoding: the bytes are not a sample of the message."""
 
 
 class EncodeError(CodecError):
-    """The message holds a value that its definition does not allow."""
+    """An error in encoding: the message holds a value that its definition does not allow."""
 
 
 class Refused(Exception):  # noqa: N818
@@ -86,7 +86,7 @@ class Refused(Exception):  # noqa: N818
 
 
 ENCODE_FAILURES = (Refused, struct.error, TypeError, ValueError, OverflowError, AttributeError)
-"""The exceptions that packing raises for values of a wrong type, range or number."""
+"""The exceptions that packing raises for a value of a wrong type or range, or for a wrong number of values."""
 
 
 class _Described:
@@ -115,7 +115,7 @@ def __getattr__(name: str) -> object:
 
 
 described: Callable[[Callable[[Any], MessageInfo]], MessageInfo] = _Described  # type: ignore[assignment]
-"""Return a descriptor that builds the MessageInfo on first access; the function is called with the module `info`."""
+"""Return a descriptor that builds the MessageInfo on first access; it passes the module `info` to the function."""
 
 
 class Layout:
@@ -238,8 +238,8 @@ class Message:
 
         Up to 3 bytes after the last value are ignored, or any number with `allow_surplus`. Raises DecodeError.
 
-        The method is already bound to its class, so `super().decode(data)` returns a `Base`. An override calls
-        `Base.decode.__func__(cls, data)` instead.
+        The method is already bound to its class. In a subclass of `Base`, `super().decode(data)` therefore returns an
+        instance of `Base`; call `Base.decode.__func__(cls, data)` instead.
         """
         raise NotImplementedError
 
@@ -268,7 +268,9 @@ class Message:
 
     @classmethod
     def decode_batch(cls, payloads: Buffer | Iterable[Buffer]) -> NDArray[void]:
-        """Return samples as a structured array of `dtype()` with one element for each sample: `array["gyro_rad"]`.
+        """Return samples as a structured array of `dtype()`, one element for each sample.
+
+        `array["gyro_rad"]` has the values of one field in all samples.
 
         A contiguous buffer of samples is not copied: the array is a view of it, and read-only if the buffer is. An
         iterable of samples is copied once. All samples must have the same encapsulation; samples in another encoding
