@@ -326,7 +326,7 @@ def _extent(message: Message, known: Mapping[str, Message], extents: dict[str, _
 
 
 _REFERENCE = 8
-"""Bytes per string in the default value of a fixed array: those of a reference."""
+"""Bytes per string in the default value of a fixed array: the size of a reference."""
 
 _COUNTED = (ArrayKind.SCALAR, ArrayKind.FIXED)
 
