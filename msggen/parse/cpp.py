@@ -33,7 +33,7 @@ _CONDITION = re.compile(r"\#\s*(?:if|el|endif)")
 
 
 class TooLargeError(ValueError):
-    """The text is too large, or becomes too large when its macros are expanded."""
+    """An error: the text is too large, or becomes too large when its macros are expanded."""
 
 
 def tokens(text: str) -> list[str]:
