@@ -113,7 +113,7 @@ def _bool_masks(bools: Positions, size: int) -> Iterator[tuple[int, int]]:
 
 
 class _NoTypeError(Exception):
-    """No dtype can describe the layout: elements of an array of messages are unevenly spaced, or padding is missing."""
+    """An error: no dtype has the layout, because elements are unevenly spaced or their padding is missing."""
 
 
 def _dtype(parts: tuple[Part, ...], low: int, high: int) -> Any:

@@ -84,7 +84,7 @@ class Sources(NamedTuple):
         return any(not file.package for file in (*self.messages, *self.services))
 
     def reasons(self) -> dict[str, str]:
-        """Return, by name, the reasons why the board does not build messages of the tree."""
+        """Return the reasons why the board does not build messages of the tree, by the name of the message."""
         board = self.board.name if self.board else ""
         reasons = {condition: f"needs {condition}" for condition in self.unbuilt.values()} | {"": f"not in {LISTS}"}
         return {file.stem: f": not built for {board}, {reasons[needs]}" for file, needs in self.unbuilt.items()}
