@@ -300,9 +300,9 @@ class _Body:
             from difflib import get_close_matches
 
             near = get_close_matches(name, _SPECIAL, n=1, cutoff=_NEAR)
-            hint = f"did you mean '{near[0]}'?" if near else f"it knows {' and '.join(_SPECIAL)}"
+            hint = f"did you mean '{near[0]}'?" if near else f"only {' and '.join(_SPECIAL)}"
             if near or name.startswith("ORB_"):
-                text = f"the firmware gives '{name}' no meaning, {hint}"
+                text = f"the firmware does not use '{name}', {hint}"
                 self.errors.append(Diagnostic(location, "M405", text))
         elif type_.name not in INTEGERS or not isinstance(value, int) or value < low:
             text = f"{name} should be an integer of at least {low}, found '{type_} {name} = {value}'"

@@ -160,7 +160,7 @@ class MessageView(_Definition):
 
     @cached_property
     def leaves(self) -> tuple[LeafView, ...]:
-        """The primitives and arrays of primitives, with all nested messages unfolded; empty if not static."""
+        """The primitives and arrays of primitives, with all nested messages flattened; empty if not static."""
         if not self._layouts:
             return ()
         pairs = zip(*(layout.leaves for layout in self._layouts), strict=True)

@@ -107,7 +107,7 @@ class _Described:
 
 
 def __getattr__(name: str) -> object:
-    if name != "MessageInfo":  # annotations use it
+    if name != "MessageInfo":  # for evaluated annotations
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     from .info import MessageInfo
 
@@ -250,7 +250,7 @@ class Message:
         Use it to read a few fields of many samples. The view is read-only. It keeps a reference to `data`, which must
         not change. Raises DecodeError as `decode` does.
         """
-        from .lazy import view_maker  # late: imports this module
+        from .lazy import view_maker  # here, because it imports this module
 
         make = view_maker(cls)
         type.__setattr__(cls, "lazy", _ViewMaker(make))  # later calls skip this method
@@ -338,7 +338,7 @@ def _batch(cls: type[Message]) -> Any:
     if _loaded is None:
         if cls is not Message:
             layout_of(cls)
-        from . import batch  # late: imports this module
+        from . import batch  # here, because it imports this module
 
         _loaded = batch
     return _loaded
@@ -376,15 +376,15 @@ def decode_other(home: type[MessageType], cls: type[Message], data: BytesLike, a
 
     `cls` is `home` or a subclass. Raises DecodeError.
     """
-    from .encapsulation import canonical  # late: imports this module
+    from .encapsulation import canonical  # here, because it imports this module
 
-    decode: Any = home.decode  # not cls.decode: it may be an override, which has called this function
+    decode: Any = home.decode  # not cls.decode: an override of it calls this function
     message: MessageType = decode.__func__(cls, canonical(cls, data, allow_surplus))
     return message
 
 
 def encode_error(message: Message, error: Exception) -> EncodeError:
     """Return an EncodeError that names the value of `message` for which packing raised `error`."""
-    from . import explain  # late: imports this module
+    from . import explain  # here, because it imports this module
 
     return explain.encode_error(message, error)
