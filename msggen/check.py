@@ -79,10 +79,10 @@ def _example(rule: Rule, side: str) -> Snapshot:
 def _side(sources: Sources) -> Side:
     """Return a side for `breaking`.
 
-    A PX4-Autopilot tree without dds_topics.yaml bridges no topics. A package without it leaves the topics unknown.
+    A PX4-Autopilot tree without dds_topics.yaml bridges no topics. The topics of a package without it are unknown.
     """
     history = read_history(sources.root) if sources.root else None
-    if history and sources.embedded:  # PX4's translation headers are not embedded: assume them
+    if history and sources.embedded:  # PX4's translation headers are not embedded: assume that they exist
         history = replace(history, is_translated=True)
     catalog = read_catalog(sources, tolerated=COMPARABLE)
     return Side(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from msggen.location import Location
 
 _SHORTEST = 4
-"""The length of the shortest beginning of a name that suggests the name, if no other name is near."""
+"""The minimum length of a prefix that suggests the name it begins, if no other name is similar."""
 
 _FEW = 4
 """The number of names that `few` lists."""

@@ -191,7 +191,7 @@ def nearest_interval(rate: float) -> int:
 def endpoint_versions(catalog: Catalog, endpoint: Endpoint) -> tuple[tuple[str, Message], ...]:
     """Return the ROS name and the message of each version of an endpoint, the oldest first.
 
-    Only the current version counts in releases whose topic names have no version suffix.
+    In releases whose topic names have no version suffix, this is only the current version.
     """
     known = catalog.versions(endpoint.message) if catalog.conventions.version_suffix else (endpoint.message,)
     return tuple((_ros_name(endpoint.entry, version, catalog.conventions), version) for version in known)

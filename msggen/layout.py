@@ -94,7 +94,8 @@ def lay_out(catalog: Catalog, message: Message, encoding: Encoding = Encoding.XC
 def struct_size(catalog: Catalog, message: Message) -> int:
     """Return the size in bytes of the firmware's C++ struct, without the padding at its end (docs/wire.md, 9).
 
-    The fields are sorted by size, so only nested messages need padding: they come last and are aligned to 8 bytes.
+    The fields are sorted by size, so only nested messages have padding before them: they come last and are aligned to 8
+    bytes.
     """
     primitives = [field.type for field in message.fields if field.type.is_primitive]
     offset = sum(PRIMITIVES[type_.name].size * type_.element_count for type_ in primitives)

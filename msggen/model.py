@@ -36,12 +36,12 @@ _LATER_CAPITAL = re.compile(r"(?<!^)(?=[A-Z])")
 
 @cache
 def snake_case(name: str) -> str:
-    """Return `name` as uORB spells topics: in lower case, with an underscore before each capital but a leading one."""
+    """Return `name` as uORB spells topics: lower case, with an underscore before each capital except a leading one."""
     return _LATER_CAPITAL.sub("_", name).lower()
 
 
 class ArrayKind(Enum):
-    """The kind of an array, or SCALAR for a single value. `length` is that of the FieldType."""
+    """The kind of an array, or SCALAR for a single value. `length` in the values is the length in FieldType."""
 
     SCALAR = "one value"
     FIXED = "exactly `length` values"
@@ -119,7 +119,7 @@ class Comment(NamedTuple):
         return unit + [(name, content) for name, content in self.tags if content and name in _ATTRIBUTES]
 
     def changed_tags(self, after: "Comment") -> list[TagChange]:
-        """Return the changes of the tags that both comments have but with different meanings."""
+        """Return a change for each tag that both comments have with different meanings."""
         if self == after:
             return []
         return [change for tag in COMPARED if (change := tag.change(self.tag(tag.name), after.tag(tag.name)))]
@@ -260,7 +260,7 @@ def options_text(options: Mapping[str, object]) -> str:
 class BridgeEntry(NamedTuple):
     """An entry of `dds_topics.yaml`.
 
-    `rate_limit_hz` is 0.0 for no limit, and None if the entry does not set it; the firmware then uses its default.
+    `rate_limit_hz` is 0.0 for no limit. It is None if the entry does not set it; the firmware then uses its default.
     `instance` applies to publications only. `route_field` and `max_instances` occur together, in
     `subscriptions_multi` (PX4 v1.18): each value of the route field gets its own uORB instance, and after
     `max_instances` different values, samples with further values are dropped. `options` are for Zenoh's client.

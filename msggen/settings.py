@@ -15,7 +15,7 @@ from msggen.location import Location
 
 
 class Settings(NamedTuple):
-    """The settings; None or empty if not set. `origin` is the path of the file that sets them.
+    """The settings. A setting that is not set is None or empty. `origin` is the path of the file with the settings.
 
     `package` is the Python package for `build`, `ros_package` the ROS package for `sync`.
     """

@@ -11,7 +11,7 @@ def _without_spaces(text: str) -> str:
 
 
 def _value(text: str) -> str:
-    """Return the number or constant at the start of a tag, which the rest explains; otherwise the whole text."""
+    """Return the number or constant at the start of a tag, without the explanation after it, or else the whole text."""
     first = text.partition(" ")[0].strip(",;:.")
     try:
         return repr(float(first))
@@ -46,7 +46,7 @@ class Tag(NamedTuple):
     documentation: str
     """The meaning of the content."""
     purpose: str = ""
-    """The purpose of the rule `<NAME>_CHANGED`; "" for a tag that is known, but neither an attribute nor compared."""
+    """The purpose of the rule `<NAME>_CHANGED`; "" for a known tag that is neither an attribute nor compared."""
     normalized: Callable[[str], str] = _without_spaces
     """A function that returns the same text for all contents with the same meaning."""
     message_name: str = ""

@@ -35,7 +35,7 @@ _SPELLINGS = {
     "%": "percent",
 }
 _NAMES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings.split()}
-"""The unit for each other spelling. Case matters: `mW` is not `MW`."""
+"""The unit by its other spellings. Case matters: `mW` is not `MW`."""
 
 _CELSIUS = re.compile(r"(?:\bdeg(?:rees?)?|°)[ _.]*(?:C\b|[Cc]el[sc]ius\b)|℃")
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
@@ -89,7 +89,7 @@ def _bound(text: str) -> str:
 
 def _factors(text: str) -> Iterator[tuple[str, int]]:
     """Yield each unit in `text` with its power. Raises ValueError if `text` is not a product of powers."""
-    signs = [1]  # the factor of the powers inside each open parenthesis
+    signs = [1]  # for each open parenthesis, the factor of the powers in it
     sign = 1
     position = 0
     while position < len(text.rstrip()):
@@ -119,7 +119,7 @@ def _factors(text: str) -> Iterator[tuple[str, int]]:
 
 
 def _power_behind(text: str, start: int) -> int:
-    """Return the power of the parenthesis that opens before `start`. Raises ValueError if it is not closed."""
+    """Return the power after the parenthesis that opens before `start`. Raises ValueError if it is not closed."""
     depth = 1
     for position in range(start, len(text)):
         depth += {"(": 1, ")": -1}.get(text[position], 0)

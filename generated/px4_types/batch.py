@@ -250,7 +250,7 @@ def _check_delimiters(record: Record, rows: Octets) -> None:
 
 
 def _refuse(record: Record, number: int, sample: bytes, first: bytes = b"") -> NoReturn:
-    """Raise the error of `decode` for a sample, or an error that its header differs from that of the first sample."""
+    """Raise DecodeError for a sample that is invalid, or whose header differs from that of the first sample."""
     try:
         canonical(record.cls, sample, allow_surplus=False)
     except DecodeError as error:
@@ -263,7 +263,7 @@ def _refuse(record: Record, number: int, sample: bytes, first: bytes = b"") -> N
 
 
 def _has_odd_bools(record: Record, rows: Octets) -> bool:
-    """Whether a bool in rows of the usual encapsulation is neither 0 nor 1: numpy would treat it as its value."""
+    """Whether a bool in rows of the usual encapsulation is neither 0 nor 1. numpy does not convert such a byte to 1."""
     if rows.shape[1] < 8:
         return bool((rows[:, record.bools] > 1).any())
     return any(int(numpy.bitwise_or.reduce(_numbers(rows, "<u8", offset))) & mask for offset, mask in record.bool_masks)
@@ -281,7 +281,7 @@ def _octets(array: Rows) -> Octets:
 
 
 def _checked(record: Record, array: Any) -> Rows:
-    """Return the array in the layout of the record. It is copied only if it has another. Raises EncodeError."""
+    """Return the array in the layout of the record, copied only if its own layout differs. Raises EncodeError."""
     if not isinstance(array, numpy.ndarray) or array.dtype.names is None:
         hint = f"expected a structured array of {record.name}.dtype()"
         raise EncodeError(f"{record.name}: {hint}, got {_kind(array)}")

@@ -74,11 +74,11 @@ class CodecError(ValueError):
 
 
 class DecodeError(CodecError):
-    """The bytes are not a sample of the message."""
+    """An error in decoding: the bytes are not a sample of the message."""
 
 
 class EncodeError(CodecError):
-    """The message holds a value that its definition does not allow."""
+    """An error in encoding: the message holds a value that its definition does not allow."""
 
 
 class Refused(Exception):  # noqa: N818
@@ -86,7 +86,7 @@ class Refused(Exception):  # noqa: N818
 
 
 ENCODE_FAILURES = (Refused, struct.error, TypeError, ValueError, OverflowError, AttributeError)
-"""The exceptions that packing raises for values of a wrong type, range or number."""
+"""The exceptions that packing raises for a value of a wrong type or range, or for a wrong number of values."""
 
 
 class _Described:
@@ -107,7 +107,7 @@ class _Described:
 
 
 def __getattr__(name: str) -> object:
-    if name != "MessageInfo":  # annotations use it
+    if name != "MessageInfo":  # for evaluated annotations
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     from .info import MessageInfo
 
@@ -115,7 +115,7 @@ def __getattr__(name: str) -> object:
 
 
 described: Callable[[Callable[[Any], MessageInfo]], MessageInfo] = _Described  # type: ignore[assignment]
-"""Return a descriptor that builds the MessageInfo on first access; the function is called with the module `info`."""
+"""Return a descriptor that builds the MessageInfo on first access; it passes the module `info` to the function."""
 
 
 class Layout:
@@ -238,8 +238,8 @@ class Message:
 
         Up to 3 bytes after the last value are ignored, or any number with `allow_surplus`. Raises DecodeError.
 
-        The method is already bound to its class, so `super().decode(data)` returns a `Base`. An override calls
-        `Base.decode.__func__(cls, data)` instead.
+        The method is already bound to its class. In a subclass of `Base`, `super().decode(data)` therefore returns an
+        instance of `Base`; call `Base.decode.__func__(cls, data)` instead.
         """
         raise NotImplementedError
 
@@ -250,7 +250,7 @@ class Message:
         Use it to read a few fields of many samples. The view is read-only. It keeps a reference to `data`, which must
         not change. Raises DecodeError as `decode` does.
         """
-        from .lazy import view_maker  # late: imports this module
+        from .lazy import view_maker  # here, because it imports this module
 
         make = view_maker(cls)
         type.__setattr__(cls, "lazy", _ViewMaker(make))  # later calls skip this method
@@ -268,7 +268,9 @@ class Message:
 
     @classmethod
     def decode_batch(cls, payloads: Buffer | Iterable[Buffer]) -> NDArray[void]:
-        """Return samples as a structured array of `dtype()` with one element for each sample: `array["gyro_rad"]`.
+        """Return samples as a structured array of `dtype()`, one element for each sample.
+
+        `array["gyro_rad"]` has the values of one field in all samples.
 
         A contiguous buffer of samples is not copied: the array is a view of it, and read-only if the buffer is. An
         iterable of samples is copied once. All samples must have the same encapsulation; samples in another encoding
@@ -336,7 +338,7 @@ def _batch(cls: type[Message]) -> Any:
     if _loaded is None:
         if cls is not Message:
             layout_of(cls)
-        from . import batch  # late: imports this module
+        from . import batch  # here, because it imports this module
 
         _loaded = batch
     return _loaded
@@ -374,15 +376,15 @@ def decode_other(home: type[MessageType], cls: type[Message], data: BytesLike, a
 
     `cls` is `home` or a subclass. Raises DecodeError.
     """
-    from .encapsulation import canonical  # late: imports this module
+    from .encapsulation import canonical  # here, because it imports this module
 
-    decode: Any = home.decode  # not cls.decode: it may be an override, which has called this function
+    decode: Any = home.decode  # not cls.decode: an override of it calls this function
     message: MessageType = decode.__func__(cls, canonical(cls, data, allow_surplus))
     return message
 
 
 def encode_error(message: Message, error: Exception) -> EncodeError:
     """Return an EncodeError that names the value of `message` for which packing raised `error`."""
-    from . import explain  # late: imports this module
+    from . import explain  # here, because it imports this module
 
     return explain.encode_error(message, error)

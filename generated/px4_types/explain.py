@@ -126,7 +126,7 @@ def _is_number(value: object) -> bool:
 
 
 def given(value: Any) -> str:
-    """Return a short text for a value in an error."""
+    """Return a short description of a value, for an error."""
     if value.__class__.__name__ in ("bytes", "bytearray", *SEQUENCES):
         return f"a {value.__class__.__name__} of {len(value)}"
     try:

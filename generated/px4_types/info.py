@@ -75,7 +75,7 @@ class Field(Frozen):
     frame: str
     """Frame of reference."""
     attribute: str
-    """The attribute that holds the value: the name, or for a name that Python or the class reserves, `from_`."""
+    """The attribute that holds the value: `name`, or a name such as `from_` if Python or the class reserves `name`."""
 
     def __init__(
         self,

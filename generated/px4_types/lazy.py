@@ -112,7 +112,7 @@ def _reader_of_messages(part: Part, message: type[Message], start: int) -> Calla
 
 
 def _offsets(parts: tuple[Part, ...], start: int) -> Iterator[int]:
-    """Yield the offsets of all values, with those of nested messages: elements with equal offsets share a class."""
+    """Yield the offsets of all values, including nested ones. Elements with the same offsets share a class."""
     for part in parts:
         yield part.offset - start
         for element in part.elements:

@@ -77,7 +77,7 @@ _RECORDS: dict[type[Message], Record] = {}
 
 
 def record_of(cls: type[Message]) -> Record:
-    """Return the record of `cls`, which is made once. Raises NotImplementedError for the base class."""
+    """Return the record of `cls`, made on the first call. Raises NotImplementedError for the base class."""
     if cls is Message:
         raise NotImplementedError
     return _RECORDS.get(cls) or _RECORDS.setdefault(cls, Record(cls))
@@ -113,7 +113,7 @@ def _bool_masks(bools: Positions, size: int) -> Iterator[tuple[int, int]]:
 
 
 class _NoTypeError(Exception):
-    """No dtype has this layout: the elements of an array of messages are unevenly spaced, or padding is missing."""
+    """An error: no dtype has the layout, because elements are unevenly spaced or their padding is missing."""
 
 
 def _dtype(parts: tuple[Part, ...], low: int, high: int) -> Any:
@@ -140,7 +140,7 @@ def _format(part: Part, high: int) -> tuple[Any, int]:
         return _dtype(part.elements[0], part.offset, part.end), part.offset
     starts = [element[0].offset for element in part.elements]
     stride = starts[1] - starts[0] if length > 1 else part.end - part.offset
-    # The padding of an element follows it, or precedes it if the sample ends with the last element.
+    # Each element includes the padding after it, or the padding before it if the sample ends with the last element.
     begin = min(starts[0], high - length * stride)
     types = [_dtype(element, begin + n * stride, begin + (n + 1) * stride) for n, element in enumerate(part.elements)]
     if any(type_ != types[0] for type_ in types):

@@ -1372,7 +1372,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
 
 _VERSIONS: dict[str, tuple[tuple[str, str], ...]] = {
 }
-"""The ROS name and the message of every version, by the name of the endpoint, for endpoints with several versions."""
+"""The ROS name and the message of every version of each endpoint with several versions, by the name of the endpoint."""
 
 
 def __getattr__(name: str) -> object:
@@ -1405,7 +1405,7 @@ def endpoint(name: str) -> Endpoint:
 def versions_of(name: str) -> tuple[Endpoint, ...]:
     """Return the endpoint with this name in all versions that have a type, the oldest first.
 
-    The name may be that of any version. The versions differ in name and message; all else is that of this release.
+    The name may be that of any version. The endpoints differ only in name and message.
     Raises KeyError for an unknown name; the error suggests the nearest one.
     """
     from .lookup import find_versions

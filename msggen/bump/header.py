@@ -15,7 +15,7 @@ from msggen.model import VERSION, ArrayKind, BridgeEntry, Field, FieldType, Mess
 from msggen.primitives import PRIMITIVES
 
 TODO = "// TODO:"
-"""Marks a line that needs a decision."""
+"""The mark of a line that needs a decision."""
 
 _NO_VALUES = (VERSION, "ORB_QUEUE_LENGTH")
 """Constants that are not values of a field."""
@@ -98,7 +98,7 @@ def changed_constants(older: Message, newer: Message, prefix: str = "") -> list[
 
 
 def render_header(older: Side, newer: Side, topics: tuple[str, ...], headers: Mapping[str, str]) -> str:
-    """Return the text of the header. `headers` has the existing ones by name: they may translate nested messages."""
+    """Return the text of the header. `headers` has existing headers by name, which may translate nested messages."""
     from msggen.text.environment import make_environment
 
     name, version = newer.message.name, older.message.message_version + 1
@@ -147,7 +147,7 @@ def includes(text: str, header: str) -> bool:
 
 
 def with_include(text: str, header: str) -> str:
-    """Return `text` with an include of `header`, sorted by name and version among those of its kind."""
+    """Return `text` with an include of `header`, sorted by name and version among the translation headers."""
     found = list(_INCLUDE.finditer(text))
     before = [include.end() for include in found if _by_version(include[1]) < _by_version(header)]
     others = [include.end() for include in _ANY_INCLUDE.finditer(text)]
@@ -272,7 +272,7 @@ def _renamed(source: tuple[Field, ...], target: tuple[Field, ...]) -> dict[str, 
 
 
 def _between(fields: Iterable[Field], carried: set[str]) -> dict[str, list[Field]]:
-    """Group the fields that are not in `carried` by the last field before them that is."""
+    """Return the fields that are not in `carried`, grouped by the nearest field before them that is in it."""
     found: dict[str, list[Field]] = {}
     neighbour = ""
     for field in fields:

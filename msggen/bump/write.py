@@ -1,4 +1,4 @@
-"""The writing of a bump: the files of the plan, in its order, each whole or not at all."""
+"""The writing of a bump: the files of the plan in its order. No file is written in part."""
 
 from __future__ import annotations
 

@@ -112,9 +112,9 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Return a parser of the command that `words` start with, or else of all commands.
+    """Return a parser of the command that `words` start with, or of all commands if they start with none.
 
-    Each command takes time to add.
+    Adding a command takes time, so the others are not added.
     """
     parser = _Parser(
         prog="msggen",

@@ -81,7 +81,7 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
     "-q, --quiet": {"action": "store_true", "help": "print only errors, warnings and the patch of --diff"},
 }
-"""Options that mean the same in every command that has them."""
+"""Options with the same meaning in every command that has them."""
 
 
 def add_command(

@@ -95,5 +95,5 @@ def terminal_width(otherwise: int) -> int:
 
 
 def colour() -> bool:
-    """Whether stdout is a terminal that shows colours, and its user wants them (https://no-color.org)."""
+    """Whether stdout is a terminal that shows colours, unless the user turned them off (https://no-color.org)."""
     return sys.stdout.isatty() and not os.environ.get("NO_COLOR")

@@ -1,1 +1,1 @@
-"""Comparison of two catalogs: rules and their findings. Reading sources and printing findings belong elsewhere."""
+"""Comparison of two catalogs: rules and their findings. Other packages read sources and print findings."""

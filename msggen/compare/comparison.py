@@ -1,7 +1,7 @@
 """Comparison of two catalogs: which messages and fields correspond, and whether their bytes are the same.
 
-Facts that several rules need are computed here, once. White space does not count. Comments count only as evidence of
-renamed fields, and for the rules about tags.
+Facts that several rules need are computed here, once. White space is ignored. Comments are used only as evidence of
+renamed fields, and by the rules about tags.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Extra(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One side of a comparison: its name for people, its path, its definitions, its archive of earlier versions.
+    """One side of a comparison: its name in messages, its path, its definitions, and its archived versions.
 
     `extra` are definitions that were not read, because the other side has none with these names. Topics are only
     compared if both sides have a bridge.
@@ -89,7 +89,7 @@ class MessagePair:
 
     @cached_property
     def has_same_comments(self) -> bool:
-        """Whether both sides have the same field names with the same comments: a shortcut for most messages."""
+        """Whether both sides have the same field names with the same comments, as in most messages."""
         before, after = ([(each.name, each.comment) for each in side.fields] for side in (self.previous, self.current))
         return before == after
 

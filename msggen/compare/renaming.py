@@ -27,9 +27,9 @@ _OTHER_MEANING = _NEGATIONS | _QUANTITIES
 """Words that give a name another meaning, if only one of two names has them: `yaw` and `yaw_rate`."""
 
 _SHORTEST_WORD = 3
-"""The length of the shortest word that identifies a field. Shorter words only distinguish: `gyro_x`."""
+"""The length of the shortest word that identifies a field. Shorter words, such as `x` in `gyro_x`, do not."""
 _SHORTEST_STEM = 4
-"""The length of the shortest beginning that makes two words similar, unless one abbreviates the other."""
+"""The minimum length of a common prefix that makes two words similar, unless one abbreviates the other."""
 _SHORTEST_COMMENT = 3
 """The number of words in the shortest comment that identifies a field."""
 _NEAR = 0.6
@@ -103,7 +103,7 @@ class _Common:
 
     @property
     def has_other_meaning(self) -> bool:
-        """Whether the words of only one name make it another quantity, axis or number."""
+        """Whether a word that only one name has makes it another quantity, axis or number."""
         first, second = self.rest
         return not self.has_same_letters and (
             bool(_OTHER_MEANING.intersection((*first, *second)))
@@ -196,12 +196,12 @@ def _are_spelled_alike(first: str, second: str) -> bool:
 
 
 def _count_same(first: str, second: str) -> int:
-    """Return the number of letters that two words have in common at the beginning."""
+    """Return the length of the common prefix of two words."""
     return sum(takewhile(bool, map(eq, first, second)))
 
 
 def _is_negation(first: str, second: str) -> bool:
-    """Whether one word is the other with a negating prefix such as `in`."""
+    """Whether one word is the other word with a negating prefix such as `in`."""
     short, long = sorted((first, second), key=len)
     return long.endswith(short) and long[: len(long) - len(short)] in _NEGATING_PREFIXES
 

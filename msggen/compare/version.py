@@ -177,7 +177,7 @@ def _steps(comparison: Comparison, pair: MessagePair) -> Iterator[tuple[Message,
 
 
 def _reached(comparison: Comparison, pair: MessagePair) -> set[int]:
-    """Return the versions that headers reach from the previous version, including that version."""
+    """Return the previous version, and the versions that headers translate it to, step by step."""
     history = comparison.current.history
     if history and history.is_translated:
         return {pair.previous.message_version, pair.current.message_version}

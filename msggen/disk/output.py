@@ -25,7 +25,7 @@ class OutputPlan(NamedTuple):
 
 
 class ForeignFileError(Exception):
-    """A file to write exists already, and msggen did not write it."""
+    """An error: a file to write exists already, and msggen did not write it."""
 
     def __init__(self, path: str) -> None:
         super().__init__(path)
@@ -80,10 +80,11 @@ def stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def write_stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
-    """Write the `files` that are missing in `folder` or differ there, whoever wrote those. Return their names.
+    """Write the `files` that are missing in `folder` or differ there, and return their names.
 
-    All are written to a staging folder before the first is moved into place. Runs on the same folder wait for each
-    other. Raises OSError if the folder cannot be written; nothing is changed then.
+    Files that msggen did not write are replaced too. All files are first written to a staging folder, then moved into
+    place. Runs on the same folder wait for each other. Raises OSError if the folder cannot be written; nothing is
+    changed then.
     """
     os.makedirs(folder, exist_ok=True)
     with locked(folder):

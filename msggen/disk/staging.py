@@ -1,4 +1,4 @@
-"""Atomic writing: a file is written under another name first and then renamed, so it is replaced whole or not at all.
+"""Atomic writing: a file is written under another name and then renamed, so that it is never replaced in part.
 
 Temporary files and folders are always removed; after a kill, the next run removes them.
 """
@@ -87,7 +87,7 @@ def make_folder(path: str) -> None:
 
 
 def is_writable(path: str) -> bool:
-    """Whether the file or folder may be changed: never without a write bit, even by root."""
+    """Whether the file or folder may be changed. Without a write bit it may not, even by root."""
     needed = os.W_OK | os.X_OK if os.path.isdir(path) else os.W_OK
     return bool(os.stat(path).st_mode & _WRITE_BITS) and os.access(path, needed)
 

@@ -73,7 +73,7 @@ def _step(built: str, current: str) -> _FolderSwap:
 
 
 def _try(step: _FolderSwap) -> bool:
-    """Take `step`. Return False if the system cannot swap these folders."""
+    """Run `step`. Return False if the system cannot swap these folders."""
     try:
         step.do()
     except OSError as error:

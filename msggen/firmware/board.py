@@ -1,4 +1,4 @@
-"""Boards of the firmware: their configuration files, and the Kconfig symbols that these turn on."""
+"""Boards of the firmware: their configuration files, and the Kconfig symbols that these files turn on."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from msggen.parse.kconfig import Configuration, parse_assignments, read_definiti
 _SUFFIX = ".px4board"
 _DEFAULT = "default"
 _WHOLE = (_DEFAULT, "performance-test", "bootloader")
-"""Parts of labels with a complete configuration. Configurations with other labels change the board's default one."""
+"""Parts of the labels of complete configurations. All other configurations change the default one of the board."""
 
 _ALL_YES = "allyes"
-"""A part of labels whose configuration is written by a script of the firmware."""
+"""A part of the labels of configurations that a script of the firmware writes."""
 
 
 class Board(NamedTuple):

@@ -61,7 +61,7 @@ def read_catalog(
 ) -> Catalog:
     """Return the catalog of `sources`. `contents` has the bytes of their files by path, if they are already read.
 
-    With `wanted` the catalog has only the definitions in files with these names (`Rpm.msg`) and the messages that they
+    With `wanted`, the catalog has only the definitions in files with these names (`Rpm.msg`) and the messages that they
     nest; errors in other files are ignored. Raises InputError with all errors in the files, except for the codes
     `tolerated`. If the sources are `strict`, warnings are errors too.
     """
@@ -271,7 +271,7 @@ class _Reader:
         return bridge
 
     def paths_with(self, *codes: str) -> set[str]:
-        """Return the paths of the files that have an error with one of these codes, so they were only partly read."""
+        """Return the paths of files with an error of one of these codes. Such files were read only in part."""
         return {found.location.path for found in self.errors if found.code in codes}
 
     def text(self, file: File) -> str:

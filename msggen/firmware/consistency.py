@@ -301,16 +301,16 @@ def _too_large(
     message: Message, known: Mapping[str, Message], extents: dict[str, _Extent], uorb: str
 ) -> Iterator[Diagnostic]:
     size, values, depth = _extent(message, known, extents)
-    if depth == MAX_DEPTH + 1:  # messages that nest this one are deeper, and are not reported too
+    if depth == MAX_DEPTH + 1:  # report only this message, not the messages that nest it
         yield Diagnostic(message.location, "M302", f"'{message.name}' nests messages more than {MAX_DEPTH} levels deep")
     is_of_uorb = message.package == uorb and message.folder == "msg"
     most = MAX_SIZE if is_of_uorb else MAX_OTHER_SIZE
     if size <= most and values <= MAX_VALUES:
         return
     if size > most:
-        text = f"'{message.name}' has {size} bytes, {'uORB carries' if is_of_uorb else 'msggen takes'} up to {most}"
+        text = f"'{message.name}' has {size} bytes, {'uORB carries' if is_of_uorb else 'msggen accepts'} up to {most}"
     else:
-        text = f"'{message.name}' has {values} values, msggen takes up to {MAX_VALUES}"
+        text = f"'{message.name}' has {values} values, msggen accepts up to {MAX_VALUES}"
     index = 0 if size > most else 1
     largest = max(message.fields, key=lambda field: _extent_of_field(message, field, known, extents)[index])
     yield Diagnostic(largest.location, "M304", f"{text}: '{largest.type}' is too large")
@@ -326,7 +326,7 @@ def _extent(message: Message, known: Mapping[str, Message], extents: dict[str, _
 
 
 _REFERENCE = 8
-"""Bytes per string in the default value of a fixed array: those of a reference."""
+"""Bytes per string in the default value of a fixed array: the size of a reference."""
 
 _COUNTED = (ArrayKind.SCALAR, ArrayKind.FIXED)
 

@@ -1,7 +1,7 @@
-"""The conventions of the firmware's releases in one table, and functions that recognise those of a tree.
+"""The conventions of the firmware's releases in one table, and functions that recognise the conventions of a tree.
 
-A tree may lie between two releases. The sources of the bridge's client (`src/modules/uxrce_dds_client`) therefore take
-priority over the release. Without them, the definitions show the release.
+A tree may be of a commit between two releases. The sources of the bridge's client (`src/modules/uxrce_dds_client`)
+therefore take priority over the release. Without them, the definitions show the release.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NEWEST = EMBEDDED[0]
 
 _SINCE_V1_18 = "SetpointConfig"
 _SINCE_V1_15 = "RegisterExtComponentRequest"
-"""Messages that the release in the constant's name added."""
+"""Messages that a release added; the name of the constant has the release."""
 
 _DEFAULT_INTERVAL = re.compile(r"#define\s+UXRCE_DEFAULT_POLL_\w+\s+(\d+)")
 _FIRST_ID = re.compile(r"case @\(idx\)\s*\+\s*(?:(\d+)|\(65535U / 32U\) \+ 1)")

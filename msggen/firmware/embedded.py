@@ -16,7 +16,7 @@ EMBEDDED = ("v1.18", "v1.17", "v1.16", "v1.15", "v1.14")
 """The releases of PX4 whose definitions are embedded, the newest first."""
 
 PREFIX = "embedded:"
-"""The prefix that tells an embedded release from a path: `embedded:v1.16`, because `v1.16` may also be a path."""
+"""The prefix of the name of an embedded release: `embedded:v1.16`. It is needed if `v1.16` is also a path."""
 
 FOLDERS = ("", "msg/", "msg/versioned/", "msg/px4_msgs_old/msg/", "srv/")
 """The folders that contain the files of a release."""
@@ -26,7 +26,7 @@ _HEAD = re.compile(r"(?:#.*\n)*")
 
 
 def names_release(text: str) -> bool:
-    """Whether `text` has the form of an embedded release's name. The release need not exist; an existing path wins."""
+    """Whether `text` looks like the name of an embedded release, existing or not. An existing path has priority."""
     is_name = _NAME.fullmatch(text) is not None and not os.path.exists(text)
     return is_name or text.startswith(PREFIX)
 

@@ -10,7 +10,7 @@ from msggen.location import Location
 class File(NamedTuple):
     """One input file.
 
-    Messages to the user have its `path`, generated files its `name`. `tree` reads the file by its name; it is None for
+    Messages to the user show its `path`, generated files its `name`. `tree` reads the file by its name; it is None for
     a file that the user named directly, which is opened by its path. `package` is the ROS package of the file, "" for
     the package of uORB's messages.
     """

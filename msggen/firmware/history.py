@@ -33,7 +33,7 @@ class History:
 
     `archived` has messages such as `VehicleStatusV0` by name. `translations` has the texts of the headers that
     `all_translations.h` includes, by file name. `is_kept` is True if the tree has versioned messages. `is_translated`
-    is True if each archived version is translated by a header that is not in `translations`.
+    is True if every archived version is assumed to be translated, by a header that is not in `translations`.
     """
 
     is_kept: bool

@@ -25,7 +25,7 @@ def read(  # noqa: PLR0913 - keywords, each of which has a default
     archived: bool = False,
     strict: bool = False,
 ) -> Catalog:
-    """Return the catalog of a source: all of its definitions, checked.
+    """Read and check all definitions of a source, and return them as a catalog.
 
     `source` is a PX4-Autopilot tree, a px4_msgs package, a folder of `.msg` files, `folder@revision` of git, an
     archive of one of them, or an embedded release such as "v1.16". Without `source` and `folders` it is the newest
@@ -33,8 +33,8 @@ def read(  # noqa: PLR0913 - keywords, each of which has a default
 
     `folders` contain further definitions. Those of another ROS package are "PKG=DIR", or a folder with a package.xml.
     `topics` is the dds_topics.yaml to use instead of the tree's own. `release` names the conventions to use instead of
-    those that the tree shows. `board` keeps only the messages that this board of the firmware builds. With `archived`
-    the catalog also has the archived versions of the tree. With `strict` warnings are errors.
+    those that the tree shows. `board` keeps only the messages that this board of the firmware builds. With `archived`,
+    the catalog also has the archived versions of the tree. With `strict`, warnings are errors.
 
     Raises InputError with all errors in the sources. Warnings and notes are in the catalog's `notices`. Settings in
     pyproject.toml are ignored.

@@ -100,7 +100,7 @@ def _obstacle(folder: str) -> str:
 
 
 def _hint(folder: str, revision: str) -> str:
-    """Return a hint why `revision` is missing: a shallow repository, or the nearest name that exists; "" if unknown."""
+    """Return a hint about a missing `revision`: a shallow repository, or the nearest existing name; "" for none."""
     with suppress(GitError):
         if git(folder, "rev-parse", "--is-shallow-repository").strip() == b"true":
             return ": the repository is shallow, fetch the rest with `git fetch --unshallow`"

@@ -30,7 +30,7 @@ from msggen.parse.package_xml import package_name
 if TYPE_CHECKING:
     from msggen.firmware.board import Board
 else:
-    Board = object  # a name in quotes would be compiled, which takes longer than the rest of the class
+    Board = object  # NamedTuple compiles an annotation in quotes, which takes longer than the rest of the class
 
 RELEASES = (*reversed(EMBEDDED), "main")
 """The releases whose conventions are known (`conventions` has them)."""
@@ -49,9 +49,9 @@ class Sources(NamedTuple):
     - `own` is the number of messages of the first source, which come first in `messages`. The release is recognised by
       these messages and by `is_tree`: whether the first source is a PX4-Autopilot tree.
     - `label` is a short description of the sources. `root` is the tree of the first source.
-    - `archived` and `translations` are the archived versions and their headers, if they were asked for.
+    - `archived` and `translations` are the archived versions and their headers, if they were requested.
     - `embedded` is the name of the embedded release, if the first source is one.
-    - `client` has those of CLIENT_SOURCES that exist in the tree.
+    - `client` has the files of CLIENT_SOURCES that exist in the tree.
     - With `strict`, warnings are errors. `notices` are findings about the sources themselves.
     - `lists` is the file in which the tree lists the messages that it builds. `unbuilt` has the messages that the
       `board` does not build, with the condition under which each is listed, "" for those that are not listed. They are
@@ -84,7 +84,7 @@ class Sources(NamedTuple):
         return any(not file.package for file in (*self.messages, *self.services))
 
     def reasons(self) -> dict[str, str]:
-        """Return, by name, the reasons why the board does not build messages of the tree."""
+        """Return the reasons why the board does not build messages of the tree, by the name of the message."""
         board = self.board.name if self.board else ""
         reasons = {condition: f"needs {condition}" for condition in self.unbuilt.values()} | {"": f"not in {LISTS}"}
         return {file.stem: f": not built for {board}, {reasons[needs]}" for file, needs in self.unbuilt.items()}

@@ -1,6 +1,6 @@
 """A build, which reads the sources and updates the package on disk.
 
-A build with nothing to do imports nothing slow: it reads the inputs and the outputs, and compares digests.
+A build with nothing to do imports no slow module. It only compares the digests of the inputs and the outputs.
 """
 
 import os

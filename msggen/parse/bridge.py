@@ -99,7 +99,7 @@ def parse_bridge(data: bytes, path: str) -> Bridge:
 def _check_depth(text: str) -> None:
     """Raise YAMLError for deep nesting, which would crash PyYAML's C code. No real file is nested so deeply."""
     if text.count("[") + text.count("{") + max(map(_depth, text.split("\n"))) <= _MAX_DEPTH:
-        return  # too few brackets and too little indentation for deep nesting
+        return  # too few brackets and too little indentation to be nested deeply
     depth = 0
     for event in yaml.parse(text, Loader=_LOADER):
         mark: Any = event.start_mark
@@ -109,7 +109,7 @@ def _check_depth(text: str) -> None:
 
 
 def _depth(line: str) -> int:
-    """Return the greatest depth that a line can have: a mapping and a sequence for each column where one may begin."""
+    """Return the maximum depth of a line: a mapping and a sequence for each column where a node may begin."""
     indentation = len(line) - len(line.lstrip())
     return 2 * (indentation + line.count("- ") + line.count("? ") + line.count(": ") + 1)
 
@@ -292,7 +292,7 @@ _OPTIONAL: Mapping[str, tuple[Callable[[object], object], str]] = MappingProxyTy
 def _data(node: yaml.Node, made: dict[int, object] | None = None) -> object:
     """Return the value of a YAML node, as text if Python has no such value.
 
-    `made` has the values of the nodes read so far, because an alias is the same value again and may contain itself.
+    `made` has the values of the nodes read so far: an alias refers to one of them, even to a node that contains it.
     """
     made = {} if made is None else made
     if id(node) in made:

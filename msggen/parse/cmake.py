@@ -54,7 +54,7 @@ class Listed(NamedTuple):
 class MessageLists(NamedTuple):
     """The listed messages by their file below `msg/`, such as `versioned/VehicleStatus.msg`.
 
-    The lists are `complete` if they name messages without a condition and find no files by a pattern.
+    The lists are `complete` if at least one message has no condition, and no files are found by a pattern.
     """
 
     listed: Mapping[str, Listed]

@@ -33,7 +33,7 @@ _CONDITION = re.compile(r"\#\s*(?:if|el|endif)")
 
 
 class TooLargeError(ValueError):
-    """The text is too large, or becomes too large when its macros are expanded."""
+    """An error: the text is too large, or becomes too large when its macros are expanded."""
 
 
 def tokens(text: str) -> list[str]:
@@ -50,7 +50,7 @@ def included(text: str) -> list[str]:
 
 
 def closings(code: Sequence[str]) -> dict[int, int]:
-    """Return the position of each closing bracket by that of its opening one. Unclosed brackets are left out."""
+    """Return the positions of closing brackets by those of the opening ones. Unclosed brackets are left out."""
     found: dict[int, int] = {}
     waiting: list[int] = []
     for position, token in enumerate(code):

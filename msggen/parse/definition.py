@@ -53,7 +53,7 @@ _SPECIAL = {"MESSAGE_VERSION": 0, "ORB_QUEUE_LENGTH": 1}
 
 _LIKE_SPECIAL = re.compile(r"ORB_|(?=\w{13,18}$)\w*(?:QUEUE|VERSION|MESSAGE_V)")
 _NEAR = 0.9
-"""Minimum similarity of a misspelled name. MESSAGE_TYPE_PARAM_SET and LATEST_PROTOCOL_VERSION are less similar."""
+"""Minimum similarity of a misspelled name. Correct names, such as LATEST_PROTOCOL_VERSION, are less similar."""
 _QUOTED_VALUE = re.compile(r"\s*\S+\s+[^\s=]+(?:\s*=)?\s*[\"'\[]")
 _NAMED = [f"@{tag.name}" for tag in ATTRIBUTES if tag is not UNIT]
 _TAGS_OF_PX4 = f": PX4 has {', '.join(_NAMED[:-1])} and {_NAMED[-1]}, and units such as '[m]'"
@@ -65,8 +65,8 @@ def parse_message(
 ) -> tuple[Message, list[Diagnostic]]:
     """Return the message `name` of `package` that `text`, the contents of `path`, defines, with all its errors.
 
-    A message with errors has only the fields and constants that could be read. For messages that are not `of_uorb` only
-    the rules of ROS 2 apply.
+    A message with errors has only the fields and constants that could be read. For messages that are not `of_uorb`,
+    only the rules of ROS 2 apply.
     """
     body = _Body(path, name, of_uorb=of_uorb)
     _check_name(body, name, is_of_px4=of_uorb)
@@ -300,9 +300,9 @@ class _Body:
             from difflib import get_close_matches
 
             near = get_close_matches(name, _SPECIAL, n=1, cutoff=_NEAR)
-            hint = f"did you mean '{near[0]}'?" if near else f"it knows {' and '.join(_SPECIAL)}"
+            hint = f"did you mean '{near[0]}'?" if near else f"only {' and '.join(_SPECIAL)}"
             if near or name.startswith("ORB_"):
-                text = f"the firmware gives '{name}' no meaning, {hint}"
+                text = f"the firmware does not use '{name}', {hint}"
                 self.errors.append(Diagnostic(location, "M405", text))
         elif type_.name not in INTEGERS or not isinstance(value, int) or value < low:
             text = f"{name} should be an integer of at least {low}, found '{type_} {name} = {value}'"

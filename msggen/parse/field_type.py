@@ -10,7 +10,7 @@ from msggen.model import ArrayKind, FieldType
 from msggen.primitives import PRIMITIVES, STRINGS
 
 MAX_LENGTH = 2**16 - 1
-"""Maximum length of a fixed array in a uORB message, which cannot have more bytes than this."""
+"""Maximum length of a fixed array in a uORB message: the maximum number of bytes in such a message."""
 
 MAX_OTHER_LENGTH = 2**24
 """Maximum length of a fixed array in other messages, to limit memory. `consistency` has the limit for a message."""
@@ -54,7 +54,8 @@ class TypeSpellingError(Exception):
 def parse_type(text: str, *, of_uorb: bool = True) -> FieldType:
     """Return the type in `text`, such as `float32[3]`, `string<=10`, `EscReport[8]` or `std_msgs/Header`.
 
-    Definitions `of_uorb` may nest messages with names in lower case, and have shorter arrays. Raises TypeSpellingError.
+    Definitions `of_uorb` may nest messages with names in lower case, and have a lower limit for array lengths. Raises
+    TypeSpellingError.
     """
     pattern, most = (NAME_IN_PX4, MAX_LENGTH) if of_uorb else (MESSAGE_NAME, MAX_OTHER_LENGTH)
     match = _TYPE.fullmatch(text)

@@ -53,7 +53,7 @@ class Configuration:
         self.definitions = definitions
         self.assigned = assigned
         self.files: dict[str, None] = {}
-        """The files that define the symbols whose values were read, as keys in the order of their first use."""
+        """The files with the definitions of the symbols that were read: the keys, in the order of their first use."""
         self._asked: list[str] = []
 
     def knows(self, symbol: str) -> bool:

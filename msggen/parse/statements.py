@@ -54,11 +54,11 @@ _REPEATING = frozenset({"for", "while", "do", "switch"})
 
 
 class _UnclearError(ValueError):
-    """The statement has a form that the parser does not know."""
+    """An error: the statement has a form that the parser does not know."""
 
 
 class OpaqueError(ValueError):
-    """The function as a whole cannot be read."""
+    """An error: the function as a whole cannot be read."""
 
 
 class Body:

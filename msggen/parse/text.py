@@ -1,4 +1,4 @@
-"""Decoding of definitions to text that is safe to read line by line and to copy into generated code."""
+"""Decoding of definitions, to text that can be read line by line and copied into generated code safely."""
 
 from __future__ import annotations
 

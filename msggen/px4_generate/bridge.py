@@ -35,11 +35,11 @@ class BridgeRequest(NamedTuple):
 
 
 class _UnknownNameError(Exception):
-    """A template reads a name that the script of the firmware computes and msggen does not."""
+    """An error: a template reads a name that the script of the firmware computes and msggen does not."""
 
 
 class _Entry(dict[str, Any]):
-    """An entry for templates. To read a name that the script computes and msggen does not is an error.
+    """An entry for templates. Reading a name that the script computes and msggen does not is an error.
 
     `computed` are the names that the script sets, or None if it was not found. `known` are the names of all entries.
     """
@@ -114,7 +114,7 @@ def _read(path: str) -> dict[str, list[_Entry]]:
 
 
 def _describe(entry: _Entry, namespace: str) -> None:
-    """Add the names to an entry that templates read."""
+    """Add the names that templates read to an entry."""
     entry["topic_simple"] = entry["topic"].rsplit("/", 1)[-1]
     entry["topic"] = f"/{namespace}{entry['topic']}" if namespace else entry["topic"]
     entry["simple_base_type"] = snake_case(entry["type"].rsplit("::", 1)[-1])

@@ -43,7 +43,7 @@ class Definitions:
         return definition
 
     def _read_once(self, path: str, full_name: str) -> tuple[Definition, list[Diagnostic]]:
-        """Return a definition, as far as it is valid, and its errors. Raises InputError if the file cannot be read."""
+        """Return the valid part of a definition, and its errors. Raises InputError if the file cannot be read."""
         known = self._read.get((path, full_name))
         if known is None:
             known = self._read[path, full_name] = _read(path, *full_name.split("/"))

@@ -22,7 +22,7 @@ HELPER = "px_generate_uorb_topic_helper.py"
 
 
 class Kind(Enum):
-    """The template for each message, and the template for all messages."""
+    """A kind of output: the template for each message, and the template for all messages."""
 
     HEADERS = "msg.h.em", "uORBTopics.hpp.em"
     SOURCES = "msg.cpp.em", "uORBTopics.cpp.em"
@@ -128,7 +128,7 @@ def _expand(template: EmpyTemplate, names: Mapping[str, object]) -> str:
 
 
 def _about_helper(cause: BaseException | None) -> str:
-    """Return where the helper module of the firmware was searched, if it is the missing module, else ""."""
+    """Return a note for the error if the helper module of the firmware is missing, "" for other errors."""
     is_helper = isinstance(cause, ModuleNotFoundError) and f"{cause.name}.py" == HELPER
     return f": {HELPER} is not in the folder of the template or a folder above it" if is_helper else ""
 

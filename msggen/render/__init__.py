@@ -1,4 +1,4 @@
 """The renderer of the user's own templates, Jinja2 or EmPy. docs/render.md lists the names that they can use."""
 
 THINGS = ("message", "service", "endpoint", "catalog")
-"""The things for which a template can be rendered, by the name of each in the template. `catalog` is always defined."""
+"""The kinds of items to render a template for, by the name of an item in the template. `catalog` is always defined."""

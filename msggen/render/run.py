@@ -1,4 +1,4 @@
-"""The outputs of a template for many things: their names and their texts. They are written elsewhere."""
+"""The outputs of a template for many things: their names and their texts. Other modules write them to disk."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ _NAMES = {
     "service": "{{ service.name | snake_case }}",
     "endpoint": "{{ endpoint.ros_name[1:] }}",
 }
-"""The default patterns of the names of outputs, without the suffix. The output for a catalog is named as the template.
-"""
+"""The default patterns of output names, without the suffix. The output for a catalog has the name of the template."""
 
 
 class Template(Protocol):
@@ -142,7 +141,7 @@ def _encodable(text: str, path: str) -> str:
 
 
 def _each(items: Sequence[Item], function: Callable[[Item], str]) -> tuple[str, ...]:
-    """Return the result of `function` for each item. Raises InputError, with one error for each place and its items."""
+    """Return the result of `function` for each item. Raises InputError; an error at one place lists all its items."""
     texts: list[str] = []
     errors: dict[tuple[Location, str], tuple[str, list[str]]] = {}
     for item in items:

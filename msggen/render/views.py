@@ -37,7 +37,7 @@ class _View:
     """The base class of the views."""
 
     def __repr__(self) -> str:
-        """Return a short text, for a template that writes a view instead of one of its names."""
+        """Return a short text, for a template that writes the view itself instead of one of its attributes."""
         name = getattr(self, "ros_name", None) or getattr(self, "name", None) or getattr(self, "package", "")
         return f"<{type(self).__name__.removesuffix('View').lower()} {name}>"
 
@@ -160,7 +160,7 @@ class MessageView(_Definition):
 
     @cached_property
     def leaves(self) -> tuple[LeafView, ...]:
-        """The primitives and arrays of primitives, with all nested messages unfolded; empty if not static."""
+        """The primitives and arrays of primitives, with all nested messages flattened; empty if not static."""
         if not self._layouts:
             return ()
         pairs = zip(*(layout.leaves for layout in self._layouts), strict=True)
@@ -282,7 +282,7 @@ class _Described(_View):
 
     @property
     def tags(self) -> dict[str, str]:
-        """The content of every tag `[@name ...]` by name, with tags that PX4 does not use."""
+        """The content of every tag `[@name ...]` by name, including tags that PX4 does not use."""
         return dict(self._comment.tags)
 
     @property

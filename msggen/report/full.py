@@ -82,7 +82,7 @@ def _print_group(console: Console, report: Report, subject: str, findings: Seque
 
 
 def _print_line(console: Console, text: Text) -> None:
-    """Print `text` without wrapping: terminals wrap lines, and logs are easier to search with whole lines."""
+    """Print `text` without wrapping, because terminals wrap lines, and whole lines in logs are easier to search."""
     console.print(text, soft_wrap=True)
 
 

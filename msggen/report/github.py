@@ -38,9 +38,9 @@ def _of_finding(finding: Finding) -> str:
 
 
 def _command(command: str, location: Location, title: str, message: str) -> str:
-    """Return a command for a place in a file.
+    """Return a command for a location.
 
-    GitHub cannot show a folder or an option as a place, so the message names it.
+    GitHub shows only locations in files, so the message names a folder or an option.
     """
     path, line, column = location
     properties = {"file": printable(path)} if line or os.path.isfile(path) else {}

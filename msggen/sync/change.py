@@ -17,7 +17,7 @@ COMMENTS, WHITE_SPACE = "only comments", "only white space"
 
 
 def describe_change(name: str, before: bytes | None, after: bytes) -> str:
-    """Return what changed in the definition `name`, such as "fields, topics" or COMMENTS.
+    """Return a description of the change in the definition `name`, such as "fields, topics" or COMMENTS.
 
     A tag whose meaning changed, such as a unit, is named with its old and its new text. Return "" if there is no old
     text, or if one of the texts has errors.

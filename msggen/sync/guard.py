@@ -20,7 +20,7 @@ _IGNORED = "!!"
 
 
 def find_errors(plan: SyncPlan, dependencies: Mapping[str, Location]) -> list[Diagnostic]:
-    """Return the errors of `plan`, whose definitions nest messages of the packages `dependencies`.
+    """Return the errors of `plan`. `dependencies` are the packages whose messages its definitions nest.
 
     Raises InputError if the git status cannot be read.
     """
@@ -87,7 +87,7 @@ def _other_cases(plan: SyncPlan) -> Iterator[Diagnostic]:
 
 
 def _read_only(plan: SyncPlan) -> list[Diagnostic]:
-    """Return an error for each read-only file or folder that would change, even for root, or one error for many."""
+    """Return an error for each read-only file or folder to be changed, even for root; many are reported as one."""
     found = [*_each_read_only(plan)]
     if len(found) <= _FEW:
         return found
@@ -109,7 +109,7 @@ def _each_read_only(plan: SyncPlan) -> Iterator[Diagnostic]:
 
 
 def _losses(plan: SyncPlan) -> Iterator[Diagnostic]:
-    """Yield an error for each file to be replaced or removed that is neither committed nor as msggen wrote it."""
+    """Yield an error for each file whose content would be lost: neither msggen wrote it, nor is it committed."""
     states = _uncommitted(plan.target)
     for name in (*plan.changed, *plan.removed):
         data = plan.before[name]

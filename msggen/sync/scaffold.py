@@ -33,8 +33,8 @@ class Scaffold(NamedTuple):
 class Origin(NamedTuple):
     """The origin of the definitions, without a path of this machine.
 
-    `commit` is empty if they are in no repository. `described` is the output of `git describe`, or empty if there is no
-    tag. `further` are the names of the other sources.
+    `commit` is empty if the definitions are not in a repository. `described` is the output of `git describe`, or empty
+    if there is no tag. `further` are the names of the other sources.
     """
 
     name: str
@@ -79,7 +79,7 @@ def origin_of(sources: Sources) -> Origin:
 
 
 def _origin_in_git(folder: str, revision: str | None) -> Origin:
-    """Return the commit that `revision` names, by default the last one; an empty origin if git lacks the files."""
+    """Return the commit that `revision` names, by default the last one; an empty origin if git has no such files."""
     from msggen.disk.git import GitError, commit_of, git
 
     paths = [kind for kind in KINDS if os.path.isdir(os.path.join(folder, kind))] or ["."]

@@ -1,7 +1,8 @@
 """The writing of a plan: all changes are made, or none.
 
-A new `msg` folder is built in a staging folder and swapped with the old one in a single step; so is `srv`. A new
-package is built next to its place and then renamed. On systems that cannot swap folders, files are replaced one by one.
+The new folders `msg` and `srv` are built in a staging folder, and each is swapped with the old one in a single step. A
+new package is built next to its place and then renamed. On systems that cannot swap folders, files are replaced one by
+one.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ def create_package(plan: SyncPlan) -> None:
 def update_package(plan: SyncPlan) -> None:
     """Update an existing package. Write nothing if it is up to date.
 
-    Before any file is replaced, a record with the old and the new digest of each file is written, so that after a kill
-    the next run recognises them. Raises OSError; all definitions are then old, or all are new.
+    Before any file is replaced, a record with the old and the new digest of each file is written. If the run is killed,
+    the next one recognises the files. Raises OSError; all definitions are then old, or all are new.
     """
     folder = plan.target.folder
     stage = os.path.join(folder, STAGE)

@@ -38,7 +38,7 @@ class EmpyTemplate:
         return (self.path, *self._program.included, *filter(None, modules))
 
     def expand(self, names: Mapping[str, object], prepare_path: Sequence[str] = ()) -> str:
-        """Return the text of the template for `names`. It may also import modules from the folders of `prepare_path`.
+        """Return the text of the template for `names`. It may import modules from the folders `prepare_path`.
 
         The mapping of names is not changed. Changes of `sys.path` and `sys.stdout` are undone. Modules from
         `prepare_path` are visible only to this template, and are kept for its next expansion.

@@ -152,7 +152,7 @@ class Program:
         return _Code(text, self._path, line, "eval").evaluate
 
     def _control(self, token: Any, line: int, scanner: _Scanner) -> Run:
-        """Return a function that does the same as an `if` or a `for`. EmPy runs those with errors, and reports them."""
+        """Return a function that does the same as an `if` or a `for`. EmPy runs invalid ones, to report errors."""
         try:
             parts = token.build(["elif", "else"] if token.type == "if" else ["else"])
         except em.ParseError:

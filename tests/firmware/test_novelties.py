@@ -45,8 +45,8 @@ TREE = {
     "src/modules/x": "",
 }
 SAID = {
-    "px4/msg/Lamp.msg:3:1: M405": "the firmware gives 'ORB_QUEUE_LENGHT' no meaning, did you mean 'ORB_QUEUE_LENGTH'?",
-    "px4/msg/Lamp.msg:4:1: M405": "the firmware gives 'ORB_PRIORITY' no meaning, it knows MESSAGE_VERSION and",
+    "px4/msg/Lamp.msg:3:1: M405": "the firmware does not use 'ORB_QUEUE_LENGHT', did you mean 'ORB_QUEUE_LENGTH'?",
+    "px4/msg/Lamp.msg:4:1: M405": "the firmware does not use 'ORB_PRIORITY', only MESSAGE_VERSION and",
     "px4/msg/Lamp.msg:6:7: M205": "constant name 'fast_mode': ROS 2 expects UPPER_CASE with single underscores",
     "px4/msg/Lamp.msg:8:37: M107": "unknown tag '@precision': PX4 has @range, @enum, @invalid and @frame",
     "px4/msg/Lamp.msg:9:17: M107": "unknown tag '@rnage', did you mean '@range'?",

@@ -320,8 +320,8 @@ def test_nesting_too_deep_is_told_whether_the_outermost_message_is_read_first_or
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("uint8[9000000] a\nuint8[9000000] b\n", "has 18000000 bytes, msggen takes up to 16777216: 'uint8[9000000]'"),
-        ("Small[70000] a\n", "has 70000 values, msggen takes up to 65535: 'Small[70000]'"),
+        ("uint8[9000000] a\nuint8[9000000] b\n", "has 18000000 bytes, msggen accepts up to 16777216: 'uint8[9000000]'"),
+        ("Small[70000] a\n", "has 70000 values, msggen accepts up to 65535: 'Small[70000]'"),
         ("bool[70000] a\n", "has 70000 values"),
     ],
 )

@@ -503,12 +503,12 @@ def test_a_version_that_is_no_number_is_none(value: str) -> None:
         ("ORB_QUEUE_LENGHT", "did you mean 'ORB_QUEUE_LENGTH'?"),
         ("MESSAGE_VERSOIN", "did you mean 'MESSAGE_VERSION'?"),
         ("MESAGE_VERSION", "did you mean 'MESSAGE_VERSION'?"),
-        ("ORB_PRIORITY", "it knows MESSAGE_VERSION and ORB_QUEUE_LENGTH"),
+        ("ORB_PRIORITY", "only MESSAGE_VERSION and ORB_QUEUE_LENGTH"),
     ],
 )
 def test_a_constant_like_one_with_a_meaning_is_a_warning(name: str, hint: str) -> None:
     _, (found,) = parse_message(f"uint64 timestamp\nuint8 {name} = 4", "Foo.msg", "Foo", "px4_msgs")
-    assert str(found) == f"Foo.msg:2:1: M405 the firmware gives '{name}' no meaning, {hint}"
+    assert str(found) == f"Foo.msg:2:1: M405 the firmware does not use '{name}', {hint}"
 
 
 @pytest.mark.parametrize("name", ["LATEST_PROTOCOL_VERSION", "MESSAGE_TYPE_PARAM_SET", "ORBIT_YAW", "VERSION", "QUEUE"])

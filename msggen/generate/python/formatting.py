@@ -24,7 +24,7 @@ def literal(value: object) -> str:
     if isinstance(value, str):
         if not value.isprintable():
             return ascii(value)
-        # JSON quotes printable text as Python does. Most text needs no escape, so the slow call is skipped for it.
+        # JSON quotes printable text as Python does. Skip the slow call for text without escapes, which is most text.
         plain = '"' not in value and "\\" not in value
         return f'"{value}"' if plain else json.dumps(value, ensure_ascii=False)
     if isinstance(value, float) and not math.isfinite(value):

@@ -118,7 +118,7 @@ class MessageClass(NamedTuple):
     builtins: str
     """The prefix of built-in types: "builtins." if a field hides one of them, else ""."""
     uses_arrays: bool
-    """Whether it needs the module `arrays`, for its own fields or for nested messages that its codec unfolds."""
+    """Whether it needs the module `arrays`, for its own fields or for nested messages that its codec flattens."""
     adjacent: tuple[AdjacentVersion, ...]
     """The versions before and after this one."""
 

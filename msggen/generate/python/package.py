@@ -1,4 +1,4 @@
-"""The contents of the files of a Python package. They are written elsewhere."""
+"""The contents of the files of a Python package. Other modules write them to disk."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ Python holds the values as follows (docs/design.md has the measurements):
 - up to 15 numbers, or any number of bools: a tuple, unpacked through local variables, because `pack(*values)` would
   accept arrays of 4 and 2 values in place of two arrays of 3
 - 16 or more numbers: array.array, copied as a block
-- nested messages: unfolded into the one `struct` format of the outer message
+- nested messages: flattened into the one `struct` format of the outer message
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class Codec(Values):
 
     @classmethod
     def of(cls, catalog: Catalog, message: Message, class_of: ClassOf) -> Codec:
-        """Return the statements for `message`, with its nested messages unfolded.
+        """Return the statements for `message`, with its nested messages flattened.
 
         `class_of` returns the class name of a message.
         """

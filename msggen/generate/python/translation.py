@@ -1,6 +1,6 @@
 """A reader that turns the statements of a translation into rules for the fields of two definitions.
 
-A rule describes what a copy by name does not. A field that the header sets from the field of the same name needs none.
+A field that the header copies from the field of the same name needs no rule.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _readable(rule: Rule, attributes: Mapping[str, str]) -> Rule:
 
 
 def lost_elements(rules: Iterable[Rule], source: Message, target: Message) -> tuple[str, ...]:
-    """Return the elements of `source` that no rule reads, of fields with other elements that are read."""
+    """Return the elements of `source` that no rule reads, in fields of which other elements are read."""
     read: dict[str, set[int]] = {}
     computed = [rule for rule in rules if isinstance(rule, Computed)]
     for part in chain.from_iterable(rule.parts for rule in computed):

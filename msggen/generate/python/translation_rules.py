@@ -48,7 +48,7 @@ class Part(NamedTuple):
 
 
 class Computed(NamedTuple):
-    """A rule for a field whose value is computed; an array has a value for each part.
+    """A rule for a field whose value is computed. Each part of an array has a value.
 
     `rest` are the defaults, which all other elements keep.
     """

@@ -17,7 +17,7 @@ KINDS = {"bool": BOOL, **dict.fromkeys(INTEGERS, INTEGER), **dict.fromkeys(FLOAT
 """The kind of each primitive type."""
 
 _PROMOTED_BELOW = 2**31
-"""C++ promotes an integer to `int` before a comparison if all values of its type are smaller than this."""
+"""C++ promotes an integer to `int` before a comparison if all values of its type are below this number."""
 
 
 class UnclearError(ValueError):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Conversion(NamedTuple):
-    """A translation of the firmware from one version to the next, as far as it differs from a copy by name.
+    """A translation of the firmware from one version to the next, where it does not copy by name.
 
     `omitted` are the fields of both versions that it does not set. `is_readable` is false if the translation could not
     be parsed.

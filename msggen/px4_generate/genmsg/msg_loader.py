@@ -10,7 +10,7 @@ from msggen.px4_generate.genmsg.names import package_resource_name
 
 
 class MsgNotFound(Exception):  # noqa: N818 - the name that templates know
-    """No folder of the search path has the message."""
+    """An error: no folder of the search path has the message."""
 
 
 class MsgContext:

@@ -70,7 +70,7 @@ def _values(format: str) -> Iterator[Value]:
 
 
 def packed(values: tuple[Value, ...]) -> tuple[Value, ...]:
-    """Return the values at their offsets without padding."""
+    """Return the values with the offsets that they have in a sample without padding."""
     offset = len(HEADER)
     moved: list[Value] = []
     for value in values:
@@ -80,7 +80,7 @@ def packed(values: tuple[Value, ...]) -> tuple[Value, ...]:
 
 
 def parts_of(message: type[Message], values: tuple[Value, ...]) -> tuple[Part, ...]:
-    """Return the fields of `message` with their places; `values` are the places of its values in order."""
+    """Return the fields of `message` with their places, derived from its `values` in the order of the sample."""
     return _parts(message, iter(values))
 
 

@@ -61,7 +61,7 @@ class UorbTopic(Frozen):
 
 
 class Qos(Frozen):
-    """The quality of service of one end; with a depth of 0, the middleware chooses the depth."""
+    """The quality of service of a writer or a reader; with a depth of 0, the middleware chooses the depth."""
 
     __slots__ = ("reliability", "durability", "history", "depth")
 
@@ -85,7 +85,7 @@ class Qos(Frozen):
 
 
 class QosPair(Frozen):
-    """The quality of service of both ends: the settings of PX4, and compatible settings for the application.
+    """The quality of service of writer and reader: the settings of PX4, and compatible ones for the application.
 
     A reader must not request RELIABLE from PX4, or it receives nothing. A writer may offer either.
     """
@@ -102,7 +102,7 @@ class QosPair(Frozen):
 
 
 class Endpoint(Frozen):
-    """A topic that the bridge carries; `direction` is seen from PX4: PX4 publishes "out" and subscribes to "in"."""
+    """A topic that the bridge carries. Its `direction` is "out" if PX4 publishes it, "in" if PX4 subscribes to it."""
 
     __slots__ = (
         "direction",
