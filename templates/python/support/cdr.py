@@ -45,8 +45,7 @@ if TYPE_CHECKING:
     class Stream(Protocol):
         """The codec of a message whose samples vary in size."""
 
-        def encode(self, message: Any, header: bytes) -> bytes:
-            """Return the message as a sample with this header."""
+        def encode(self, message: Any, header: bytes) -> bytes: ...  # noqa: D102
 
 else:
     BytesLike = bytes | bytearray | memoryview
