@@ -67,7 +67,7 @@ def test_an_import_that_closes_a_circle_says_so(name: str) -> None:
     functions = [node for node in ast.walk(TREES[name]) if isinstance(node, ast.FunctionDef)]
     inside = [node for function in functions for node in ast.walk(function) if isinstance(node, ast.ImportFrom)]
     closing = [lines[node.lineno - 1] for node in inside if any(name in reached(other) for other in imported(node))]
-    assert [line for line in closing if not line.endswith("# late: imports this module")] == []
+    assert [line for line in closing if not line.endswith("# here, because it imports this module")] == []
 
 
 def test_only_the_base_class_imports_what_imports_it() -> None:
