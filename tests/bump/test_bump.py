@@ -264,6 +264,7 @@ def test_the_setting_px4_names_the_firmware(firmware: Path, tmp_path: Path, monk
     assert (firmware / STATUS_V1).exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["VehicleStatus", str(STATUS), f"{STATUS}"])
 def test_a_message_may_be_named_by_its_file(firmware: Path, name: str) -> None:
     assert bump(name) == DONE
@@ -367,6 +368,7 @@ def test_permissions_are_kept() -> None:
     assert STATUS.stat().st_mode & 0o777 == 0o640
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", ["--dry-run", "--diff"])
 def test_what_would_change_is_told_and_not_done(
     firmware: Path, option: str, capsys: pytest.CaptureFixture[str]
@@ -416,6 +418,7 @@ def test_fields_that_changed_are_marked(firmware: Path) -> None:
 CONSTANTS = "uint8 kind  # [@enum KIND]\nuint8 KIND_A = 1\nuint8 KIND_B = 2\nuint8 other\nuint8 KEPT = 7"
 
 
+@pytest.mark.slow
 def test_fields_whose_constants_changed_are_marked(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
     append(VERSIONED / "Wind.msg", CONSTANTS)
     commit(firmware)
@@ -484,6 +487,7 @@ def test_a_nested_message_is_archived_along_and_set_field_by_field() -> None:
     assert "older.events[i].arguments = newer.events[i].arguments;" in text
 
 
+@pytest.mark.slow
 def test_a_nested_message_with_a_new_version_is_translated_by_its_own_header(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -509,6 +513,7 @@ def test_a_message_that_nests_a_changed_one_says_so(firmware: Path, capsys: pyte
     assert expected in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_header_that_no_longer_fits_is_named(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bump("Event")
     bump("ArmingCheckReply")
@@ -529,6 +534,7 @@ def left(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return [line.strip() for line in lines[lines.index("left to do:") + 1 :]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_nested_deeper", [False, True])
 def test_services_that_nest_the_message_are_named(
     firmware: Path, capsys: pytest.CaptureFixture[str], *, is_nested_deeper: bool
@@ -569,6 +575,7 @@ def test_a_bump_of_what_has_not_changed_says_so_first(
     assert left(capsys)[0].startswith(f"VehicleStatus has no changes {since}: edit {STATUS}, {how}")
 
 
+@pytest.mark.slow
 def test_a_bump_of_what_has_changed_does_not_say_so(capsys: pytest.CaptureFixture[str]) -> None:
     append(STATUS, "uint8 battery_count")
     assert bump("VehicleStatus") == DONE
@@ -789,6 +796,7 @@ def test_headers_of_all_kinds_compile_and_translate(firmware: Path, tmp_path: Pa
     assert run(firmware, tmp_path / "second", names).keys() == set(names)
 
 
+@pytest.mark.slow
 @pytest.mark.tools("g++")
 def test_a_nested_message_without_a_new_version_compiles(firmware: Path, tmp_path: Path) -> None:
     append(VERSIONED / "ArmingCheckReply.msg", "uint8 reason")
@@ -820,6 +828,7 @@ def test_every_versioned_message_of_a_release_can_be_bumped(tmp_path: Path) -> N
 # --- Invalid input
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
@@ -862,6 +871,7 @@ def test_bad_input_is_told_and_nothing_is_written(
     assert files_of(firmware) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [0, 3])
 def test_a_version_that_skips_is_told_with_its_place(version: int, capsys: pytest.CaptureFixture[str]) -> None:
     edit(STATUS, "MESSAGE_VERSION = 1", f"MESSAGE_VERSION = {version}")
@@ -878,6 +888,7 @@ def test_a_versioned_file_without_its_constant_is_told(firmware: Path, capsys: p
     assert "msg/versioned/Wheel.msg: B102 'Wheel' has no versions" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [

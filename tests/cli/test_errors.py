@@ -451,6 +451,7 @@ def test_any_yaml_is_read_or_refused(data: bytes) -> None:
         assert is_one_plain_line(str(error))
 
 
+@pytest.mark.slow
 @given(st.one_of(ANY_TEXT, made_of(WORDS)))
 def test_any_service_is_read_or_refused(data: bytes) -> None:
     for error in errors_in(STAMP.encode(), service=data):

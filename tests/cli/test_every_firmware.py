@@ -29,6 +29,7 @@ def run(*arguments: str, code: int = DONE) -> None:
     assert main([*arguments]) == code, arguments
 
 
+@pytest.mark.slow
 @each_firmware
 def test_build_and_build_again(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     run("build", "--px4", tree(name), "--strict")
@@ -37,6 +38,7 @@ def test_build_and_build_again(name: str, capsys: pytest.CaptureFixture[str]) ->
     assert "is up to date" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @each_firmware
 def test_sync_and_check(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     run("sync", "--px4", tree(name), "--strict", "--create", "px4_msgs")
@@ -46,6 +48,7 @@ def test_sync_and_check(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.slow
 @each_firmware
 @pytest.mark.parametrize("each", ["message", "service", "endpoint", "catalog"])
 def test_render(name: str, each: str) -> None:
@@ -70,6 +73,7 @@ def test_breaking_tells_two_releases_apart(pair: tuple[str, str], capsys: pytest
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.slow
 @each_firmware
 @pytest.mark.parametrize("kind", ["--headers", "--sources", "--json", "--uorb-idl-header"])
 def test_px4_generate_with_templates_of_our_own(name: str, kind: str) -> None:

@@ -124,6 +124,7 @@ ADDED = {("FIELD_ADDED", "Rpm")}
 # --- Revisions and trees
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("against", ["main", "v1", "HEAD", "@", "heads/main", "HEAD@{0}", "HEAD^{/all}"])
 def test_the_tree_is_compared_with_a_revision_of_its_repository(against: str, capsys: Capture) -> None:
     assert broken(capsys, "--px4", "firmware", "--against", against) == NONE
@@ -363,6 +364,7 @@ CHOICES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("options", "selected", "ignored"), CHOICES)
 def test_rules_are_chosen_on_the_command_line_or_in_the_settings(
     options: list[str], selected: list[str], ignored: list[str], capsys: Capture
@@ -582,6 +584,7 @@ LACKS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lack", LACKS, ids=lambda lack: lack.what)
 def test_nothing_less_does(lack: Lack, capsys: Capture) -> None:
     bump()
@@ -608,6 +611,7 @@ def test_another_number_alone_is_needless(number: int, capsys: Capture) -> None:
     assert found == {("VERSION_NEEDLESS", "HomePosition")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "old", "new"),
     [
@@ -748,6 +752,7 @@ def test_errors_that_do_not_matter_elsewhere_do_not_matter_in_the_archive(text: 
     assert broken(capsys) == NONE
 
 
+@pytest.mark.slow
 def test_from_v1_16_to_v1_17_two_archived_versions_are_not_what_was_shipped(capsys: Capture) -> None:
     """BatteryStatusV0 in the firmware has its fields in another order, and VehicleLocalPositionV0 lacks one."""
     old, new = shared("firmware/v1.16"), shared("firmware/v1.17")
@@ -809,6 +814,7 @@ ROUTED = f"{MULTI}  route_field: id\n  max_instances: 4\n"
 ROUTE = {("ROUTE_CHANGED", "/fmu/in/rpm")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "after", "found"),
     [
@@ -845,6 +851,7 @@ def test_a_warning_is_shown_and_fails_nothing(capsys: Capture) -> None:
     assert last.endswith("does not break HEAD: 8 messages, 1 service, 1 warning")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("empty", ["", "publications:\n", "publications: []\nsubscriptions: null\n", "{}\n"])
 def test_a_bridge_may_be_empty(empty: str, capsys: Capture) -> None:
     assert on_the_bridge(capsys, empty, empty) == NONE
@@ -939,6 +946,7 @@ def test_what_a_new_version_takes_care_of_may_be_silent(capsys: Capture) -> None
 # --- Output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("output_format", FORMATS)
 def test_every_format_gives_the_same_exit_code(output_format: str, capsys: Capture) -> None:
     assert breaking(*AGAINST_V1, "--output-format", output_format) == DONE
@@ -957,6 +965,7 @@ def test_findings_come_sorted_by_what_they_are_about_and_their_place(capsys: Cap
     assert places == sorted(places)
 
 
+@pytest.mark.slow
 def test_the_output_is_the_same_in_every_process() -> None:
     """The order of a set differs between processes."""
     several()
@@ -971,6 +980,7 @@ def test_the_output_is_the_same_in_every_process() -> None:
     assert len(shown) == 1
 
 
+@pytest.mark.slow
 def test_a_commit_that_breaks_something_is_stopped_by_a_hook(capsys: Capture) -> None:
     """Git runs hooks with variables that name the hook's own repository, but the firmware is in another one."""
     committed(write_definitions(Path("other"), {"msg/Other.msg": STAMP}))

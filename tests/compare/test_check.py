@@ -104,6 +104,7 @@ def test_two_sides_are_compared_whatever_the_settings_say(capsys: Capture) -> No
     assert drift(capsys, "firmware", "px4_msgs") == IN_STEP
 
 
+@pytest.mark.slow
 def test_without_a_firmware_the_embedded_set_judges(capsys: Capture) -> None:
     shutil.rmtree("px4_msgs")
     for kind in ("msg", "srv"):
@@ -597,6 +598,7 @@ def test_an_unknown_format_is_refused(capsys: Capture) -> None:
     assert "xml" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_nothing_is_written_anywhere(tmp_path: Path) -> None:
     committed(Path("firmware"))
     edit(MSG / "Rpm.msg", "rpm_raw", "rpm_measured")

@@ -96,6 +96,7 @@ def pair(request: pytest.FixtureRequest) -> Pair:
     return Pair(read(before), read(after), report(check, *sides), report(breaking, *sides), told)
 
 
+@pytest.mark.slow
 def test_a_message_has_findings_if_and_only_if_its_layout_or_its_names_differ(pair: Pair) -> None:
     differ = {name for name in pair.before.keys() & pair.after if slow.differ(pair.before, pair.after, name)}
     assert subjects(pair.check, Category.WIRE, Category.HASH) == differ

@@ -136,6 +136,7 @@ FIELDS = st.lists(
 ).map(lambda lines: "".join(f"float32 a_{name}{tags}\n" for name, tags in dict(lines).items()))
 
 
+@pytest.mark.slow
 @given(before=FIELDS, after=FIELDS, kept=FIELDS)
 def test_any_fields_are_judged_the_same_both_ways(before: str, after: str, kept: str) -> None:
     judged(before, after, kept)

@@ -74,6 +74,7 @@ def test_a_template_knows_a_new_tag(checkout: Path) -> None:
     assert (checkout / "out" / "rpm.txt").read_text(encoding="utf-8").strip() == "timestamp:;rpm:v1.19;"
 
 
+@pytest.mark.slow
 def test_a_rule_compares_a_new_tag(checkout: Path) -> None:
     found = run(checkout, "-m", "msggen", "breaking", "--against", "previous", "--px4", "current", status=1)
     assert "current/msg/Rpm.msg:2:1: SINCE_CHANGED the since of 'rpm' is v1.19, but v1.18 in previous\n" in found
@@ -81,6 +82,7 @@ def test_a_rule_compares_a_new_tag(checkout: Path) -> None:
     assert "SINCE_CHANGED" in run(checkout, "-m", "msggen", "rules")
 
 
+@pytest.mark.slow
 def test_the_description_of_a_field_has_a_new_tag(checkout: Path) -> None:
     run(checkout, "-m", "msggen", "build", "--msg-dir", "current/msg", "--output", "built", "-q")
     program = "from px4_types import Rpm; print(Rpm.__msg__.fields[1].since)"

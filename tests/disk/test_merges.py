@@ -68,6 +68,7 @@ def without_cache(folder: Path) -> dict[str, bytes | str | None]:
     return {name: data for name, data in content(folder).items() if not name.startswith(CACHE)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("one", "other"), [*itertools.combinations(NAMES, 2)])
 def test_branches_that_change_different_messages_merge(one: str, other: str) -> None:
     """Neighbours in the record merge too, because the changed lines are not adjacent."""
@@ -82,6 +83,7 @@ def test_branches_that_change_different_messages_merge(one: str, other: str) -> 
     assert without_cache(PACKAGE) == fresh_package()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style", ["merge", "diff3"])
 def test_a_build_resolves_what_conflicts_in_the_package(style: str) -> None:
     """Two new messages change the same files of the package."""
@@ -226,6 +228,7 @@ def dies_at(number: int, run: Callable[[], object]) -> bool:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_after_a_kill_the_old_definitions_give_the_old_package() -> None:
     """The fingerprint of the old package still exists, but must not match while some files are new."""

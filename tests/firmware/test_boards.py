@@ -459,6 +459,7 @@ def _definitions(folder: Path) -> list[Path]:
     return [*folder.glob("*.msg"), *folder.glob("versioned/*.msg")]
 
 
+@pytest.mark.slow
 def test_the_embedded_set_marks_the_same_messages(
     embedded: Catalog, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -65,6 +65,7 @@ def facts_of(release: str) -> dict[str, facts.Facts]:
 # Facts
 
 
+@pytest.mark.slow
 @every_release
 def test_messages_are_those_that_were_measured(release: str) -> None:
     catalog = catalog_of(release)
@@ -110,6 +111,7 @@ def test_services_are_those_of_the_release(release: str) -> None:
     assert [service.name for service in catalog_of(release).services] == SERVICES[release]
 
 
+@pytest.mark.slow
 @every_release
 def test_a_second_reader_computes_what_was_measured(release: str) -> None:
     """The second reader replaces the firmware's tools where they were not run: v1.15, and the type hashes of v1.14."""

@@ -29,6 +29,7 @@ def load(path: Path) -> Any:
     return json.loads(path.read_text())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", RELEASES)
 def test_uorb_of_every_release(release: str) -> None:
     assert uorb_of(release_catalog(release)) == load(shared(f"oracles/uorb-{release}.json"))

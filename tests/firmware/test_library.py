@@ -32,6 +32,7 @@ def python(*arguments: str, cwd: Path = ROOT) -> str:
 # --- read
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", EMBEDDED)
 def test_an_embedded_release_is_read_by_its_name(release: str) -> None:
     assert read(release).conventions.release == read(f"embedded:{release}").conventions.release == release
@@ -213,6 +214,7 @@ CHECKERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("checker", CHECKERS)
 @pytest.mark.parametrize(("program", "wrong"), [(USER, set()), (MISTAKES, {3, 4, 5, 6})], ids=["right", "wrong"])
 def test_programs_are_typed(checker: str, program: str, wrong: set[int], tmp_path: Path) -> None:

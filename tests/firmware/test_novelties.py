@@ -152,6 +152,7 @@ def test_a_build_with_nothing_to_do_warns_again(capsys: pytest.CaptureFixture[st
     assert "px4/msg/another: S121" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", ["v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03"])
 def test_no_release_has_a_novelty(release: str) -> None:
     """A false alarm is worse than a missing warning."""

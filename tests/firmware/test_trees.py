@@ -67,6 +67,7 @@ def repository(folder: Path = FIRMWARE) -> str:
 # --- Revisions
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "revision",
     [
@@ -297,6 +298,7 @@ def test_a_damaged_repository_is_told() -> None:
 OWN = ("GIT_COMMON_DIR", "GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_OBJECT_DIRECTORY")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variables", [*([name] for name in OWN), OWN], ids=" ".join)
 def test_a_hook_of_another_repository_does_not_mislead(
     variables: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -650,6 +652,7 @@ def test_a_checksum_that_does_not_fit_is_told() -> None:
 # --- Commands
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["revision", "tar.gz", "zip"])
 def test_a_package_is_generated_from_a_revision_or_an_archive(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     committed(firmware())
@@ -688,6 +691,7 @@ def test_the_command_line_tells_a_bad_revision_and_exits_with_2(
     ]
 
 
+@pytest.mark.slow
 def test_every_two_sources_can_be_compared() -> None:
     committed(firmware())
     sources = ["firmware", "firmware@HEAD", pack("tar.xz"), pack("zip")]

@@ -403,6 +403,7 @@ def stale_by(cause: str) -> None:
 CAUSES = ["input changed", "input added", "input removed", "output edited", "output deleted", "bridge changed"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", ["--check", "--diff"])
 @pytest.mark.parametrize("cause", CAUSES)
 def test_a_stale_package_exits_with_1_and_is_left_as_it_is(cause: str, option: str) -> None:
@@ -666,6 +667,7 @@ def run(
     return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [".", "px4_types", "px4_types/msg"])
 def test_a_read_only_folder_is_an_error_and_nothing_changes(place: str) -> None:
     prefix = as_an_ordinary_user()
@@ -878,6 +880,7 @@ def test_what_a_killed_run_wrote_aside_does_no_harm() -> None:
     assert content(Path("generated")) == content(Path("fresh"))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_killed_build_leaves_no_half_written_depfile_and_the_next_run_no_leftover() -> None:
     folder_of("bare", "Rpm")
@@ -916,6 +919,7 @@ def test_an_interrupted_build_says_so_and_leaves_nothing(
 # --- Sources
 
 
+@pytest.mark.slow
 def test_no_source_and_no_output_give_the_embedded_set_in_generated(capsys: pytest.CaptureFixture[str]) -> None:
     assert build() == 0
     assert "px4_types from the embedded PX4 v1.18: 259 messages, " in capsys.readouterr().out
@@ -1149,6 +1153,7 @@ def test_a_real_tree_gives_all_messages_but_the_archived(release: str, messages:
 # --- Concurrent builds and invalid values
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_builds_at_the_same_time_leave_the_package_of_one_of_them() -> None:
     """Runs on one folder wait for each other: the files and the record come from one run, and none are left over."""

@@ -639,6 +639,7 @@ def test_a_large_array_still_compiles(field: str, tmp_path: Path) -> None:
     works(tmp_path, {"msg/Inner.msg": STAMP, "msg/Foo.msg": f"{STAMP}{field}\n"})
 
 
+@pytest.mark.slow
 def test_many_bools_still_compile(tmp_path: Path) -> None:
     works(tmp_path, {"msg/Foo.msg": STAMP + "".join(f"bool flag{index}\n" for index in range(4000))})
 

@@ -160,6 +160,7 @@ def test_constants_and_fields_are_told_apart(package: Any) -> None:
     assert (package.GPS.GPS_, package.Foo.GPS_, package.Foo().x) == (1, 2, package.GPS())
 
 
+@pytest.mark.slow
 def test_every_message_equals_the_reference(package: Any, catalog: Catalog) -> None:
     for message, cls in every(package, catalog):
         for seed in range(20):

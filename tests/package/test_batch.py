@@ -441,6 +441,7 @@ def test_nested_elements_are_messages_too(outer: str, field: str, vectors: dict[
             assert type(several[0]).encode_batch(np.atleast_1d(row[field])) == [one.encode() for one in several]
 
 
+@pytest.mark.slow
 def test_columns_go_into_pandas(px4_types: Any) -> None:
     pandas = pytest.importorskip("pandas")
     frame = pandas.DataFrame(some_columns(px4_types))

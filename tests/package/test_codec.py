@@ -49,6 +49,7 @@ def test_random_messages_equal_the_reference_in_every_encoding(files: dict[str, 
                 assert decoded == sample
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "version"), ENCODINGS)
 def test_every_embedded_message_decodes_from_every_encoding(
     order: str, version: int, embedded: Catalog, px4_types: Any

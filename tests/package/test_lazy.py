@@ -117,6 +117,7 @@ assert {} == {}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("first", "expected"),
     [
@@ -248,6 +249,7 @@ def test_reading_one_field_does_not_make_the_others(tmp_path: Path) -> None:
 # Refused samples
 
 
+@pytest.mark.slow
 @every_message
 def test_views_of_every_length_are_made_or_refused_as_decode_does(
     name: str, vectors: dict[str, Samples], px4_types: Any

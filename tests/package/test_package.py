@@ -615,6 +615,7 @@ def test_short_input_names_the_first_field_that_is_cut(
 KNOWN_HEADERS = [header[:2] for header in HEADERS.values()]
 
 
+@pytest.mark.slow
 @given(header=st.binary(min_size=2, max_size=2).filter(lambda header: header not in KNOWN_HEADERS))
 def test_an_unknown_header_is_an_error(header: bytes, px4_types: Any) -> None:
     """Such headers include parameter lists and delimited encodings, which no PX4 message uses."""

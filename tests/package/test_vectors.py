@@ -20,6 +20,7 @@ from support.repository import VECTORS, shared
 HEADER = b"\0\1\0\0"
 
 
+@pytest.mark.slow
 def test_the_embedded_set_reads_and_writes_the_bytes_of_the_firmware(embedded: Catalog, px4_types: Any) -> None:
     assert check(embedded, px4_types, VECTORS / "cdr.json") == 5 * 259
 

@@ -163,6 +163,7 @@ UNVERSIONED = {"EstimatorStatusFlags", "FailsafeFlags", "SensorGps", "TelemetryS
 """Messages that changed between these releases without a version number, so nothing shows the change."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("release", "earlier", "without", "same"),
     [("v1.17", "v1.16", 41, 46), ("main-2026-03", "v1.16", 34, 44), ("main-2026-03", "v1.17", 57, 62)],
@@ -916,6 +917,7 @@ def test_archived_versions_come_on_request(capsys: Capture) -> None:
     assert not (TYPES_OF / "versions.py").exists()
 
 
+@pytest.mark.slow
 @OWN_FOLDER
 def test_the_page_shows_what_really_happens(capsys: Capture) -> None:
     shutil.copytree(shared("firmware/main-2026-03"), "PX4-Autopilot")

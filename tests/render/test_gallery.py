@@ -420,6 +420,7 @@ LINES += "".join(f"Wide {data.hex()}\n" for data in (WIDE_XCDR1, WIDE_XCDR2, WID
 EXPECTED = [GROWN, GROWN, [REFUSED], WIDE, WIDE, [REFUSED]]
 
 
+@pytest.mark.slow
 @pytest.mark.tools
 def test_cpp_decodes_strings_and_sequences(growing: Path) -> None:
     required("g++", is_there=bool(shutil.which("g++")))
@@ -451,6 +452,7 @@ def test_typescript_keeps_messages_of_one_name_apart(tmp_path: Path) -> None:
     assert [numbers(line) for line in node(tmp_path / "decode.ts", given)] == [[1, 2, 3, 4], [5]]
 
 
+@pytest.mark.slow
 @pytest.mark.tools
 def test_wireshark_shows_strings_and_sequences(growing: Path, tmp_path: Path) -> None:
     message = Message("Outer", "px4_msgs", Location("Outer.msg"))

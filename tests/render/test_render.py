@@ -600,6 +600,7 @@ def test_the_page_has_every_filter_and_everything_to_render_for() -> None:
     assert re.findall(r"^\| `(\w+)` \| `\1`", PAGE, re.MULTILINE) == [*THINGS[:-1], "catalog"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", VIEWS)
 def test_every_name_on_the_page_can_be_asked_for_everywhere(name: str, catalog: CatalogView) -> None:
     messages = catalog.messages

@@ -216,6 +216,7 @@ def test_columns_that_differ_are_found() -> None:
         columns.check_columns({"x": expected["x"]}, expected)
 
 
+@pytest.mark.slow
 def test_memory_is_that_of_one_kept_object() -> None:
     size = memory.size_of(Contestant("bytes(1000)", {}), [b""] * 50)
     assert sys.getsizeof(bytes(1000)) <= size < 1.1 * sys.getsizeof(bytes(1000))

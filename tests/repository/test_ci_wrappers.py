@@ -288,6 +288,7 @@ def console(command: str) -> list[str]:
     return lines[: next((index for index, line in enumerate(lines) if line.startswith("$ ")), len(lines))]
 
 
+@pytest.mark.slow
 @pytest.mark.tools("git")
 @pytest.mark.parametrize("command", [block[0] for block in CONSOLE if block[0].startswith("$ msggen ")])
 @pytest.mark.usefixtures("documented")

@@ -80,6 +80,7 @@ SCHEMAS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pattern", SCHEMAS)
 def test_the_files_for_github_keep_to_their_schemas(pattern: str) -> None:
     pytest.importorskip("check_jsonschema")

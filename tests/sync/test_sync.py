@@ -388,6 +388,7 @@ def test_the_readme_follows_the_firmware_until_it_is_edited() -> None:
     assert identity(PACKAGE) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["package.xml", "CMakeLists.txt", "README.md"])
 def test_an_edited_file_is_the_users_from_then_on(name: str) -> None:
     source = committed(firmware())
@@ -563,6 +564,7 @@ def test_a_changed_tag_of_a_service_is_told() -> None:
     assert describe_change("srv/Set.srv", before, after) == "unit of 'b' from 'A' to 'V'"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [20, 21])
 def test_many_changes_of_comments_are_told_by_their_number(number: int, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copytree(ROOT / "msg", "firmware/msg")
@@ -607,6 +609,7 @@ def test_the_diff_is_a_patch_that_brings_the_package_in_step(
     assert sync("-q", "--px4", px4, "--dry-run", where) == 0
 
 
+@pytest.mark.slow
 def test_the_page_shows_what_is_really_said(capsys: pytest.CaptureFixture[str]) -> None:
     source = Path("PX4-Autopilot")
     for kind in ("msg", "srv"):

@@ -283,6 +283,7 @@ def test_two_runs_at_once_wait_for_each_other() -> None:
         assert not (PACKAGE / staging.STAGE).exists()
 
 
+@pytest.mark.slow
 def test_two_runs_at_once_make_one_package() -> None:
     firmware()
     command = [sys.executable, "-m", "msggen", "sync", "-q", "--px4", "firmware", "--create", "px4_msgs"]
