@@ -135,6 +135,7 @@ def changes(before: dict[str, str], after: dict[str, str]) -> dict[str, str]:
 # --- Steps
 
 
+@pytest.mark.slow
 def test_a_message_not_edited_yet_gets_its_next_version(firmware: Path) -> None:
     before = files_of(firmware)
     assert bump("VehicleStatus") == DONE
@@ -163,6 +164,7 @@ def test_a_version_that_was_raised_by_hand_stays() -> None:
     assert "MESSAGE_VERSION = 1" in STATUS_V1.read_text()
 
 
+@pytest.mark.slow
 def test_only_the_number_changes_in_the_definition(firmware: Path) -> None:
     comment = "# uint32 MESSAGE_VERSION = 1\n"
     text = f"{comment}\tuint32   MESSAGE_VERSION=1{comment}uint64 timestamp  # \u00e4\n"
@@ -205,11 +207,13 @@ def test_the_include_is_put_in_its_place(header: str, expected: str) -> None:
     assert text.endswith('.h"\n// end')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["", "#pragma once", "#pragma once\n\n#include <translation_util.h>"])
 def test_the_first_include_finds_a_place(text: str) -> None:
     assert with_include(text, "translation_a_v1.h").endswith('#include "translation_a_v1.h"\n')
 
 
+@pytest.mark.slow
 def test_a_tree_without_translations_gets_them(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.rmtree("msg/translation_node")
     commit(firmware)
@@ -231,6 +235,7 @@ def test_the_old_definition_can_come_from_another_tree(firmware: Path, tmp_path:
     assert STATUS_V1.read_text() == old
 
 
+@pytest.mark.slow
 def test_the_old_definition_can_come_from_another_revision(firmware: Path) -> None:
     old = STATUS.read_text()
     append(STATUS, "uint8 battery_count")
@@ -239,6 +244,7 @@ def test_the_old_definition_can_come_from_another_revision(firmware: Path) -> No
     assert STATUS_V1.read_text() == old
 
 
+@pytest.mark.slow
 def test_without_a_repository_the_file_as_it_stands_is_the_old_one(
     firmware: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -502,6 +508,7 @@ def test_a_nested_message_with_a_new_version_is_translated_by_its_own_header(
     assert main(["breaking", "--against", "HEAD"]) == DONE
 
 
+@pytest.mark.slow
 def test_a_message_that_nests_a_changed_one_says_so(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
     append(VERSIONED / "Event.msg", "uint8 severity")
     assert bump("ArmingCheckReply", "--px4", str(firmware)) == DONE
@@ -564,6 +571,7 @@ def test_a_nested_message_without_versions_that_changed_is_named(
     assert "EscReport" not in "".join(said)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_git", [True, False])
 def test_a_bump_of_what_has_not_changed_says_so_first(
     firmware: Path, capsys: pytest.CaptureFixture[str], *, has_git: bool
@@ -645,6 +653,7 @@ def test_without_px4s_archive_the_same_definitions_are_archived(tmp_path: Path, 
     assert {name: lines_of(made[name]) for name in made} == {name: lines_of(px4s[name]) for name in made}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "told"), MISARCHIVED.items())
 def test_what_px4_archived_wrongly_is_found(
     tmp_path: Path, name: str, told: str, capsys: pytest.CaptureFixture[str]
@@ -804,6 +813,7 @@ def test_a_nested_message_without_a_new_version_compiles(firmware: Path, tmp_pat
     assert run(firmware, tmp_path / "cpp", ["ArmingCheckReply"])
 
 
+@pytest.mark.slow
 @pytest.mark.tools("g++")
 def test_every_topic_is_registered_when_it_runs(firmware: Path, tmp_path: Path) -> None:
     bump("VehicleOdometry")
@@ -907,6 +917,7 @@ def test_another_definition_in_the_archive_is_told(
     assert files_of(firmware) == before
 
 
+@pytest.mark.slow
 def test_nothing_is_written_through_a_link_that_leads_out(
     firmware: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -918,6 +929,7 @@ def test_nothing_is_written_through_a_link_that_leads_out(
     assert (files_of(firmware), files_of(tmp_path / "elsewhere")) == before
 
 
+@pytest.mark.slow
 def test_a_tree_that_cannot_be_written_is_told_before_anything_is(
     firmware: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

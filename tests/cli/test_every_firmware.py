@@ -59,6 +59,7 @@ def test_render(name: str, each: str) -> None:
     assert any(Path("out").rglob("*"))
 
 
+@pytest.mark.slow
 @each_firmware
 def test_nothing_breaks_where_nothing_changed(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     run("breaking", "--px4", tree(name), "--strict", "--against", tree(name))

@@ -166,6 +166,7 @@ def test_a_tree_may_be_a_part_of_a_repository(capsys: Capture) -> None:
     assert broken(capsys, "--px4", "ws/src/firmware", "--against", "HEAD") == ADDED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("against", ["old", "./old", "firmware/../old", "old.tar.gz", "firmware@v1", "old@v1"])
 def test_the_tree_is_compared_with_another(against: str, capsys: Capture) -> None:
     shutil.copytree("firmware", "old")
@@ -394,6 +395,7 @@ def test_the_command_line_wins_over_the_settings(capsys: Capture) -> None:
     assert broken(capsys, *AGAINST_V1, "--ignore", "UNIT_CHANGED") == ADDED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("table", "gone"),
     [
@@ -683,6 +685,7 @@ def test_a_name_in_what_is_nested_asks_for_a_version_too(capsys: Capture) -> Non
     assert ("VERSION_NOT_RAISED", "ArmingCheckReply") in broken(capsys)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nested", ["Event", "RpmV0", "HomePositionV0"])
 def test_the_archived_message_nests_the_archived_type(nested: str, capsys: Capture) -> None:
     bump_event()
@@ -744,6 +747,7 @@ def test_an_archived_version_that_cannot_be_read_is_told(text: str, capsys: Capt
     assert told(capsys, *AGAINST_V1).startswith(f"firmware/{ARCHIVE}/RpmV0.msg:")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [f"\ufeff{STAMP}", f"{STAMP}uint8 class\n", f"# TOPICS  a\n{STAMP}"])
 def test_errors_that_do_not_matter_elsewhere_do_not_matter_in_the_archive(text: str, capsys: Capture) -> None:
     write_definitions(FIRMWARE, {"msg/Lamp.msg": text})
@@ -786,6 +790,7 @@ def on_the_bridge(capsys: Capture, before: str, after: str) -> set[tuple[object,
     return {(each["rule"], each["subject"]) for each in findings(capsys, "--px4", "firmware", "--against", "HEAD")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "after", "found"),
     [
@@ -869,6 +874,7 @@ def instances(*numbers: int) -> str:
     return "publications:\n" + "".join(f"{entry}{number}\n" for number in numbers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "after", "found"),
     [

@@ -565,6 +565,7 @@ def test_an_invalid_bridge_is_told_at_its_place(text: str, said: str, capsys: Ca
 # --- Output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("output_format", FORMATS)
 def test_every_format_says_whether_there_is_drift(output_format: str, capsys: Capture) -> None:
     assert check(*SIDES, "--output-format", output_format) == DONE

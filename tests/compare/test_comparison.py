@@ -119,12 +119,14 @@ def test_names_alone_are_no_matter_of_bytes(pair: Pair) -> None:
         assert (name in wire) == (before != after), name
 
 
+@pytest.mark.slow
 def test_silent_are_those_that_readers_misread(pair: Pair) -> None:
     expected = misread(pair.before, pair.after, slow.RENAMED)
     assert silent(pair.check) == expected
     assert silent(pair.breaking) == expected
 
 
+@pytest.mark.slow
 def test_renames_are_those_that_people_call_so(pair: Pair) -> None:
     found = {
         (

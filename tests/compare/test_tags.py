@@ -67,6 +67,7 @@ print(found, comment.tag("since"), comment.tags, comment, sep=";")
     )
 
 
+@pytest.mark.slow
 def test_a_template_knows_a_new_tag(checkout: Path) -> None:
     template = "{% for field in message.fields %}{{ field.name }}:{{ field.since }};{% endfor %}"
     (checkout / "since.txt.j2").write_text(template, encoding="utf-8")

@@ -77,6 +77,7 @@ def test_a_range_has_one_spelling_and_no_other_range_has_it(spellings: list[str]
     assert spelling not in others
 
 
+@pytest.mark.slow
 @given(st.text(max_size=40) | st.text(alphabet="ms^2-/()*. °0", max_size=40))
 def test_any_text_has_a_spelling_that_stays(text: str) -> None:
     for normalized in (normalized_unit, normalized_range):

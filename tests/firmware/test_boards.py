@@ -471,6 +471,7 @@ def test_the_embedded_set_marks_the_same_messages(
     assert note in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("board", "column", "topics"),
     [("", "object_id", 331), ("px4_sitl", "object_id", 331), ("px4_fmu", "object_id_unconditional", 317)],

@@ -129,6 +129,7 @@ def test_an_embedded_release_has_its_conventions(release: str) -> None:
     assert catalog_of(release).conventions.release == release
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", ARCHIVING)
 def test_archived_versions_are_read(release: str) -> None:
     archived = read_catalog(with_archived(sources_of(release))).archived
@@ -197,6 +198,7 @@ def firmware(release: str) -> Catalog:
     return read_catalog(find_sources(str(shared(f"firmware/{release}"))))
 
 
+@pytest.mark.slow
 @every_release
 def test_definitions_equal_the_firmware(release: str) -> None:
     def definitions(catalog: Catalog) -> dict[str, object]:
@@ -276,6 +278,7 @@ def plain(tag: str) -> str:
     return re.sub(r",\s*", ",", SPELLINGS.get(tag, tag))
 
 
+@pytest.mark.slow
 def test_no_sentence_is_the_firmware_s() -> None:
     """No comment of four words or more is the same in any message of any release."""
 
@@ -298,6 +301,7 @@ def test_no_sentence_is_the_firmware_s() -> None:
 # Storage
 
 
+@pytest.mark.slow
 def test_each_release_is_stored_as_what_differs_from_the_next() -> None:
     """`tests/support/embed.py` writes exactly the files in `releases/`, so running it does not change them."""
     newer = embed.files_of(embedded_tree(NEWEST))

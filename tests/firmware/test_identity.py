@@ -35,6 +35,7 @@ def test_uorb_of_every_release(release: str) -> None:
     assert uorb_of(release_catalog(release)) == load(shared(f"oracles/uorb-{release}.json"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", RELEASES)
 def test_the_bridge_of_every_release(release: str) -> None:
     assert_same_endpoints(dds_of(release_catalog(release)), load(shared(f"oracles/dds-{release}.json")))
@@ -45,6 +46,7 @@ def test_ros_type_hashes_of_every_release(release: str) -> None:
     assert rihs01_of(release_catalog(release)) == load(shared(f"oracles/rihs01-{release}.json"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("release", "recognised"),
     [

@@ -255,6 +255,7 @@ def float_arrays(path: Path) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_the_example_finds_every_float_array() -> None:
     expected = [line for path in sorted(DEFINITIONS, key=lambda path: path.stem) for line in float_arrays(path)]
     printed = python("examples/float_arrays.py").splitlines()
@@ -271,6 +272,7 @@ def test_the_example_takes_a_source(tmp_path: Path) -> None:
     assert python("examples/float_arrays.py", str(tmp_path)) == "Lamp.colour: float32[2], 8 bytes at 8\n"
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_example_and_what_it_prints() -> None:
     program = re.search(r"```python\n(from msggen .*?)```", PAGE, re.DOTALL)
     example = (ROOT / "examples" / "float_arrays.py").read_text(encoding="utf-8")

@@ -131,6 +131,7 @@ def test_a_linked_work_tree_has_the_revisions_of_its_repository() -> None:
     assert catalog("linked@v1.16") == said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", ["me@home/firmware", "firmware@home", "@/firmware", "a@b@c"])
 @pytest.mark.parametrize("revision", ["v1.16", "HEAD@{1}"])
 def test_a_path_may_have_an_at_in_it(folder: str, revision: str) -> None:
@@ -195,6 +196,7 @@ def stage_and_dirty() -> None:
     (FIRMWARE / "msg" / "New.msg").write_text("uint64 timestamp\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dirty", [False, True], ids=["clean", "dirty"])
 def test_reading_a_revision_touches_neither_work_tree_nor_index(dirty: bool) -> None:  # noqa: FBT001 - pytest passes it
     said = catalog(str(firmware()))
@@ -219,6 +221,7 @@ def whole(folder: Path) -> dict[str, tuple[bytes, int]]:
 # --- Refused revisions
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "revision",
     [
@@ -368,6 +371,7 @@ def test_the_case_of_an_ending_does_not_matter() -> None:
     assert catalog("FIRMWARE.ZIP") == catalog("Firmware.Tar") == said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prefix", [[], ["--prefix=PX4-Autopilot-1.16/"]], ids=["plain", "prefixed"])
 @pytest.mark.parametrize("kind", ["tar", "tar.gz", "zip"])
 def test_what_git_archives_is_read(kind: str, prefix: list[str]) -> None:
@@ -502,6 +506,7 @@ LINKS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["revision", "tar", "tar.xz", "zip"])
 @pytest.mark.parametrize("link", LINKS, ids=lambda link: link.__name__)
 def test_symbolic_links_are_followed_as_on_a_disk(link: Callable[[], None], kind: str) -> None:
@@ -558,6 +563,7 @@ def test_a_text_by_the_name_of_an_archive_is_none(kind: str, text: str) -> None:
     assert is_told_as_broken(f"text.{kind}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tar.gz", "tar.bz2", "tar.xz", "zip"])
 def test_a_truncated_archive_is_told_wherever_it_ends(kind: str) -> None:
     firmware()
@@ -567,6 +573,7 @@ def test_a_truncated_archive_is_told_wherever_it_ends(kind: str) -> None:
         assert is_told_as_broken(f"half.{kind}"), end
 
 
+@pytest.mark.slow
 def test_a_truncated_tar_is_told_wherever_it_ends() -> None:
     """A truncated archive would otherwise read as a firmware with fewer messages."""
     firmware()

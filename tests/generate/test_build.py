@@ -938,6 +938,7 @@ def test_a_firmware_tree_gives_types_ids_and_endpoints(monkeypatch: pytest.Monke
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["firmware", "firmware/", "./firmware", "../{here}/firmware"])
 def test_a_tree_may_be_named_in_any_way(name: str, tmp_path: Path) -> None:
     firmware()
@@ -1119,6 +1120,7 @@ def test_topics_given_make_endpoints_of_a_bare_folder(monkeypatch: pytest.Monkey
     assert (endpoint.dds_name, endpoint.message_name) == ("rt/fmu/out/rpm", "Rpm")
 
 
+@pytest.mark.slow
 def test_topics_given_alone_go_with_the_embedded_set(capsys: pytest.CaptureFixture[str]) -> None:
     write_definitions(Path(), {"given.yaml": BRIDGE})
     assert build("--topics", "given.yaml") == 0

@@ -421,6 +421,7 @@ def test_what_yaml_says_beside_the_topics_makes_no_objects_either(text: str, tmp
     assert list(catalog.bridge_extra.values()) == [[]]
 
 
+@pytest.mark.slow
 def test_deeply_nested_yaml_is_an_error_and_not_a_crash(tmp_path: Path) -> None:
     """The test runs in a separate process, because the recursion in libyaml could crash it."""
     write_definitions(tmp_path, {"in/msg/Foo.msg": STAMP, "in/dds_topics.yaml": "[" * 100_000})

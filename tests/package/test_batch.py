@@ -187,6 +187,7 @@ def in_columns(messages: list[Any]) -> dict[str, list[str]]:
 # Every message in every encoding
 
 
+@pytest.mark.slow
 @every_message
 def test_elements_are_what_decode_gives(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     for samples in vectors[name].values():
@@ -222,6 +223,7 @@ def test_random_messages_are_what_decode_gives(files: dict[str, str], data: st.D
         check_encoding(cls, samples[USUAL])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MADE_UP_NAMES)
 def test_unusual_messages_are_what_decode_gives(name: str, made_up: MadeUp) -> None:
     cls, samples = made_up.cls(name), made_up.samples(name)
@@ -256,6 +258,7 @@ def test_each_byte_counts_where_decode_counts_it(name: str, vectors: dict[str, S
     check_each_byte(getattr(px4_types, name), vectors[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["BehindAnOctet", "EndsEarly", "ManyBools", "Octets", "Tiny_Response"])
 def test_each_byte_of_an_unusual_message_counts(name: str, made_up: MadeUp) -> None:
     check_each_byte(made_up.cls(name), made_up.samples(name))
@@ -660,6 +663,7 @@ def test_samples_of_every_length_are_read_or_refused(name: str, vectors: dict[st
         assert outcome(cls.decode_batch, [usual, sample]) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOME)
 def test_buffers_of_every_length_are_read_or_refused(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
     cls = getattr(px4_types, name)

@@ -127,6 +127,7 @@ OTHER_THAN_RELEASED = {"BatteryStatusV0", "VehicleLocalPositionV0"}
 """The archived version 0 in v1.17 and later differs from the definition in v1.16 (docs/bump.md)."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("release", "earlier", "number"),
     [("v1.17", "v1.16", 8), ("main-2026-03", "v1.16", 14), ("main-2026-03", "v1.17", 6)],

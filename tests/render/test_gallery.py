@@ -325,6 +325,7 @@ def test_wireshark_shows_every_value_of_every_message(dissector: Path, samples: 
     assert wrong == []
 
 
+@pytest.mark.slow
 @pytest.mark.tools
 def test_wireshark_filters_by_field_and_names_what_numbers_stand_for(
     dissector: Path, embedded: Catalog, tmp_path: Path
@@ -338,6 +339,7 @@ def test_wireshark_filters_by_field_and_names_what_numbers_stand_for(
     assert "arming_state: ARMING_STATE_ARMED (2)" in [field.line for field in found]
 
 
+@pytest.mark.slow
 @pytest.mark.tools
 def test_wireshark_shows_a_sample_as_the_page_has_it(dissector: Path, embedded: Catalog, tmp_path: Path) -> None:
     (page,) = re.findall(r"\$ tshark .* (-Y '.*') -V\n\.\.\.\n(.*?)\.\.\.\n", PAGE, re.DOTALL)
@@ -348,6 +350,7 @@ def test_wireshark_shows_a_sample_as_the_page_has_it(dissector: Path, embedded: 
     assert page[1] in dissect(tmp_path, dissector, [sample], *shlex.split(page[0]), "-V")
 
 
+@pytest.mark.slow
 @pytest.mark.tools
 def test_wireshark_tells_of_a_sample_that_is_too_short(dissector: Path, samples: list[Sample], tmp_path: Path) -> None:
     whole = {sample.message.name: sample for sample in samples if sample.encoding == USUAL}
@@ -464,6 +467,7 @@ def test_wireshark_shows_strings_and_sequences(growing: Path, tmp_path: Path) ->
     assert len(dissect(tmp_path, growing / "dissector.lua", samples, *options).splitlines()) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.tools
 def test_wireshark_shows_the_bytes_of_a_wide_string(growing: Path, tmp_path: Path) -> None:
     message = Message("Wide", "px4_msgs", Location("Wide.msg"))

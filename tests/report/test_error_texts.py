@@ -124,6 +124,7 @@ def test_a_text_is_made_of_sentences_and_its_title_of_a_phrase(code: str) -> Non
     assert not text.title.endswith(".")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", TEXTS)
 def test_explain_prints_the_text(code: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", code.lower()]) == DONE

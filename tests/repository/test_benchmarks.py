@@ -222,6 +222,7 @@ def test_memory_is_that_of_one_kept_object() -> None:
     assert sys.getsizeof(bytes(1000)) <= size < 1.1 * sys.getsizeof(bytes(1000))
 
 
+@pytest.mark.slow
 def test_copies_of_the_set_are_as_many_messages_that_fit_together(tmp_path: Path, samples: dict[str, Sample]) -> None:
     catalog = samples["EscStatus"].catalog
     assert generation.write_copies(tmp_path / "copies", catalog, 2) == 2 * 259

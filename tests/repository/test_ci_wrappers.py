@@ -67,6 +67,7 @@ def commit_all(folder: Path) -> str:
 # --- pre-commit
 
 
+@pytest.mark.slow
 def test_pre_commit_accepts_the_hooks() -> None:
     done = run(ROOT, sys.executable, "-m", "pre_commit", "validate-manifest", HOOKS)
     assert done.returncode == 0, done.stdout
@@ -297,6 +298,7 @@ def test_the_page_shows_what_the_commands_print(command: str, capsys: pytest.Cap
     assert capsys.readouterr().out.splitlines() == console(command)
 
 
+@pytest.mark.slow
 @pytest.mark.tools("git")
 @pytest.mark.usefixtures("documented")
 def test_the_page_shows_what_the_hook_prints(capsys: pytest.CaptureFixture[str]) -> None:

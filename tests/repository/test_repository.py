@@ -134,6 +134,7 @@ CHANGELOG = """# Changelog
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tag", "version", "date", "code"),
     [

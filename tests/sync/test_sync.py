@@ -92,6 +92,7 @@ def test_settings_name_the_firmware_but_not_the_ros_package() -> None:
     assert "<name>px4_msgs</name>" in (PACKAGE / "package.xml").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["firmware@HEAD", "firmware.tar.gz"])
 def test_the_firmware_may_be_a_revision_or_an_archive(source: str) -> None:
     committed(firmware())
@@ -133,6 +134,7 @@ def test_where_folders_cannot_be_swapped_files_are_replaced_one_by_one(monkeypat
         assert content(PACKAGE) == content(Path(release))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["msg", "srv"])
 def test_what_lies_in_versioned_of_a_package_is_none_of_its_definitions(kind: str) -> None:
     """`cp -r` of the firmware's folders leaves such files, but ROS builds only those directly in `msg/` and `srv/`."""
@@ -190,6 +192,7 @@ def test_a_package_in_step_may_be_read_only_and_outside_of_what_git_allows() -> 
     assert sync("-q", "--px4", "firmware", PACKAGE) == 0
 
 
+@pytest.mark.slow
 def test_with_nothing_to_do_no_template_engine_is_loaded() -> None:
     firmware()
     package()
@@ -591,6 +594,7 @@ def test_the_diff_does_not_tell_each_change_again(capsys: pytest.CaptureFixture[
 APPLY = {"patch": ("patch", "-p0"), "git": ("git", "apply", "-p0", "-")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tool", [pytest.param(tool, marks=pytest.mark.tools(tool)) for tool in APPLY])
 @pytest.mark.parametrize("where", [".", "px4_msgs"])
 def test_the_diff_is_a_patch_that_brings_the_package_in_step(

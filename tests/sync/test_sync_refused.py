@@ -402,6 +402,7 @@ def test_the_current_folder_is_not_replaced(
 # --- Cases that are not refused
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text", ["EscReport[2] a\nfloat3 b\n", "std_msgs/EscReport a\n", "Unknown a\n", "VehicleStatus a\n", "", "\x00"]
 )
