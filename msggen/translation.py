@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 ISNAN, ISFINITE, ISINF = "isnan", "isfinite", "isinf"
+PREDICATES = (ISNAN, ISFINITE, ISINF)
+"""The operators that are functions of one float."""
 CHOICE = "?:"
 """The operator of `condition ? one : other`."""
 

@@ -12,6 +12,17 @@ def resource(name: str) -> str:
     return os.path.join(_root(name), name)
 
 
+def template_text(name: str) -> str:
+    """Return the text of a file in `templates/`. `name` has `/` between folders."""
+    with open(template_path(name), encoding="utf-8") as stream:
+        return stream.read()
+
+
+def template_path(name: str) -> str:
+    """Return the path of a file in `templates/`. `name` has `/` between folders."""
+    return os.path.join(resource("templates"), *name.split("/"))
+
+
 def embedded_root() -> str:
     """Return the folder of the newest embedded release. The others are in its `releases/`."""
     root = _root("embedded")

@@ -14,9 +14,7 @@ from struct import pack, unpack
 from msggen.parse.cpp import CLOSING, UNKNOWN, closings
 from msggen.translation import (
     CHOICE,
-    ISFINITE,
-    ISINF,
-    ISNAN,
+    PREDICATES,
     Assignment,
     Branch,
     Expression,
@@ -46,7 +44,6 @@ _NUMBERS: dict[str, bool | float] = {
     **{f"UINT{bits}_MAX": 2**bits - 1 for bits in (8, 16, 32, 64)},
 }
 _LIMITS = {"quiet_NaN": math.nan, "infinity": math.inf}
-_PREDICATES = (ISNAN, ISFINITE, ISINF)
 _PRECEDENCE = ({"||"}, {"&&"}, {"==", "!="}, {"<", "<=", ">", ">="})
 _LEAVING = frozenset({"return", "goto", "throw", "co_return", "asm", UNKNOWN})
 _SKIPPING = frozenset({"break", "continue"})
@@ -329,9 +326,9 @@ class Body:
             self._take("(")
             self._take(")")
             return Number(_LIMITS[limit])
-        name = self._standard(*_PREDICATES, "nan", "nanf")
+        name = self._standard(*PREDICATES, "nan", "nanf")
         self._take("(")
-        if name not in _PREDICATES:
+        if name not in PREDICATES:
             self._take('""')
             self._take(")")
             return Number(math.nan)

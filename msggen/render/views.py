@@ -12,6 +12,7 @@ from functools import cached_property
 from msggen.identity import Endpoint, Qos, UorbTopic, endpoints, message_hash, type_hash, uorb_topics
 from msggen.layout import Encoding, Layout, Path, is_static, lay_out, struct_size
 from msggen.model import ArrayKind, Catalog, Comment, Constant, Field, Message, Service, Value
+from msggen.primitives import PRIMITIVES
 from msggen.tags import ATTRIBUTES, Tag
 
 
@@ -274,6 +275,11 @@ class _Described(_View):
     def base(self) -> str:
         """The type of one value, without package and bound: `float32`, `string`, `EscReport`."""
         return self._model.type.name
+
+    @property
+    def cpp_base(self) -> str:
+        """The type of one value in C++, such as `std::uint8_t`, or "" for a message."""
+        return PRIMITIVES[self.base].cpp_type if self._model.type.is_primitive else ""
 
     @property
     def comment(self) -> str:

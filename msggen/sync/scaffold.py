@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from msggen import __version__
 from msggen.disk.record import Record, digest, digest_of
-from msggen.disk.resources import resource
+from msggen.disk.resources import template_text
 from msggen.firmware.revision import split_revision
 from msggen.firmware.sources import Sources
 from msggen.firmware.tree import Folder
@@ -113,10 +113,8 @@ def _options(package: str, dependencies: tuple[str, ...], *, topics_only: bool) 
 
 def _digest_inputs(state: tuple[object, ...], digests: Mapping[str, str]) -> str:
     """Return one digest of the inputs and of the rendered files, so that a merge that mixes two sides is noticed."""
-    parts = [__version__, repr(state), repr(sorted(digests.items()))]
-    for name in NAMES:
-        with open(os.path.join(resource("templates"), *_template(name).split("/")), encoding="utf-8") as stream:
-            parts.append(stream.read())
+    templates = (template_text(_template(name)) for name in NAMES)
+    parts = [__version__, repr(state), repr(sorted(digests.items())), *templates]
     return digest("\0".join(parts).encode())
 
 

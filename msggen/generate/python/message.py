@@ -13,23 +13,8 @@ from msggen.generate.python.static_codec import Codec, as_tuple
 from msggen.generate.python.stream_codec import Function, functions_of
 from msggen.generate.python.versions import AdjacentVersion, adjacent_versions
 from msggen.identity import message_hash, type_hash
-from msggen.layout import (
-    Encoding,
-    Layout,
-    Leaf,
-    is_static,
-    lay_out,
-    struct_format,
-    struct_size,
-)
-from msggen.model import (
-    ArrayKind,
-    Catalog,
-    Comment,
-    Field,
-    FieldType,
-    Message,
-)
+from msggen.layout import Encoding, Layout, Leaf, is_static, lay_out, struct_format, struct_size
+from msggen.model import ArrayKind, Catalog, Comment, Field, FieldType, Message
 from msggen.primitives import PRIMITIVES
 
 SPELLED_OUT_TO = 4

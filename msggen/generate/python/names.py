@@ -12,14 +12,13 @@ from functools import lru_cache
 from importlib.util import module_from_spec, spec_from_file_location
 from types import ModuleType
 
-from msggen.generate.python.support import support_path
+from msggen.disk.resources import template_path
 from msggen.model import Message, Service, snake_case
 
 _OF_TEMPLATE = ("classmethod", "downgrade", "self", "upgrade")
 """The names that the template of a class uses or defines, in addition to the members of the base class."""
 
 _OF_CLASSES = frozenset({*keyword.kwlist, "DecodeError", "EncodeError"})
-
 
 _OF_ENUMS = frozenset(
     {
@@ -52,7 +51,7 @@ def reserved_attributes() -> frozenset[str]:
 
 def _base_module() -> ModuleType:
     """Import the support module with the base class. At run time, it imports only the standard library."""
-    spec = spec_from_file_location("msggen_support_cdr", support_path("cdr.py"))
+    spec = spec_from_file_location("msggen_support_cdr", template_path("python/support/cdr.py"))
     if spec is None or spec.loader is None:
         raise ImportError("cannot import the support module cdr.py")
     module = module_from_spec(spec)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import keyword
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache, partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError
+from msggen.disk.resources import template_text
 from msggen.generate.python.formatting import arguments, documentation, joined_by, literal, wrapped, wrapped_tuple
 from msggen.generate.python.message import message_class
 from msggen.generate.python.names import class_name, member_names, module_name
-from msggen.generate.python.support import support_text
 from msggen.generate.python.versions import translation_table
 from msggen.identity import endpoint_versions, endpoints, uorb_topics
 from msggen.layout import is_static
@@ -134,25 +135,34 @@ class _Package:
         ]
 
 
-Content = Callable[[_Package], str]
+Condition = Callable[[_Package], bool]
+
+_HAS_STREAMS: Condition = attrgetter("has_streams")
+_HAS_VERSIONS: Condition = attrgetter("has_versions")
+
+
+def _always(_: _Package) -> bool:
+    return True
 
 
 class _File(NamedTuple):
     """A file at the top level of the generated package. `condition` returns whether a package has it."""
 
     path: str
-    content: Content
-    condition: Callable[[_Package], bool] = lambda _: True
+    content: Callable[[_Package], str]
+    condition: Condition = _always
 
 
-def _support(name: str, condition: Callable[[_Package], bool] = lambda _: True) -> _File:
-    return _File(name, lambda _: support_text(name), condition)
+def _support(name: str, condition: Condition = _always) -> _File:
+    """Return the row of a module that is copied unchanged from `templates/python/support`."""
+    return _File(name, lambda _: template_text(f"python/support/{name}"), condition)
 
 
 def _init(package: _Package) -> str:
     own, *others = package.parts
     names = [class_name(message) for message in own.messages]
-    modules = [_stem(path) for path in _top_level(package) if path.endswith(".py") and not path.startswith("_")]
+    present = [file.path for file in FILES if file.condition(package)]
+    modules = [_stem(path) for path in present if path.endswith(".py") and not path.startswith("_")]
     return _render(
         "package",
         name=package.name,
@@ -168,14 +178,6 @@ def _init(package: _Package) -> str:
 def _topics(package: _Package) -> str:
     catalog = package.catalog
     return _render("topics", topics=package.topics, endpoints=endpoints(catalog), versions=_versions(catalog))
-
-
-def _has_streams(package: _Package) -> bool:
-    return package.has_streams
-
-
-def _has_versions(package: _Package) -> bool:
-    return package.has_versions
 
 
 FILES = (
@@ -194,14 +196,14 @@ FILES = (
     _File("py.typed", lambda _: ""),
     _support("records.py"),
     _support("registry.py"),
-    _support("stream.py", _has_streams),
+    _support("stream.py", _HAS_STREAMS),
     _File("topics.py", _topics),
     _File(
         "translations.py",
         lambda package: _render("translations", table=translation_table(package.catalog)),
-        _has_versions,
+        _HAS_VERSIONS,
     ),
-    _support("versions.py", _has_versions),
+    _support("versions.py", _HAS_VERSIONS),
 )
 """All files that do not belong to one definition. A new file of the generated package needs a row here."""
 
@@ -253,10 +255,6 @@ def _environment() -> jinja2.Environment:
 
 def _render(template: str, **context: object) -> str:
     return _environment().get_template(f"python/{template}.py.j2").render(context)
-
-
-def _top_level(package: _Package) -> list[str]:
-    return [file.path for file in FILES if file.condition(package)]
 
 
 def _stem(path: str) -> str:

@@ -9,9 +9,8 @@ from struct import pack, unpack
 from typing import NamedTuple
 
 from msggen.generate.python.formatting import joined_by, literal, wrapped
-from msggen.generate.python.translation_values import PREDICATES
 from msggen.model import ArrayKind, FieldType, Value
-from msggen.translation import CHOICE, Expression, Number, Operation, Place
+from msggen.translation import CHOICE, PREDICATES, Expression, Number, Operation, Place
 
 EACH = "i"
 """The variable for the index of an element in the value of a part."""

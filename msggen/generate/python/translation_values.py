@@ -7,10 +7,7 @@ from struct import pack, unpack
 
 from msggen.model import Field, FieldType
 from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES
-from msggen.translation import CHOICE, ISFINITE, ISINF, ISNAN, Expression, Number, Operation, Place
-
-PREDICATES = (ISNAN, ISFINITE, ISINF)
-"""The operators that are functions of one float."""
+from msggen.translation import CHOICE, PREDICATES, Expression, Number, Operation, Place
 
 BOOL, INTEGER, FLOAT = "bool", "integer", "float"
 KINDS = {"bool": BOOL, **dict.fromkeys(INTEGERS, INTEGER), **dict.fromkeys(FLOATS, FLOAT)}

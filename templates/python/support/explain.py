@@ -84,8 +84,7 @@ def _float_problem(base: str, value: Any, path: str) -> str:
     try:
         struct.pack(f"<{PRIMITIVES[base].code}", value)
     except (OverflowError, struct.error):
-        largest = PRIMITIVES[base].highest or float("inf")
-        return f"{path}: expected {base}, up to {largest}, got {given(value)}"
+        return f"{path}: expected {base}, up to {PRIMITIVES[base].highest}, got {given(value)}"
     return ""
 
 
@@ -99,7 +98,7 @@ def _value_problem(outer: Message, base: str, value: Any, path: str) -> str:
     if base in PRIMITIVES:
         low, high = PRIMITIVES[base].lowest, PRIMITIVES[base].highest
         index = _index_of(value)
-        fits = index is not None and low is not None and high is not None and low <= index <= high
+        fits = index is not None and low <= index <= high
         return "" if fits else f"{path}: expected {base}, {low} to {high}, got {given(value)}"
     if not isinstance(value, nested_class(outer.__class__, base)):
         found = value.__msg__.ros_type if isinstance(value, Message) else given(value)

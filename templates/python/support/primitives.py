@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 
 class Primitive(NamedTuple):
-    """A primitive type: its `struct` code, and its smallest and largest value, or None."""
+    """A primitive type: its `struct` code, and its smallest and largest finite value."""
 
     code: str
-    lowest: float | None = None
-    highest: float | None = None
+    lowest: float
+    highest: float
 
 
 PRIMITIVES = {
-    "bool": Primitive("?"),
+    "bool": Primitive("?", 0, 1),
     "byte": Primitive("B", 0, 2**8 - 1),
     "char": Primitive("B", 0, 2**8 - 1),
     "int8": Primitive("b", -(2**7), 2**7 - 1),
@@ -29,7 +29,7 @@ PRIMITIVES = {
     "int64": Primitive("q", -(2**63), 2**63 - 1),
     "uint64": Primitive("Q", 0, 2**64 - 1),
     "float32": Primitive("f", -3.4028235677973366e38, 3.4028235677973366e38),
-    "float64": Primitive("d"),
+    "float64": Primitive("d", -1.7976931348623157e308, 1.7976931348623157e308),
 }
 """The types of fixed size by name."""
 
