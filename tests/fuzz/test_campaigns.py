@@ -122,7 +122,7 @@ def test_a_case_follows_from_its_seed_and_index(name: str) -> None:
 def planted(monkeypatch: pytest.MonkeyPatch) -> Iterator[SimpleNamespace]:
     """Return a campaign of the name `planted`, whose cases are numbers."""
     campaign = SimpleNamespace(COUNT=10, case=lambda chance: chance.randint(0, 9), check=lambda _: None)
-    monkeypatch.setitem(sys.modules, "fuzz.planted", campaign)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "fuzz.planted", campaign)
     monkeypatch.setattr(command, "NAMES", ("planted",))
     return campaign
 
