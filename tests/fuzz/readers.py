@@ -6,12 +6,9 @@ Their readers return a result or report errors, in time and memory linear in the
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
-from pathlib import Path
 from random import Random
 from types import MappingProxyType
 from typing import NamedTuple
@@ -24,17 +21,19 @@ from msggen.firmware.file import BoardOption
 from msggen.firmware.sources import find_sources, with_archived, with_board
 from msggen.firmware.tree import Snapshot
 from msggen.generate.python.package import render_package
+from msggen.px4_generate.bridge import BridgeRequest, generate_bridge
 from msggen.settings import read_settings
 from msggen.tags import TAGS
 from msggen.unit import normalized_range, normalized_unit
 from support.mutations import Mutator
-from support.repository import ROOT
-from support.scratch import inside
+from support.repository import PX4_TREE, ROOT
+from support.scratch import scratch_folder
 from support.translations import class_of
 
 COUNT = 3000
 
 BRIDGE = "src/modules/uxrce_dds_client/dds_topics.yaml"
+CLIENT_TEMPLATE = "src/modules/uxrce_dds_client/dds_topics.h.em"
 LISTS = "msg/CMakeLists.txt"
 BOARD = "boards/px4/sitl/default.px4board"
 TRANSLATIONS = "msg/translation_node/translations"
@@ -188,7 +187,7 @@ def samples(language: str) -> tuple[bytes, ...]:
 
 
 def case(chance: Random) -> Case:
-    language = chance.choice(list(WORDS))
+    language = chance.choice((*WORDS, "yaml", "yaml"))
     path = chance.choice(FILES.get(language, ("",)))
     text = TREE[path].encode() if path and chance.random() < 0.8 else chance.choice(samples(language))
     return Case(language, path, mutator(language).mutated(chance, text))
@@ -219,16 +218,22 @@ def _tree(case: Case) -> None:
     render_package(catalog, "package")
 
 
+def _yaml(case: Case) -> None:
+    """Read the tree, and the YAML file for the firmware's own template, which `px4-generate` does."""
+    with scratch_folder() as folder, suppress(InputError):
+        (folder / "topics.yaml").write_bytes(case.data)
+        generate_bridge(BridgeRequest("topics.yaml", str(PX4_TREE / CLIENT_TEMPLATE), ""))
+    _tree(case)
+
+
 def _xml(case: Case) -> None:
     files = {"package.xml": case.data, "msg/Rpm.msg": NEW_RPM.encode()}
     use(read_catalog(find_sources(Snapshot("fuzz", files, {}))))
 
 
 def _toml(case: Case) -> None:
-    folder = Path(tempfile.gettempdir(), f"settings-{os.getpid()}")
-    folder.mkdir(exist_ok=True)
-    (folder / "pyproject.toml").write_bytes(case.data)
-    with inside(folder):
+    with scratch_folder() as folder:
+        (folder / "pyproject.toml").write_bytes(case.data)
         settings = read_settings(".")
         for key in ("px4", "board", "release"):
             assert settings.place(key).line >= 0
@@ -251,4 +256,10 @@ def _comment(case: Case) -> None:
     _tree(case)
 
 
-_READERS: dict[str, Callable[[Case], None]] = {"xml": _xml, "toml": _toml, "json": _json, "comment": _comment}
+_READERS: dict[str, Callable[[Case], None]] = {
+    "yaml": _yaml,
+    "xml": _xml,
+    "toml": _toml,
+    "json": _json,
+    "comment": _comment,
+}

@@ -6,6 +6,7 @@ import importlib
 import itertools
 import json
 import os
+import re
 import sys
 import tarfile
 import tempfile
@@ -25,6 +26,7 @@ from msggen.disk.output import OutputPlan
 from msggen.disk.record import Record, digest, read_record, write_record
 from msggen.firmware.tree import Snapshot
 from support import disk_tasks
+from support.repository import ROOT
 
 ENOUGH = 3000
 """More cases than any campaign needs to find its planted error."""
@@ -186,3 +188,9 @@ def test_the_command_prints_counts_and_how_to_repeat_a_failure(
 
 def test_a_failure_names_the_command_that_repeats_it() -> None:
     assert Failure("kills", 3, 12, (), "").command == "python -m tests.fuzz kills --seed 3 --index 12"
+
+
+def test_the_page_lists_all_campaigns_and_their_counts() -> None:
+    page = (ROOT / "docs" / "fuzz.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| ([\d,]+) \|", page, re.MULTILINE)
+    assert [(name, int(count.replace(",", ""))) for name, count in rows] == [(name, find(name).COUNT) for name in NAMES]

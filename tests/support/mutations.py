@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from random import Random
 
@@ -19,6 +20,10 @@ NUMBERS = (
 
 LARGEST = 120_000
 """The most bytes that a mutation makes, so that a reader whose time is not linear exceeds the limit of a case."""
+
+
+_CHANGES = ("remove", "double", "insert", "insert", "replace", "replace", "repeat", "shuffle", "splice", "flip")
+_WORD = re.compile(rb"[\w./-]+")
 
 
 class Mutator:
@@ -39,13 +44,16 @@ class Mutator:
 
     def _changed(self, chance: Random, data: bytes, start: int, end: int) -> bytes:
         before, part, after = data[:start], data[start:end], data[end:]
-        match chance.choice(("remove", "double", "insert", "insert", "insert", "repeat", "shuffle", "splice", "flip")):
+        match chance.choice(_CHANGES):
             case "remove":
                 part = b""
             case "double":
                 part += part
             case "insert":
                 part = self._token(chance) + (part if chance.random() < 0.5 else b"")
+            case "replace":
+                word = _WORD.search(after)
+                after = after[: word.start()] + self._token(chance) + after[word.end() :] if word else after
             case "repeat":
                 part = self._repeated(chance, part[:64])
             case "shuffle":
