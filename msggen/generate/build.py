@@ -9,9 +9,9 @@ from hashlib import sha256
 from typing import NamedTuple
 
 from msggen import __version__
-from msggen.diagnostics import Diagnostic, Level, counted, input_error
+from msggen.diagnostics import Diagnostic, Level, counted
 from msggen.disk.fingerprint import Fingerprint, digest_record, read_fingerprint, write_fingerprint
-from msggen.disk.output import ForeignFileError, OutputPlan, plan_output, write_output
+from msggen.disk.output import OutputPlan, locked_output, plan_output, write_output
 from msggen.disk.record import read_record
 from msggen.disk.resources import resource
 from msggen.firmware.sources import Sources, read_files
@@ -61,17 +61,13 @@ class Build:
         catalog = read_catalog(self.sources, self.contents)
         files = render_package(catalog, self.name)
         summary = _summary(catalog)
-        try:
-            if write:
+        if not write:
+            plan = plan_output(self.folder, files, self.record)
+        else:
+            with locked_output(self.folder):
                 plan, record = write_output(self.folder, files)
                 has_warnings = bool(_warnings_among(catalog.notices))
-                fingerprint = Fingerprint(self.inputs, digest_record(record), summary, has_warnings)
-                write_fingerprint(self.folder, fingerprint)
-            else:
-                plan = plan_output(self.folder, files, self.record)
-        except ForeignFileError as error:
-            text = "msggen did not write this file and leaves it alone: move it, or choose another folder or package"
-            raise input_error(error.path, "S104", text) from None
+                write_fingerprint(self.folder, Fingerprint(self.inputs, digest_record(record), summary, has_warnings))
         return Outcome(self.folder, summary, tuple(sorted(files)), plan, catalog.notices)
 
     def outputs(self) -> tuple[str, ...]:
