@@ -23,10 +23,10 @@ from msggen.cli.options import (
 from msggen.cli.printing import print_change, print_notices
 from msggen.cli.sources import sources_of
 from msggen.diagnostics import counted, input_error
+from msggen.disk.depfile import check_depfile, write_depfile
 from msggen.disk.output import OutputPlan
-from msggen.disk.staging import write_if_changed
 from msggen.firmware.sources import Sources, with_archived
-from msggen.generate.build import Build, Outcome, depfile
+from msggen.generate.build import Build, Outcome
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
@@ -70,10 +70,12 @@ def _build(options: argparse.Namespace) -> int:
         print("\n".join(os.path.join(build.folder, name) for name in build.outputs()))
         return DONE
     write = writes(options)
+    if options.depfile and write:
+        check_depfile(options.depfile, sources.dependencies(), [build.folder])
     outcome = build.run(write=write)
     if options.depfile and write:
-        first = os.path.join(outcome.folder, outcome.outputs[0])
-        write_if_changed(options.depfile, depfile(first, sources.dependencies()))
+        places = [os.path.join(outcome.folder, name) for name in outcome.outputs]
+        write_depfile(options.depfile, sources.dependencies(), places)
     print_notices(outcome.notices, quiet=options.quiet)
     lines = list(_report(outcome, sources.label, time.perf_counter() - started, write=write, verbose=options.verbose))
     if options.diff and outcome.plan:

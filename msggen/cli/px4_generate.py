@@ -68,10 +68,9 @@ def _generate(options: argparse.Namespace) -> int:
     if wants_bridge and (options.kind or options.file):
         options.parser.error("options for messages and for the bridge cannot be combined: use two runs")
     folder, files = _bridge(options) if wants_bridge else _messages(options)
-    from msggen.disk.staging import write_if_changed
+    from msggen.disk.output import write_stale_files
 
-    for name, text in files.items():
-        write_if_changed(os.path.join(folder, name), text)
+    write_stale_files(folder, files)
     return DONE
 
 

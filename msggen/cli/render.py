@@ -20,9 +20,8 @@ from msggen.cli.options import (
 from msggen.cli.printing import print_change, print_notices
 from msggen.cli.sources import sources_of
 from msggen.diagnostics import counted
+from msggen.disk.depfile import check_depfile, write_depfile
 from msggen.disk.output import stale_files, write_stale_files
-from msggen.disk.staging import write_if_changed
-from msggen.generate.build import depfile
 from msggen.render import THINGS
 from msggen.settings import read_settings
 
@@ -81,9 +80,11 @@ def _render(options: argparse.Namespace) -> int:
     inputs = (*sources.dependencies(), *template.inputs)
     check_places(options.output, names, inputs)
     write = writes(options)
+    if options.depfile and write:
+        check_depfile(options.depfile, inputs, places)
     stale = write_stale_files(options.output, files) if write else stale_files(options.output, files)
     if options.depfile and write:
-        write_if_changed(options.depfile, depfile(places[0], inputs))
+        write_depfile(options.depfile, inputs, places)
     if options.diff:
         for name in stale:
             print_change(os.path.join(options.output, name), files[name])

@@ -9,6 +9,8 @@ import os
 from contextlib import suppress
 from typing import NamedTuple
 
+from msggen.diagnostics import InputError
+from msggen.disk.files import read_regular
 from msggen.disk.record import Record, digest, digest_of
 from msggen.disk.staging import write_if_changed
 
@@ -48,8 +50,7 @@ def digest_record(record: Record) -> str:
 def read_fingerprint(folder: str) -> Fingerprint:
     """Return the fingerprint in `folder`, or NO_FINGERPRINT if it is missing or invalid."""
     try:
-        with open(os.path.join(folder, CACHE, _NAME), "rb") as stream:
-            stored = json.loads(stream.read())
+        stored = json.loads(read_regular(os.path.join(folder, CACHE, _NAME)))
         inputs, outputs, summary = (str(stored[key]) for key in ("inputs", "outputs", "summary"))
         return Fingerprint(inputs, outputs, summary, stored["has_warnings"] is True)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
@@ -57,10 +58,10 @@ def read_fingerprint(folder: str) -> Fingerprint:
 
 
 def write_fingerprint(folder: str, fingerprint: Fingerprint) -> None:
-    """Write the fingerprint into `folder`, or do nothing if the folder is read-only."""
+    """Write the fingerprint into `folder`, or do nothing if this is not possible, as in a read-only folder."""
     cache = os.path.join(folder, CACHE)
     if os.path.islink(cache):
         return
-    with suppress(OSError):
+    with suppress(OSError, InputError):
         write_if_changed(os.path.join(cache, ".gitignore"), "*\n")
         write_if_changed(os.path.join(cache, _NAME), json.dumps(fingerprint._asdict(), indent=1) + "\n")

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from hashlib import sha256
 from typing import NamedTuple
 
+from msggen.disk.files import read_regular
 from msggen.disk.staging import write_if_changed
 
 RECORD_NAME = ".msggen.json"
@@ -42,10 +43,9 @@ def digest(data: bytes) -> str:
 
 
 def digest_of(folder: str, name: str) -> str | None:
-    """Return the digest of a file, or None if it cannot be read."""
+    """Return the digest of a regular file, or None if it is anything else or cannot be read."""
     try:
-        with open(os.path.join(folder, name), "rb", buffering=0) as stream:
-            return digest(stream.read())
+        return digest(read_regular(os.path.join(folder, name)))
     except OSError:
         return None
 
@@ -53,8 +53,7 @@ def digest_of(folder: str, name: str) -> str | None:
 def read_record(folder: str) -> Record:
     """Return the record in `folder`, or an empty one if it is missing or invalid."""
     try:
-        with open(os.path.join(folder, RECORD_NAME), "rb") as stream:
-            return parse_record(stream.read())
+        return parse_record(read_regular(os.path.join(folder, RECORD_NAME)))
     except OSError:
         return NO_RECORD
 
@@ -75,7 +74,12 @@ def _first_side(data: bytes) -> bytes:
 
 
 def write_record(folder: str, record: Record) -> None:
-    """Write the record into `folder` if it differs. Raises OSError."""
+    """Write the record into `folder` if it differs. Raises InputError if a temporary name is taken, and OSError."""
+    write_if_changed(os.path.join(folder, RECORD_NAME), record_text(record))
+
+
+def record_text(record: Record) -> str:
+    """Return the content of the file of a record."""
     scaffold = {"scaffold": record.scaffold} if record.scaffold else {}
     stored = {**scaffold, "files": dict(sorted(record.files.items()))}
-    write_if_changed(os.path.join(folder, RECORD_NAME), json.dumps(stored, indent=1, separators=_LAYOUT) + "\n")
+    return json.dumps(stored, indent=1, separators=_LAYOUT) + "\n"

@@ -5,33 +5,72 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import partial
 from typing import Any, NamedTuple
+
+from msggen.disk.files import flush
+from msggen.disk.staging import make_folder
 
 _CANNOT_SWAP = {errno.EINVAL, errno.ENOSYS, errno.EXDEV, errno.EOPNOTSUPP, errno.EBUSY}
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
 
-def mirror(source: str, copy: str, without: Collection[str] = ()) -> None:
-    """Create the folder `copy` with everything in the folder `source` except the names in `without`.
+def can_swap(folder: str) -> bool:
+    """Whether the system may be able to replace `folder` in one step.
 
-    The files are hard links if the system allows it, so they keep their inode and date.
+    A missing folder is created in one step on every system. The current folder of this process is not replaced, because
+    the shell that started it would be in a folder that was removed.
     """
-    import shutil
+    if not os.path.lexists(folder):
+        return True
+    here, real = os.path.realpath(os.curdir), os.path.realpath(folder)
+    return os.path.isdir(folder) and _renameat2() is not None and os.path.commonpath([here, real]) != real
 
-    os.mkdir(copy)
-    for entry in os.scandir(source):
-        path = os.path.join(copy, entry.name)
-        if entry.name in without:
-            continue
-        if entry.is_symlink():
-            os.symlink(os.readlink(entry.path), path)
-        elif entry.is_dir():
-            mirror(entry.path, path)
-        else:
-            _link(entry.path, path)
-    shutil.copymode(source, copy)
+
+def mirror(source: str, copy: str, without: Collection[str] = ()) -> None:
+    """Create the folder `copy` with everything in the folder `source` except the files `without`.
+
+    These are names relative to the folder, with `/` between folders. The files are hard links if the system allows it,
+    so they keep their inode and date. Raises OSError, also if a folder would have another owner.
+    """
+    left_out = {*without}
+    device = os.stat(source).st_dev
+    folders = [""]
+    for folder in folders:
+        if os.stat(os.path.join(source, folder)).st_dev != device:  # what is mounted here would move with the folder
+            raise OSError(errno.EXDEV, os.strerror(errno.EXDEV), os.path.join(source, folder))
+        os.mkdir(os.path.join(copy, folder) if folder else copy)
+        for entry in os.scandir(os.path.join(source, folder)):
+            name, path = folder + entry.name, os.path.join(copy, folder, entry.name)
+            if entry.is_symlink():
+                if name not in left_out:
+                    os.symlink(os.readlink(entry.path), path)
+            elif entry.is_dir():
+                folders.append(f"{name}/")
+            elif name not in left_out:
+                _link(entry.path, path)
+    for folder in reversed(folders):
+        _copy_access(os.path.join(source, folder), os.path.join(copy, folder))
+
+
+def keep_newer(old: str, new: str, replaced: Collection[str]) -> None:
+    """Move the files that appeared in `old`, or changed there, since it was mirrored into `new`.
+
+    The files `replaced` are left out.
+    """
+    left_out = {*replaced}
+    for name in _files_in(old):
+        before, after = os.path.join(old, name), os.path.join(new, name)
+        if name not in left_out and not _is_same(before, after):
+            make_folder(os.path.dirname(after))
+            os.replace(before, after)
+
+
+def flush_tree(folder: str, changed: Collection[str]) -> None:
+    """Wait until the files `changed` and all folders in `folder` are on the disk."""
+    flush(os.path.join(folder, name) for name in changed)
+    flush(path for path in _folders_in(folder))
 
 
 def swap_folders(folders: Mapping[str, str]) -> list[str]:
@@ -52,6 +91,7 @@ def swap_folders(folders: Mapping[str, str]) -> list[str]:
         for current in steps.keys() - remaining:
             steps[current].undo()
         raise
+    flush({os.path.dirname(os.path.realpath(current)) for current in folders})
     return remaining
 
 
@@ -102,10 +142,49 @@ def _renameat2() -> Any:
     return getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
 
 
+def _folders_in(root: str) -> list[str]:
+    """Return the folder `root` and all folders in it. The other names in a folder come after it."""
+    folders = [root]
+    for folder in folders:
+        folders += [entry.path for entry in os.scandir(folder) if entry.is_dir(follow_symlinks=False)]
+    return folders
+
+
+def _files_in(root: str) -> Iterator[str]:
+    """Yield the name of everything in a folder that is not a folder, relative to it, with `/` between folders."""
+    for folder in _folders_in(root):
+        prefix = os.path.relpath(folder, root).replace(os.sep, "/") + "/" if folder != root else ""
+        for entry in os.scandir(folder):
+            if not entry.is_dir(follow_symlinks=False):
+                yield prefix + entry.name
+
+
+def _is_same(path: str, other: str) -> bool:
+    """Whether both names exist and are the same file."""
+    try:
+        return os.path.samestat(os.lstat(path), os.lstat(other))
+    except OSError:
+        return False
+
+
 def _link(source: str, path: str) -> None:
     try:
         os.link(source, path)
-    except OSError:
+    except OSError as error:
         import shutil
 
+        if error.errno == errno.EXDEV or not os.path.isfile(source):
+            raise
+
         shutil.copy2(source, path)
+
+
+def _copy_access(source: str, copy: str) -> None:
+    """Give a folder the owner and the permissions of another one. Raises OSError if it cannot have that owner."""
+    import shutil
+
+    known, found = os.stat(source), os.stat(copy)
+    if (known.st_uid, known.st_gid) != (found.st_uid, found.st_gid):
+        os.chown(copy, known.st_uid, known.st_gid)
+    shutil.copystat(source, copy)
+    os.utime(copy)  # a module that was added is not found if its folder keeps its date

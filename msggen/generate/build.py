@@ -9,9 +9,10 @@ from hashlib import sha256
 from typing import NamedTuple
 
 from msggen import __version__
-from msggen.diagnostics import Diagnostic, Level, counted, input_error
+from msggen.diagnostics import Diagnostic, InputError, Level, counted, input_error
 from msggen.disk.fingerprint import Fingerprint, digest_record, read_fingerprint, write_fingerprint
-from msggen.disk.output import ForeignFileError, OutputPlan, plan_output, write_output
+from msggen.disk.names import too_long
+from msggen.disk.output import OutputPlan, locked_output, plan_output, write_output
 from msggen.disk.record import read_record
 from msggen.disk.resources import resource
 from msggen.firmware.sources import Sources, read_files
@@ -61,17 +62,14 @@ class Build:
         catalog = read_catalog(self.sources, self.contents)
         files = render_package(catalog, self.name)
         summary = _summary(catalog)
-        try:
-            if write:
+        self._check_place(catalog, files)
+        if not write:
+            plan = plan_output(self.folder, files, self.record)
+        else:
+            with locked_output(self.folder):
                 plan, record = write_output(self.folder, files)
                 has_warnings = bool(_warnings_among(catalog.notices))
-                fingerprint = Fingerprint(self.inputs, digest_record(record), summary, has_warnings)
-                write_fingerprint(self.folder, fingerprint)
-            else:
-                plan = plan_output(self.folder, files, self.record)
-        except ForeignFileError as error:
-            text = "msggen did not write this file and leaves it alone: move it, or choose another folder or package"
-            raise input_error(error.path, "S104", text) from None
+                write_fingerprint(self.folder, Fingerprint(self.inputs, digest_record(record), summary, has_warnings))
         return Outcome(self.folder, summary, tuple(sorted(files)), plan, catalog.notices)
 
     def outputs(self) -> tuple[str, ...]:
@@ -82,6 +80,22 @@ class Build:
         from msggen.generate.python.package import list_package
 
         return list_package(read_catalog(self.sources, self.contents))
+
+    def _check_place(self, catalog: "Catalog", files: Iterable[str]) -> None:
+        """Raise InputError if the package would overlap with a source, or if a name is too long for the disk."""
+        from msggen.firmware.overlap import source_around, source_in
+        from msggen.generate.python.package import locations
+
+        real = os.path.realpath(self.folder)
+        for home, where in ((source_in(real, self.sources), "has"), (source_around(real, self.sources), "is inside")):
+            if home:
+                text = f"this folder {where} {home}, a folder of a source: choose another --output or --package"
+                raise input_error(self.folder, "S124", text, 0)
+        for _, text in too_long(self.folder, [""]):
+            raise input_error("--output", "S125", f"{text}: choose a shorter --output or --package", 0)
+        long = dict(too_long(self.folder, files))
+        if long:
+            raise InputError(Diagnostic(place, "S125", long[name]) for name, place in locations(catalog, long))
 
     def _is_current(self) -> bool:
         return self.last.matches(self.folder, self.record, self.inputs)
@@ -108,18 +122,6 @@ class Build:
 
 def _warnings_among(notices: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     return tuple(each for each in notices if each.level is Level.WARNING)
-
-
-def depfile(target: str, inputs: Iterable[str]) -> str:
-    """Return a Makefile rule that makes `target`, the first of several outputs, depend on all `inputs`.
-
-    The rule names only the first output, because Ninja rejects outputs that it does not know, such as a removed one.
-    """
-    return " \\\n ".join([f"{_escape(target)}:", *map(_escape, inputs)]) + "\n"
-
-
-def _escape(path: str) -> str:
-    return path.replace("$", "$$").replace("#", "\\#").replace(" ", "\\ ")
 
 
 def _summary(catalog: "Catalog") -> str:

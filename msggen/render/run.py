@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 from msggen.diagnostics import Diagnostic, InputError, input_error
+from msggen.disk.names import too_long
 from msggen.location import Location
 from msggen.model import Catalog
 from msggen.render.jinja_template import JinjaTemplate, Pattern
@@ -117,7 +118,9 @@ def _checked(name: str) -> str:
 
 
 def check_places(folder: str, names: Sequence[str], inputs: Collection[str]) -> None:
-    """Raise InputError if an output has the name of a folder, or would replace an input of this run."""
+    """Raise InputError if an output has the name of a folder or a name that is too long, or would replace an input."""
+    for _, text in too_long(folder, ["", *names]):
+        raise input_error(OPTION, "T206", text, 0)
     kept = {os.path.realpath(path) for path in inputs}
     for name in names:
         path = os.path.join(folder, name)

@@ -10,10 +10,11 @@ from shlex import quote
 from msggen.diagnostics import Diagnostic, input_error
 from msggen.disk.record import RECORD_NAME, digest
 from msggen.disk.staging import is_writable
+from msggen.firmware.overlap import KINDS
 from msggen.location import Location
 from msggen.sync.change import read_halves
 from msggen.sync.plan import SyncPlan, entries, read_if_file
-from msggen.sync.target import KINDS, Target
+from msggen.sync.target import Target
 
 _FEW = 3
 _IGNORED = "!!"

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from msggen.disk.record import Record, digest
+from msggen.firmware.overlap import KINDS
 from msggen.sync.scaffold import Scaffold
-from msggen.sync.target import KINDS, Target
+from msggen.sync.target import Target
 
 
 class SyncPlan(NamedTuple):

@@ -6,7 +6,7 @@ import os
 
 from msggen.diagnostics import InputError
 from msggen.disk.record import read_record
-from msggen.disk.staging import locked
+from msggen.disk.staging import locked, make_folder
 from msggen.firmware.sources import Sources
 from msggen.sync.contents import PackageContents
 from msggen.sync.guard import find_errors
@@ -28,7 +28,8 @@ def sync(sources: Sources, definitions: PackageContents, request: Request, *, wr
         if not write:
             return plan
         parent = os.path.dirname(target.folder)
-        os.makedirs(parent, exist_ok=True)
+        if not os.path.isdir(parent):
+            make_folder(parent)
         with locked(parent):
             target = open_target(request, sources)
             if target.is_new:

@@ -12,12 +12,13 @@ from typing import NamedTuple
 from msggen import __version__
 from msggen.disk.record import Record, digest, digest_of
 from msggen.disk.resources import template_text
+from msggen.firmware.overlap import KINDS
 from msggen.firmware.revision import split_revision
 from msggen.firmware.sources import Sources
 from msggen.firmware.tree import Folder
 from msggen.model import DEFAULT_PACKAGE
 from msggen.sync.contents import PackageContents
-from msggen.sync.target import KINDS, Target
+from msggen.sync.target import Target
 
 NAMES = ("CMakeLists.txt", "README.md", "package.xml")
 

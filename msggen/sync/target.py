@@ -7,14 +7,12 @@ import re
 from typing import NamedTuple
 
 from msggen.diagnostics import input_error
+from msggen.firmware.overlap import KINDS, source_around
 from msggen.firmware.sources import Sources
 from msggen.firmware.tree import Folder
 from msggen.location import Location
 from msggen.model import DEFAULT_PACKAGE
 from msggen.parse.package_xml import package_name
-
-KINDS = ("msg", "srv")
-"""The folders of a package. Each is also the suffix of the definitions in it."""
 
 
 class Request(NamedTuple):
@@ -72,14 +70,9 @@ def _check_sources(path: str, folder: str, sources: Sources) -> None:
 
 def _check_outside(path: str, folder: str, sources: Sources) -> None:
     """Raise InputError if a new package would be inside the `msg` or `srv` of a source."""
-    for file in (*sources.messages, *sources.services):
-        if not isinstance(file.tree, Folder):
-            continue
-        home = os.path.dirname(file.path)
-        home = os.path.dirname(home) if os.path.basename(home) == "versioned" else home
-        real = os.path.realpath(home)
-        if os.path.basename(real) in KINDS and folder.startswith(os.path.join(real, "")):
-            raise input_error(path, "S111", f"this is inside {home}, a folder of a source: choose another folder", 0)
+    home = source_around(folder, sources)
+    if home:
+        raise input_error(path, "S111", f"this is inside {home}, a folder of a source: choose another folder", 0)
 
 
 def _check_free(path: str, folder: str, *, create: bool) -> None:

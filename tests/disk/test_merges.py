@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import builtins
 import errno
 import itertools
 import json
@@ -137,20 +136,20 @@ def test_another_branch_is_built_from_its_own_definitions() -> None:
 
 def read_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make every call that writes fail as on a read-only file system."""
-    opened, made = builtins.open, os.mkdir
+    opened, made = os.open, os.mkdir
 
     def refuse(*_: object, **__: object) -> None:
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
-    def open_to_read(path: Any, mode: str = "r", *more: Any, **options: Any) -> Any:
-        return refuse() if set(mode) & set("wax+") else opened(path, mode, *more, **options)
+    def open_to_read(path: Any, flags: int, *more: Any) -> Any:
+        return refuse() if flags & (os.O_WRONLY | os.O_RDWR) else opened(path, flags, *more)
 
     def make_folder(path: Any, *more: Any, **options: Any) -> None:
         refuse() if not os.path.lexists(path) else made(path, *more, **options)
 
-    monkeypatch.setattr(builtins, "open", open_to_read)
+    monkeypatch.setattr(os, "open", open_to_read)
     monkeypatch.setattr(os, "mkdir", make_folder)
-    for name in ("replace", "rename", "unlink", "remove", "rmdir", "chmod"):
+    for name in ("replace", "rename", "link", "symlink", "unlink", "remove", "rmdir", "chmod"):
         monkeypatch.setattr(os, name, refuse)
 
 

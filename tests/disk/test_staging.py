@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from msggen.disk.staging import write_if_changed, written_aside
+from msggen.diagnostics import InputError
+from msggen.disk.files import create_file
+from msggen.disk.staging import make_folder, remove_tree, staging_folder, write_if_changed, written_aside
+from support.catalogs import write_definitions
 from support.packages import content
 
 OLD = {"a": b"old a", "sub/b": b"old b"}
@@ -39,13 +43,13 @@ def test_nothing_is_in_place_before_the_move(stage: str) -> None:
 
 
 @pytest.mark.parametrize("error", [OSError, KeyboardInterrupt])
-@pytest.mark.parametrize("call", ["open", "replace"])
+@pytest.mark.parametrize("call", ["create", "flush", "replace"])
 @pytest.mark.parametrize("stage", ["", "stage"])
 def test_whatever_fails_the_files_in_place_are_whole_and_no_others_are_left(
     stage: str, call: str, error: type[BaseException], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    owner = {"open": "builtins.open", "replace": "os.replace"}[call]
-    working = {"open": open, "replace": os.replace}[call]
+    owner = {"create": "msggen.disk.staging.create_file", "flush": "os.fsync", "replace": "os.replace"}[call]
+    working = {"create": create_file, "flush": os.fsync, "replace": os.replace}[call]
     for good in range(len(NEW)):
         for name in NEW:
             Path(name).unlink(missing_ok=True)
@@ -68,9 +72,11 @@ def test_whatever_fails_the_files_in_place_are_whole_and_no_others_are_left(
 
 
 def test_what_a_killed_run_left_in_the_stage_is_removed() -> None:
-    Path("stage/inner").mkdir(parents=True)
-    Path("stage/inner/file").write_text("half")
-    Path("stage/inner").chmod(0o500)
+    with staging_folder("stage"):
+        shutil.copytree("stage", "left")
+    write_definitions(Path("left/new/inner"), {"file": "half"})
+    Path("left/new/inner").chmod(0o500)
+    Path("left").rename("stage")
     with written_aside(NEW, "stage") as move_into_place:
         move_into_place()
     assert files() == NEW
@@ -90,3 +96,66 @@ def test_a_file_that_is_the_same_is_not_written() -> None:
     write_if_changed("a", "new a")
     assert Path("a").read_bytes() == b"new a"
     assert files().keys() == OLD.keys()
+
+
+@pytest.mark.parametrize("foreign", ["folder", "with mark", "file", "link"])
+def test_what_msggen_did_not_create_is_not_staged_over(foreign: str) -> None:
+    if foreign == "file":
+        Path("stage").write_text("mine")
+    elif foreign == "link":
+        write_definitions(Path("mine"), {"file": "mine"})
+        Path("stage").symlink_to("mine")
+    else:
+        write_definitions(Path("stage"), {"file": "mine"})
+    if foreign == "with mark":
+        with staging_folder("other"):
+            shutil.copy("other/.gitignore", "stage")
+    before = content(Path())
+    with pytest.raises(InputError, match="stage: S104"), written_aside(NEW, "stage") as move_into_place:
+        move_into_place()
+    assert {name: data for name, data in content(Path()).items() if name != "more"} == before
+
+
+def test_a_name_aside_that_is_a_link_is_not_written_through() -> None:
+    Path("victim").write_text("mine")
+    Path("a.msggen-new").symlink_to("victim")
+    with pytest.raises(InputError, match=r"a\.msggen-new: S104"):
+        write_if_changed("a", "new")
+    assert Path("victim").read_text() == "mine"
+    assert Path("a").read_text() == "old a"
+
+
+def test_a_name_aside_that_is_another_name_of_a_file_is_not_written_through() -> None:
+    Path("victim").write_text("mine")
+    os.link("victim", "a.msggen-new")
+    write_if_changed("a", "new")
+    assert Path("victim").read_text() == "mine"
+    assert Path("a").read_text() == "new"
+
+
+def test_a_file_that_is_a_link_is_replaced_and_its_target_stays() -> None:
+    Path("victim").write_text("new")
+    Path("a").unlink()
+    Path("a").symlink_to("victim")
+    write_if_changed("a", "new")
+    assert not Path("a").is_symlink()
+    assert Path("victim").read_text() == "new"
+
+
+def test_a_deep_tree_is_removed_and_a_link_in_it_is_not_followed() -> None:
+    write_definitions(Path("mine"), {"file": "mine"})
+    make_folder(os.path.join("tree", *["a"] * 1500))
+    Path("tree/link").symlink_to(Path("mine").resolve())
+    remove_tree("tree")
+    assert not Path("tree").exists()
+    assert Path("mine/file").read_text() == "mine"
+
+
+def test_every_file_is_on_the_disk_before_the_first_is_moved(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[str] = []
+    fsync, replace = os.fsync, os.replace
+    monkeypatch.setattr(os, "fsync", lambda handle: calls.append("fsync") or fsync(handle))  # type: ignore[func-returns-value]
+    monkeypatch.setattr(os, "replace", lambda *paths: calls.append("replace") or replace(*paths))  # type: ignore[func-returns-value]
+    with written_aside(NEW, "stage") as move_into_place:
+        move_into_place()
+    assert calls == ["fsync"] * len(NEW) + ["replace"] * len(NEW) + ["fsync"] * 3  # of the folders ".", "sub", "more"

@@ -23,6 +23,8 @@ from typing import Any, NamedTuple
 import pytest
 
 from msggen.cli import main
+from msggen.disk import swap
+from msggen.disk.staging import staging_folder
 from support.catalogs import write_definitions
 from support.repository import ROOT, shared
 
@@ -746,6 +748,7 @@ class Killed(NamedTuple):
     before: dict[str, bytes | None]
     after: dict[str, bytes | None]
     kills: list[Kill]
+    can_swap: bool
 
 
 def changes_disk(function: Any) -> bool:
@@ -753,7 +756,8 @@ def changes_disk(function: Any) -> bool:
     owner = getattr(function, "__self__", None)
     if isinstance(owner, io.IOBase):
         return function.__name__ in ("write", "writelines", "close", "flush", "truncate")
-    names = ("mkdir", "replace", "rename", "remove", "unlink", "rmdir", "link", "symlink", "write", "utime", "chmod")
+    changing = ("mkdir", "replace", "rename", "remove", "unlink", "rmdir", "link", "symlink", "write", "utime", "chmod")
+    names = (*changing, "fsync")
     return getattr(owner, "__name__", "") in ("posix", "nt") and function.__name__ in names
 
 
@@ -792,7 +796,7 @@ def kill_everywhere(prepare: Path, *arguments: str) -> Iterator[Kill]:
         yield Kill(step, left, exit_code, content(Path("out")))
 
 
-@pytest.fixture(scope="module", params=["first build", "more", "less", "changed"])
+@pytest.fixture(scope="module", params=["first build", "more", "less", "changed", "more without swap"])
 def killed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Killed:
     """The kills at every step of a first build, and of builds after definitions were added, removed and changed."""
     if not hasattr(os, "fork"):
@@ -805,6 +809,7 @@ def killed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         old, new = {
             "first build": (few, many),
             "more": (few, many),
+            "more without swap": (few, many),
             "less": (many, few),
             "changed": (few, {"msg/Lamp.msg": lamp + "uint8 COLD = 1\n"}),
         }[request.param]
@@ -814,9 +819,25 @@ def killed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         if request.param != "first build":
             build("-q", "--px4", "old", "-o", "before")
         build("-q", "--px4", "new", "-o", "after")
+        can_swap = request.param != "more without swap" and sys.platform == "linux"
+        if not can_swap:
+            patch.setattr(swap, "_renameat2", lambda: None)
         kills = list(kill_everywhere(Path("before"), "-q", "--px4", "new", "-o", "out"))
         assert len(kills) > 10
-        return Killed(content(Path("before")), content(Path("after")), kills)
+        return Killed(content(Path("before")), content(Path("after")), kills, can_swap)
+
+
+def code(state: dict[str, bytes | None]) -> dict[str, bytes | None]:
+    """Return what Python can import of a package."""
+    return {name: data for name, data in state.items() if name.startswith("px4_types/") and "/." not in name}
+
+
+@pytest.mark.slow
+def test_a_killed_build_leaves_the_old_package_or_the_new_one(killed: Killed) -> None:
+    states = [code(killed.before), code(killed.after)]
+    found = {code(kill.left) not in states for kill in killed.kills}
+    assert found == {False} if killed.can_swap else True in found
+    assert {states.index(code(kill.left)) for kill in killed.kills if code(kill.left) in states} == {0, 1}
 
 
 @pytest.mark.slow
@@ -839,7 +860,7 @@ def test_a_killed_build_loses_no_file_that_stays(killed: Killed) -> None:
 def test_a_killed_build_never_leaves_a_record_that_cannot_be_read(killed: Killed) -> None:
     for kill in killed.kills:
         for name, data in kill.left.items():
-            if name.endswith(f"px4_types/{RECORD}"):
+            if name == f"px4_types/{RECORD}":
                 assert data is not None
                 assert json.loads(data)["files"]
 
@@ -874,7 +895,10 @@ def test_the_next_run_removes_what_a_killed_one_had_yet_to_remove(killed: Killed
 
 def test_what_a_killed_run_wrote_aside_does_no_harm() -> None:
     folder_of("bare", "Rpm")
-    write_definitions(PACKAGE, {".msggen-stage/0": "half a fi"})
+    for place in (PACKAGE / ".msggen-stage", PACKAGE.parent / f".{PACKAGE.name}.msggen-stage"):
+        with staging_folder("stage"):
+            shutil.copytree("stage", place)
+        write_definitions(place, {"new/0": "half a fi"})
     assert build("-q", "--msg-dir", "bare") == 0
     build("-q", "--msg-dir", "bare", "-o", "fresh")
     assert content(Path("generated")) == content(Path("fresh"))
@@ -910,7 +934,7 @@ def test_an_interrupted_build_says_so_and_leaves_nothing(
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", interrupted)
+        patch.setattr(os, "fsync", interrupted)
         assert build("-q", "--msg-dir", "bare") == 2
     assert "interrupted" in capsys.readouterr().err
     assert content(Path("generated")) == before

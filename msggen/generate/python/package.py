@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
@@ -42,6 +42,16 @@ def render_package(catalog: Catalog, name: str) -> Mapping[str, str]:
     package = _Package(catalog, name)
     _check_names(package)
     return {path: content() for path, content in sorted(_files(package), key=lambda file: file[0])}
+
+
+def locations(catalog: Catalog, names: Collection[str]) -> Iterator[tuple[str, Location]]:
+    """Yield the location of the definition that each of the files `names` is made from, or of its package's first."""
+    for part in _Package(catalog, "").parts:
+        definitions: list[Message | Service] = [*part.messages, *part.services, *part.halves]
+        own = {_module(part, each): each.location for each in definitions}
+        for name in names:
+            if name in own or (part.prefix and name.startswith(part.prefix)):
+                yield name, own.get(name, Location(part.path, 0))
 
 
 class _Part(NamedTuple):
@@ -218,14 +228,19 @@ def _files(package: _Package) -> Iterator[tuple[str, Callable[[], str]]]:
             yield file.path, partial(file.content, package)
     for part in package.parts:
         for message in (*part.messages, *part.halves):
-            path = f"{part.prefix}{message.folder}/{module_name(message.name)}.py"
-            yield path, partial(_message, package.catalog, message)
+            yield _module(part, message), partial(_message, package.catalog, message)
         for service in part.services:
-            yield f"{part.prefix}srv/{module_name(service.name)}.py", partial(_service, service)
+            yield _module(part, service), partial(_service, service)
         for folder in part.folders:
             yield f"{part.prefix}{folder}/__init__.py", partial(_folder, part, folder)
         if part.prefix:
             yield f"{part.prefix}__init__.py", partial(_render, "other_package", part=part)
+
+
+def _module(part: _Part, definition: Message | Service) -> str:
+    """Return the path of the module of a definition."""
+    folder = definition.folder if isinstance(definition, Message) else "srv"
+    return f"{part.prefix}{folder}/{module_name(definition.name)}.py"
 
 
 def _message(catalog: Catalog, message: Message) -> str:

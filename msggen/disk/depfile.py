@@ -1,0 +1,54 @@
+"""The depfile of a run: a Makefile rule that lists its inputs, for build systems."""
+
+import os
+import re
+from collections.abc import Collection, Sequence
+
+from msggen.diagnostics import InputError, input_error
+from msggen.disk.files import read_regular
+from msggen.disk.staging import write_if_changed
+
+_CONTROL = re.compile(r"[\0-\x1f\x7f]")
+_RULE = re.compile(rb"(?:[^\n]*:(?: \\\n|\n?\Z)|\Z)")
+"""The beginning of a rule that `rule` returned, or an empty file."""
+
+
+def rule(target: str, inputs: Collection[str]) -> str:
+    """Return a Makefile rule that makes `target`, the first of several outputs, depend on all `inputs`.
+
+    The rule names only the first output, because Ninja rejects outputs that it does not know, such as a removed one.
+    """
+    return " \\\n ".join([f"{_escape(target)}:", *map(_escape, inputs)]) + "\n"
+
+
+def check_depfile(path: str, inputs: Collection[str], outputs: Sequence[str]) -> None:
+    """Raise InputError if the depfile `path` would replace anything but a depfile, or cannot list these paths."""
+    if os.path.abspath(path) in map(os.path.abspath, outputs):
+        raise _error(path, "this is an output of this run, not a depfile: name another file")
+    if os.path.lexists(path) and (not _is_depfile(path) or any(os.path.samefile(path, each) for each in inputs)):
+        raise _error(path, "this exists and is not a depfile: remove it, or name another file")
+    for each in (*outputs[:1], *inputs):
+        if _CONTROL.search(each):
+            raise _error(path, f"a depfile cannot list {each!r}: rename it, without control characters")
+
+
+def write_depfile(path: str, inputs: Collection[str], outputs: Sequence[str]) -> None:
+    """Write the depfile `path` if it differs. Raises InputError as `check_depfile`, and OSError."""
+    check_depfile(path, inputs, outputs)
+    write_if_changed(path, rule(outputs[0], inputs))
+
+
+def _is_depfile(path: str) -> bool:
+    """Whether this is a regular file, empty or with a rule as msggen writes it."""
+    try:
+        return bool(_RULE.match(read_regular(path)))
+    except OSError:
+        return False
+
+
+def _escape(path: str) -> str:
+    return path.replace("$", "$$").replace("#", "\\#").replace(" ", "\\ ")
+
+
+def _error(path: str, text: str) -> InputError:
+    return input_error(path, "S123", text, 0)

@@ -1,0 +1,46 @@
+"""The lengths of names and paths that the disk allows."""
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+
+_NAME, _PATH = 255, 4095
+"""The limits of most systems, in bytes."""
+
+_SHOWN = 40
+"""The number of characters of a name that are shown to the user."""
+
+
+def too_long(folder: str, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Yield those of `names`, files in `folder`, that the disk cannot have, each with a sentence about the limit.
+
+    The name "" stands for `folder`.
+    """
+    place = _existing(folder)
+    longest, whole = _limit(place, "PC_NAME_MAX", _NAME), _limit(place, "PC_PATH_MAX", _PATH + 1) - 1
+    start = len(os.fsencode(folder)) + 1
+    for name in names:
+        parts = name.split("/") if name else folder.split(os.sep)
+        part = max(map(os.fsencode, parts), key=len)
+        size = start + len(os.fsencode(name))
+        if len(part) > longest:
+            yield name, f"the name {_cut(os.fsdecode(part))} has {len(part)} bytes, the limit of the disk is {longest}"
+        elif size > whole:
+            yield name, f"the path {_cut(folder)} has {size} bytes, the limit of the system is {whole}"
+
+
+def _existing(folder: str) -> str:
+    while folder and not os.path.isdir(folder):
+        folder = os.path.dirname(folder)
+    return folder or os.curdir
+
+
+def _limit(folder: str, key: str, default: int) -> int:
+    """Return a limit of the file system, which not every system tells."""
+    with suppress(AttributeError, OSError, ValueError):
+        return os.pathconf(folder, key)
+    return default
+
+
+def _cut(name: str) -> str:
+    return f"'{name[:_SHOWN]}...'" if len(name) > _SHOWN else f"'{name}'"
