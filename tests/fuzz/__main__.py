@@ -16,6 +16,7 @@ from pathlib import Path
 sys.path[0:0] = [str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "")]
 
 from fuzz.runner import NAMES, SEED, Failure, find, indices_of, run  # noqa: E402
+from support.scratch import scratch_root  # noqa: E402
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -41,7 +42,7 @@ def main() -> int:
     names = options.campaigns or NAMES
     seconds = options.minutes * 60 / len(names) if options.minutes else None
     failed = False
-    tempfile.tempdir = scratch = tempfile.mkdtemp()
+    tempfile.tempdir = scratch = scratch_root()
     atexit.register(shutil.rmtree, scratch, ignore_errors=True)
     for name in names:
         if options.index is not None:

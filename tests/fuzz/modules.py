@@ -25,7 +25,7 @@ from support.random_definitions import PACKAGES, TOLERATED, random_catalog, valu
 from support.reference import HEADERS, deserialize, serialize
 from support.scratch import scratch_folder
 
-COUNT = 80
+COUNT = 60
 
 CANARY = "msggen_canary"
 """A module that code in a definition adds to the modules that are loaded."""

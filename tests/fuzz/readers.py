@@ -30,7 +30,7 @@ from support.repository import PX4_TREE, ROOT
 from support.scratch import scratch_folder
 from support.translations import class_of
 
-COUNT = 3000
+COUNT = 800
 
 BRIDGE = "src/modules/uxrce_dds_client/dds_topics.yaml"
 CLIENT_TEMPLATE = "src/modules/uxrce_dds_client/dds_topics.h.em"

@@ -21,7 +21,7 @@ from support.commands import check_outcome, run
 from support.disk_tasks import copy_start
 from support.scratch import inside, scratch_folder
 
-COUNT = 300
+COUNT = 60
 
 OUTSIDE = {
     "file": "mine\n",

@@ -7,6 +7,7 @@ import itertools
 import json
 import os
 import re
+import shutil
 import sys
 import tarfile
 import tempfile
@@ -27,6 +28,7 @@ from msggen.disk.record import Record, digest, read_record, write_record
 from msggen.firmware.tree import Snapshot
 from support import disk_tasks
 from support.repository import ROOT
+from support.scratch import scratch_root
 
 ENOUGH = 3000
 """More cases than any campaign needs to find its planted error."""
@@ -34,10 +36,13 @@ ENOUGH = 3000
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs fork, links and limits of resources")
 
 
-@pytest.fixture(autouse=True)
-def scratch(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make the folders of cases below pytest's."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path_factory.mktemp("fuzz")))
+@pytest.fixture(autouse=True, scope="module")
+def scratch() -> Iterator[None]:
+    """Make the folders of cases in one place, and remove it at the end."""
+    before, tempfile.tempdir = tempfile.tempdir, scratch_root()
+    yield
+    shutil.rmtree(tempfile.tempdir)
+    tempfile.tempdir = before
 
 
 @pytest.mark.slow

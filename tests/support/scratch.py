@@ -10,6 +10,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+_MEMORY = "/dev/shm"  # noqa: S108 - where Linux keeps files in memory
+
+
+def scratch_root() -> str:
+    """Make and return a folder for scratch folders, in memory if possible, because waiting for the disk takes long."""
+    return tempfile.mkdtemp(prefix="fuzz-", dir=_MEMORY if os.access(_MEMORY, os.W_OK) else None)
+
 
 @contextmanager
 def inside(folder: Path) -> Iterator[None]:
