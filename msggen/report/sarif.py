@@ -9,12 +9,13 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 from urllib.parse import quote
 
 from msggen import __version__
 from msggen.compare.finding import Excerpt, Finding, Report, Rule
+from msggen.diagnostics import Diagnostic
 from msggen.location import Location
 from msggen.report.json import dump
 from msggen.report.line import level, printable, statement
@@ -35,6 +36,26 @@ def write_sarif(report: Report) -> str:
             "summary": report.summary,
         },
     }
+    return _log(run)
+
+
+def write_errors(errors: Sequence[Diagnostic]) -> str:
+    """Return a SARIF log of a run that failed: its errors are notifications, because they are not results."""
+    invocation = {"executionSuccessful": False, "toolExecutionNotifications": [*map(_notification, errors)]}
+    driver = {"name": "msggen", "version": __version__}
+    run = {"tool": {"driver": driver}, "columnKind": "unicodeCodePoints", "invocations": [invocation], "results": []}
+    return _log(run)
+
+
+def _notification(error: Diagnostic) -> dict[str, Any]:
+    """Return a notification. An option is no location in a file, so the message names it."""
+    in_file = os.path.exists(error.location.path)
+    text = error.message if in_file else f"{error.location.path}: {error.message}"
+    found = {"level": "error", "descriptor": {"id": error.code}, "message": {"text": printable(text)}}
+    return {**found, "locations": [_place(error.location)]} if in_file else found
+
+
+def _log(run: dict[str, Any]) -> str:
     return dump({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]})
 
 
