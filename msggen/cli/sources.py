@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 from msggen.diagnostics import Diagnostic, InputError, input_error
 from msggen.firmware.embedded import names_release, near_release, unknown_release
@@ -81,6 +81,20 @@ def is_strict(options: argparse.Namespace, settings: Settings) -> bool:
     """Whether warnings are errors."""
     strict: bool | None = options.strict
     return bool(settings.strict) if strict is None else strict
+
+
+def shell_options(given: Mapping[str, str | Sequence[str] | None]) -> str:
+    """Return options and their values for a shell, with a space before each. Options without a value are left out."""
+    pairs = [
+        (name, each)
+        for name, values in given.items()
+        for each in ([values] if isinstance(values, str) else values or ())
+    ]
+    if not pairs:
+        return ""
+    from shlex import quote
+
+    return "".join(f" {name} {quote(value)}" for name, value in pairs)
 
 
 def check_setting(options: argparse.Namespace, settings: Settings) -> None:

@@ -61,6 +61,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "fails": finding.fails,
         "subject": change.subject,
         "message": change.message,
+        "remedy": finding.remedy or None,
         "location": _location(change.location),
         "before": _excerpt(change.before),
         "after": _excerpt(change.after),

@@ -8,7 +8,7 @@ from junitparser import Error, Failure, JUnitXml, TestCase, TestSuite
 
 from msggen.compare.finding import Category, Excerpt, Finding, Report, Rule
 from msggen.diagnostics import Diagnostic
-from msggen.report.line import line, printable
+from msggen.report.line import line, printable, remedies
 
 
 def write_junit(report: Report) -> str:
@@ -68,7 +68,9 @@ def _case(rule: Rule, findings: Sequence[Finding]) -> TestCase:
 
 def _paragraph(finding: Finding) -> str:
     sides = (("-", finding.change.before), ("+", finding.change.after))
-    return "\n".join([line(finding), *(_line(sign, excerpt) for sign, excerpt in sides if excerpt)])
+    return "\n".join(
+        [line(finding), *(_line(sign, excerpt) for sign, excerpt in sides if excerpt), *remedies([finding])]
+    )
 
 
 def _line(sign: str, excerpt: Excerpt) -> str:

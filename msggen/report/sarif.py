@@ -18,7 +18,7 @@ from msggen.compare.finding import Excerpt, Finding, Report, Rule
 from msggen.diagnostics import Diagnostic
 from msggen.location import Location
 from msggen.report.json import dump
-from msggen.report.line import level, printable, statement
+from msggen.report.line import level, printable, remedies, statement
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 
@@ -80,7 +80,7 @@ def _results(report: Report) -> Iterator[dict[str, Any]]:
             "ruleId": finding.rule.id,
             "ruleIndex": indices[finding.rule.id],
             "level": level(finding),
-            "message": {"text": statement(finding)},
+            "message": {"text": "\n".join([statement(finding), *remedies([finding])])},
             "locations": [_place(finding.change.location)],
             "partialFingerprints": {"primaryLocationLineHash": f"{fingerprint}:{seen[fingerprint]}"},
             "properties": {

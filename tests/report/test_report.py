@@ -261,6 +261,7 @@ def test_json_says_everything() -> None:
         "fails": True,
         "subject": "VehicleAttitude",
         "message": "'timestamp_sample' stands at byte 0, in PX4-Autopilot at 8",
+        "remedy": None,
         "location": {"path": "px4_msgs/msg/VehicleAttitude.msg", "line": 8, "column": 1},
         "before": {
             "location": {"path": "PX4-Autopilot/msg/versioned/VehicleAttitude.msg", "line": 9, "column": 1},

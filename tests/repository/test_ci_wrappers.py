@@ -279,6 +279,7 @@ def documented(working_folder: Path) -> None:
     for name in ("msg", "srv"):
         shutil.copytree(ROOT / name, firmware / name)
         (package / name).mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>px4_msgs</name></package>")
     for path in (*DEFINITIONS, *(ROOT / "srv").glob("*.srv")):
         shutil.copy(path, package / path.suffix[1:])
     commit_all(firmware)
