@@ -5,7 +5,7 @@ The other formats use the texts about a finding from here.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 from msggen.compare.comparison import Reader
 from msggen.compare.finding import Finding, Report, Severity
@@ -13,7 +13,7 @@ from msggen.compare.finding import Finding, Report, Severity
 
 def write_concise(report: Report) -> str:
     """Return a line for each finding, then the summary."""
-    return "\n".join([*map(line, report.findings), printable(report.summary)])
+    return "\n".join([*map(line, report.findings), *remedies(report.findings), printable(report.summary)])
 
 
 def line(finding: Finding) -> str:
@@ -24,6 +24,11 @@ def line(finding: Finding) -> str:
 def statement(finding: Finding) -> str:
     """Return the message of a finding with its mark, such as `handled: `."""
     return mark(finding) + printable(finding.change.message)
+
+
+def remedies(findings: Iterable[Finding]) -> list[str]:
+    """Return a line for each command that mends one of `findings`."""
+    return [printable(f"to fix: {command}") for command in dict.fromkeys(each.remedy for each in findings) if command]
 
 
 def mark(finding: Finding) -> str:
