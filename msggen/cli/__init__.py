@@ -18,7 +18,7 @@ from typing import Any
 from msggen import __version__
 from msggen.cli.options import DONE, FAILED, FINDINGS, writes
 from msggen.cli.printing import print_annotations, print_errors, print_notices, terminal_width
-from msggen.diagnostics import InputError, suggestion
+from msggen.diagnostics import InputError, printable, suggestion
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main"]
 
@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return DONE if writes(options) else FINDINGS  # commands that write do so before they print
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        print(f"msggen: {place}{error.strerror or error}", file=sys.stderr)
+        print(f"msggen: {printable(f'{place}{error.strerror or error}')}", file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
         print("msggen: interrupted, nothing is half-written", file=sys.stderr)

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from hashlib import sha256
 from typing import NamedTuple
 
+from msggen.disk.reading import read_bytes
 from msggen.disk.staging import write_if_changed
 
 RECORD_NAME = ".msggen.json"
@@ -44,8 +45,7 @@ def digest(data: bytes) -> str:
 def digest_of(folder: str, name: str) -> str | None:
     """Return the digest of a file, or None if it cannot be read."""
     try:
-        with open(os.path.join(folder, name), "rb", buffering=0) as stream:
-            return digest(stream.read())
+        return digest(read_bytes(os.path.join(folder, name)))
     except OSError:
         return None
 
@@ -53,8 +53,7 @@ def digest_of(folder: str, name: str) -> str | None:
 def read_record(folder: str) -> Record:
     """Return the record in `folder`, or an empty one if it is missing or invalid."""
     try:
-        with open(os.path.join(folder, RECORD_NAME), "rb") as stream:
-            return parse_record(stream.read())
+        return parse_record(read_bytes(os.path.join(folder, RECORD_NAME)))
     except OSError:
         return NO_RECORD
 

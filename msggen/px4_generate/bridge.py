@@ -23,7 +23,7 @@ SCRIPT = "generate_dds_topics.py"
 
 _LISTS = ("publications", "subscriptions", "subscriptions_multi")
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_COMPUTED = re.compile(r"""\[\s*["'](\w+)["']\s*\]\s*=(?!=)|(?:setdefault|update)\(\s*\{?\s*["']?(\w+)""")
+_COMPUTED = re.compile(r"""\[\s*["'](\w+)["']\s*\]\s*=(?!=)|(?:setdefault|update)\(\s*(?:\{\s*)?["']?(\w+)""")
 
 
 class BridgeRequest(NamedTuple):

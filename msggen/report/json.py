@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 from msggen.compare.finding import Excerpt, Finding, Report
+from msggen.diagnostics import printable
 from msggen.location import Location
 
 
@@ -49,7 +50,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "handled": finding.is_handled,
         "fails": finding.fails,
         "subject": change.subject,
-        "message": change.message,
+        "message": printable(change.message),
         "location": _location(change.location),
         "before": _excerpt(change.before),
         "after": _excerpt(change.after),
@@ -57,7 +58,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
 
 
 def _excerpt(excerpt: Excerpt | None) -> dict[str, Any] | None:
-    return {"location": _location(excerpt.location), "text": excerpt.text} if excerpt else None
+    return {"location": _location(excerpt.location), "text": printable(excerpt.text)} if excerpt else None
 
 
 def _location(location: Location) -> dict[str, Any]:

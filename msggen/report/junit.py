@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from junitparser import Failure, JUnitXml, TestCase, TestSuite
 
 from msggen.compare.finding import Category, Excerpt, Finding, Report, Rule
-from msggen.report.line import line, printable
+from msggen.diagnostics import printable
+from msggen.report.line import line
 
 
 def write_junit(report: Report) -> str:
