@@ -81,7 +81,7 @@ def set_hostile(folder: str, mark: Path) -> None:
     included = Path(folder, ".git", "more").absolute()
     for key in PROGRAMS:
         run(
-            folder,
+            Path(folder),
             "config",
             "--file",
             str(included),
