@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 from msggen import __version__
 from msggen.cli.options import DONE, FAILED, FINDINGS, INTERRUPTED, writes
 from msggen.cli.printing import colour, print_document, print_errors, print_notices, terminal_width
-from msggen.diagnostics import Diagnostic, InputError, suggestion
+from msggen.diagnostics import Diagnostic, InputError, printable, suggestion
 from msggen.location import Location
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main", "parser_for"]
@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return DONE if writes(options) else FINDINGS  # commands that write do so before they print
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        text = f"{place}{error.strerror or error}"
+        text = printable(f"{place}{error.strerror or error}")
         print(f"msggen: {text}", file=sys.stderr)
         print_document([Diagnostic(Location("msggen", 0), "io", text)], _output_format(words))
         return FAILED

@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, TextIO
 
 from msggen.diagnostics import Diagnostic, Level, counted
+from msggen.disk.reading import read_bytes
 
 if TYPE_CHECKING:
     from msggen.compare.finding import Report
@@ -49,8 +50,8 @@ def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:
 def print_change(path: str, text: str | None) -> None:
     """Print the change of the file at `path` to `text` as a patch. None stands for a removed file."""
     before = None
-    with suppress(OSError), open(path, "rb") as stream:
-        before = stream.read()
+    with suppress(OSError):
+        before = read_bytes(path)
     print_diff(path, before, None if text is None else text.encode())
 
 

@@ -13,7 +13,8 @@ from rich.text import Text
 
 from msggen.compare.comparison import Reader
 from msggen.compare.finding import Excerpt, Finding, Report
-from msggen.report.line import is_misread, mark, printable, remedies, silent_mark
+from msggen.diagnostics import printable
+from msggen.report.line import is_misread, mark, remedies, silent_mark
 
 _DECODE = "decode wrong values without an error"
 _ALARM = "bold white on red"

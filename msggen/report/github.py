@@ -9,9 +9,9 @@ import os
 from collections.abc import Sequence
 
 from msggen.compare.finding import Finding, Report
-from msggen.diagnostics import Diagnostic
+from msggen.diagnostics import Diagnostic, printable
 from msggen.location import Location
-from msggen.report.line import is_misread, level, printable, remedies, statement
+from msggen.report.line import is_misread, level, remedies, statement
 
 _COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}
 

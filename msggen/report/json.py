@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from msggen.compare.finding import Excerpt, Finding, Report
-from msggen.diagnostics import Diagnostic
+from msggen.diagnostics import Diagnostic, printable
 from msggen.location import Location
 
 
@@ -60,7 +60,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "handled": finding.is_handled,
         "fails": finding.fails,
         "subject": change.subject,
-        "message": change.message,
+        "message": printable(change.message),
         "remedy": finding.remedy or None,
         "location": _location(change.location),
         "before": _excerpt(change.before),
@@ -69,7 +69,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
 
 
 def _excerpt(excerpt: Excerpt | None) -> dict[str, Any] | None:
-    return {"location": _location(excerpt.location), "text": excerpt.text} if excerpt else None
+    return {"location": _location(excerpt.location), "text": printable(excerpt.text)} if excerpt else None
 
 
 def _location(location: Location) -> dict[str, Any]:

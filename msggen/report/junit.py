@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from junitparser import Error, Failure, JUnitXml, TestCase, TestSuite
 
 from msggen.compare.finding import Category, Excerpt, Finding, Report, Rule
-from msggen.diagnostics import Diagnostic
-from msggen.report.line import line, printable, remedies
+from msggen.diagnostics import Diagnostic, printable
+from msggen.report.line import line, remedies
 
 
 def write_junit(report: Report) -> str:

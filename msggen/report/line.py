@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable
 
 from msggen.compare.comparison import Reader
 from msggen.compare.finding import Finding, Report, Severity
+from msggen.diagnostics import printable
 
 
 def write_concise(report: Report) -> str:
@@ -55,8 +56,3 @@ def is_misread(finding: Finding) -> bool:
 def level(finding: Finding) -> str:
     """Return the level of a finding: `error`, `warning`, or `note` if it is handled."""
     return "note" if finding.is_handled else finding.rule.severity.value
-
-
-def printable(text: str) -> str:
-    """Return `text` in one line, with escapes for unprintable characters, including all that XML forbids."""
-    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)

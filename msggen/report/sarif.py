@@ -15,10 +15,10 @@ from urllib.parse import quote
 
 from msggen import __version__
 from msggen.compare.finding import Excerpt, Finding, Report, Rule
-from msggen.diagnostics import Diagnostic
+from msggen.diagnostics import Diagnostic, printable
 from msggen.location import Location
 from msggen.report.json import dump
-from msggen.report.line import level, printable, remedies, statement
+from msggen.report.line import level, remedies, statement
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 

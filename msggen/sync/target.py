@@ -72,8 +72,7 @@ def open_target(request: Request, sources: Sources) -> Target:
         _check_outside(path, folder, sources)
         return Target(path, folder, name, is_new=True)
     manifest = os.path.join(path, "package.xml")
-    with open(manifest, "rb") as stream:
-        found = package_name(stream.read(), manifest)
+    found = package_name(Folder(path).read("package.xml"), manifest)
     if found != name:
         hint = f": give its name with --ros-package {found}" if name == DEFAULT_PACKAGE else ""
         raise input_error(manifest, "S112", f"this is the package '{found}', not '{name}'{hint}", 0)
