@@ -68,7 +68,8 @@ class Floor(Peer):
 
     def program(self, sample: Sample) -> str:
         """Return the program of msggen, and the two functions of `struct`."""
-        return f"{Msggen().program(sample)}unpack_from, pack = Type.__layout__.unpack_from, Type.__layout__.pack\n"
+        codec = "import struct\ncodec = struct.Struct('<H2x' + Type.__layout__.xcdr1)\n"
+        return f"{Msggen().program(sample)}{codec}unpack_from, pack = codec.unpack_from, codec.pack\n"
 
 
 class Rosbags(Peer):

@@ -1,7 +1,57 @@
-"""Entry point of `python -m msggen`."""
+"""Entry point of `msggen` and of `python -m msggen`: Ctrl-C means exit code 130 at any moment, never a trace."""
 
+import os
+import signal
 import sys
 
-from msggen.cli import main
+INTERRUPTED = 130
+"""The exit code after Ctrl-C, as shells define it: 128 and the number of SIGINT."""
 
-sys.exit(main())
+
+def _leave(*_: object) -> None:
+    os._exit(INTERRUPTED)
+
+
+def _interrupt(*_: object) -> None:
+    """Raise KeyboardInterrupt, so that temporary files are removed. A second Ctrl-C does not wait for that."""
+    signal.signal(signal.SIGINT, _leave)
+    raise KeyboardInterrupt
+
+
+def _report_ignored(ignored: "sys.UnraisableHookArgs") -> None:
+    """Leave if Ctrl-C came where Python ignores exceptions, such as in a destructor."""
+    if ignored.exc_type is KeyboardInterrupt:
+        _leave()
+    sys.__unraisablehook__(ignored)
+
+
+_HANDLES = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+"""Whether Ctrl-C is for this process: a shell ignores it for programs in the background."""
+
+if _HANDLES:
+    signal.signal(signal.SIGINT, _leave)  # here, because the other imports take most of a short run
+
+
+def main() -> int:
+    """Run msggen with the arguments of this process, and return the exit code."""
+    from msggen.cli import main as run
+
+    if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
+        from msggen.cli.completion import complete
+
+        complete()
+    if not _HANDLES:
+        return run()
+    sys.unraisablehook = _report_ignored
+    try:
+        signal.signal(signal.SIGINT, _interrupt)
+        try:
+            return run()
+        finally:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and printed
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

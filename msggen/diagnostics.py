@@ -3,12 +3,16 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import Enum
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from msggen.location import Location
 
 _SHORTEST = 4
 """The minimum length of a prefix that suggests the name it begins, if no other name is similar."""
+
+_WIDTH = 400
+_END = 120
+"""Maximum number of characters of a message, and of its end, where hints are, if it is cut."""
 
 _FEW = 4
 """The number of names that `few` lists."""
@@ -123,12 +127,24 @@ module.
 """
 
 
-class Diagnostic(NamedTuple):
-    """An error, a warning or a note, with its location."""
-
+class _Diagnostic(NamedTuple):
     location: Location
     code: str
     message: str
+
+
+class Diagnostic(_Diagnostic):
+    """An error, a warning or a note, with its location. Its message is `printable`, whatever the input has."""
+
+    __slots__ = ()
+
+    def __new__(cls, location: Location, code: str, message: str) -> "Diagnostic":  # noqa: PYI034 - Self needs 3.11
+        """Make a diagnostic from a message of any length, with any characters."""
+        return super().__new__(cls, location, code, printable(message))
+
+    @classmethod
+    def _make(cls, iterable: Iterable[Any]) -> "Diagnostic":  # type: ignore[override]  # cls is always this class
+        return cls(*iterable)
 
     @property
     def level(self) -> Level:
@@ -166,6 +182,17 @@ def sorted_out(
 def input_error(path: str, code: str, message: str, line: int = 1, column: int = 1) -> InputError:
     """Return an InputError with a single diagnostic."""
     return InputError([Diagnostic(Location(path, line, column), code, message)])
+
+
+def printable(text: str) -> str:
+    """Return `text` in one line: unprintable characters are escaped, including all that XML forbids.
+
+    A text that is too long for a line is cut in the middle, with `…` for what is left out.
+    """
+    if not text.isprintable():
+        shown = text if len(text) <= _WIDTH else text[:_WIDTH] + text[-_WIDTH:]  # escapes make a text only longer
+        text = "".join(each if each.isprintable() else repr(each)[1:-1] for each in shown)
+    return text if len(text) <= _WIDTH else f"{text[: _WIDTH - _END - 1]}…{text[-_END:]}"
 
 
 def counted(number: int, noun: str) -> str:

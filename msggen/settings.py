@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
 
 from msggen.diagnostics import input_error, suggestion
+from msggen.disk.reading import read_text
 from msggen.firmware.embedded import names_release
 from msggen.firmware.file import BoardOption
 from msggen.firmware.sources import join_package, split_package
@@ -43,11 +44,15 @@ class Settings(NamedTuple):
 
 
 _HEADER = r"(?m)^[ \t]*\[[ \t]*tool[ \t]*\.[ \t]*[\"']?msggen[\"']?[ \t]*\]"
-_MENTIONED = r"(?m)\btool[\"']?\s*\.\s*[\"']?msggen\b|^\s*\[\s*tool\s*\][^\[]*^\s*[\"']?msggen\b"
-"""All spellings of the table in TOML. A file that matches none is not parsed.
+_MENTIONED = r"msggen[\"']?[ \t]*[\].=]"
+"""All spellings of a key or a table in TOML. A file that matches neither is not parsed.
 
 The patterns are compiled on first use, because most builds do not need them.
 """
+
+_DOT = r"\.[ \t]*[\w\"'-]"
+_MOST_DOTS = 64
+"""Maximum number of dots in a key. The time that tomllib needs for a key grows with their square."""
 
 _PATHS = ("px4", "msg_dir", "topics", "output")
 
@@ -73,11 +78,13 @@ def read_settings(folder: str) -> Settings:
 
 
 def _text(path: str) -> str:
+    """Return the text of a pyproject.toml, "" if there is none. Raises InputError for what no file can be."""
     try:
-        with open(path, encoding="utf-8", errors="replace") as stream:
-            return stream.read()
-    except OSError:
+        return read_text(path, "replace")
+    except (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError):
         return ""
+    except OSError as error:
+        _fail(os.path.relpath(path), "C101", f"cannot be read: {error.strerror or error}", 0)
 
 
 def _parse(text: str, path: str) -> Settings | None:
@@ -86,12 +93,17 @@ def _parse(text: str, path: str) -> Settings | None:
     else:
         import tomli as tomllib
 
+    for start in re.finditer(r"[^={},\n]+", text):
+        if start[0].count(".") > _MOST_DOTS and len(re.findall(_DOT, start[0])) > _MOST_DOTS:
+            _fail(path, "C101", f"a key with more than {_MOST_DOTS} dots", text.count("\n", 0, start.start()) + 1)
     try:
         document: Any = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         line, column = (int(place[1]), int(place[2])) if place else (1, 1)
         _fail(path, "C101", f"invalid TOML: {error}", line, column)
+    except (ValueError, RecursionError) as error:  # a number of too many digits, too many brackets
+        _fail(path, "C101", f"invalid TOML: {str(error).partition(';')[0]}")
     tool = document.get("tool")
     if not isinstance(tool, dict) or "msggen" not in tool:
         return None
@@ -153,7 +165,7 @@ def _place(text: str, key: str) -> tuple[int, int]:
     if table:
         return text.count("\n", 0, table.start()) + 1, 1
     header = re.search(_HEADER, text)
-    start = header.end() if header else re.search(_MENTIONED, text + "msggen =").start()  # type: ignore[union-attr]
+    start = header.end() if header else text.find("msggen")
     found = re.compile(rf"[\"']?\b{re.escape(key)}\b[\"']?\s*[.=]").search(text, start)
     position = found.start() if found else start
     return text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)

@@ -37,6 +37,9 @@ _SPELLINGS = {
 _NAMES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings.split()}
 """The unit by its other spellings. Case matters: `mW` is not `MW`."""
 
+_LONGEST = 200
+"""Maximum number of characters of a unit or a range."""
+
 _CELSIUS = re.compile(r"(?:\bdeg(?:rees?)?|°)[ _.]*(?:C\b|[Cc]el[sc]ius\b)|℃")
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _SUPERSCRIPT = re.compile(r"([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)")
@@ -58,6 +61,8 @@ def normalized_unit(text: str) -> str:
     A text that is not a unit is returned with normalized white space.
     """
     text = " ".join(text.split())
+    if len(text) > _LONGEST:
+        return text
     spelled = _SUPERSCRIPT.sub(lambda found: "^" + found[1].translate(_SUPERSCRIPTS), _CELSIUS.sub("degC", text))
     powers: Counter[str] = Counter()
     try:
@@ -75,6 +80,8 @@ def normalized_range(text: str) -> str:
     A text that is not a range is returned in lower case with normalized white space.
     """
     text = " ".join(text.lower().split())
+    if len(text) > _LONGEST:
+        return text
     bounds = _BETWEEN.split(_NOTE.sub("", text).strip(), maxsplit=1)
     return ", ".join(map(_bound, bounds)) if len(bounds) > 1 else text
 

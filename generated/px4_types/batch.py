@@ -9,7 +9,7 @@ from .cdr import HEADER, SURPLUS, CodecError, DecodeError, EncodeError, Message
 from .encapsulation import ENCODINGS, canonical
 from .records import Record, record_of
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import Any, NoReturn, TypeAlias, TypeVar

@@ -9,11 +9,11 @@ import struct
 
 from .cdr import HEADER, SURPLUS, DecodeError, EncodeError, Message, layout_of
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from .cdr import BytesLike, Layout
 
-__all__ = ["ENCODINGS", "canonical", "encapsulation_of", "encode_as", "words_of"]
+__all__ = ["ENCODINGS", "canonical", "encapsulation_of", "encode_as", "sample_bytes", "words_of"]
 
 ENCODINGS = {
     b"\x00\x00": (">", 1),
@@ -65,11 +65,19 @@ def encapsulation_of(cls: type[Message], sample: bytes) -> bytes:
     return encapsulation
 
 
+def sample_bytes(cls: type[Message], data: BytesLike) -> bytes:
+    """Return the bytes in a buffer, without its gaps. Raises DecodeError, or TypeError for another object."""
+    try:
+        return data if isinstance(data, bytes) else memoryview(data).tobytes()
+    except (BufferError, ValueError):
+        raise DecodeError(f"{cls.__msg__.name}: expected a buffer of bytes, got {data.__class__.__name__}") from None
+
+
 def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes:
     """Return the sample in `data`, of any encapsulation, in the form that `encode` writes. Raises DecodeError."""
     name, layout = cls.__msg__.name, layout_of(cls)
-    view = memoryview(data).tobytes()
-    header, body = encapsulation_of(cls, view), view[4:]
+    sample = sample_bytes(cls, data)
+    header, body = encapsulation_of(cls, sample), sample[4:]
     order, version = ENCODINGS[header]
     words = order + words_of(layout, version)
     size = struct.calcsize(words)

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import sys
 
-TYPE_CHECKING = False
+from .primitives import PRIMITIVES, STRINGS
+
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import Any
 
@@ -19,6 +21,11 @@ class Frozen:
 
     __slots__: tuple[str, ...] = ()
 
+    @property
+    def _names(self) -> list[str]:
+        """The attributes that are shown and compared."""
+        return [name for name in self.__slots__ if not name.startswith("_")]
+
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{self.__class__.__name__}.{name} is read-only")
 
@@ -26,16 +33,16 @@ class Frozen:
         raise AttributeError(f"{self.__class__.__name__}.{name} is read-only")
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{name}={getattr(self, name)!r}" for name in self.__slots__)
+        values = ", ".join(f"{name}={getattr(self, name)!r}" for name in self._names)
         return f"{self.__class__.__name__}({values})"
 
     def __eq__(self, other: object) -> bool:
         if other.__class__ is not self.__class__:
             return NotImplemented
-        return all(getattr(self, name) == getattr(other, name) for name in self.__slots__)
+        return all(getattr(self, name) == getattr(other, name) for name in self._names)
 
     def __hash__(self) -> int:
-        return hash(tuple(getattr(self, name) for name in self.__slots__))
+        return hash(tuple(getattr(self, name) for name in self._names))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return self.__class__, tuple(getattr(self, name) for name in self.__slots__)
@@ -125,6 +132,25 @@ class Field(Frozen):
         return int(bound[:-1]) if bound else None
 
 
+class Constant(Frozen):
+    """A constant of a message."""
+
+    __slots__ = ("name", "type", "value", "attribute")
+
+    name: str
+    type: str
+    value: bool | int | float | str
+    attribute: str
+    """The attribute of the class: `name`, or a name such as `None_` if Python or the class reserves `name`."""
+
+    def __init__(self, name: str, type: str, value: bool | int | float | str, attribute: str = "") -> None:
+        put = object.__setattr__
+        put(self, "name", name)
+        put(self, "type", type)
+        put(self, "value", value)
+        put(self, "attribute", attribute or name)
+
+
 class MessageInfo(Frozen):
     """The identity of a message in PX4, DDS and ROS 2."""
 
@@ -139,6 +165,8 @@ class MessageInfo(Frozen):
         "message_version",
         "topics",
         "fields",
+        "constants",
+        "_cls",
     )
 
     name: str
@@ -156,6 +184,8 @@ class MessageInfo(Frozen):
     topics: tuple[str, ...]
     """The uORB topics that carry the message."""
     fields: tuple[Field, ...]
+    constants: tuple[Constant, ...]
+    _cls: type[Message]
 
     def __init__(
         self,
@@ -169,6 +199,8 @@ class MessageInfo(Frozen):
         message_version: int,
         topics: tuple[str, ...],
         fields: tuple[Field, ...],
+        constants: tuple[Constant, ...],
+        cls: type[Message],
     ) -> None:
         put = object.__setattr__
         put(self, "name", name)
@@ -181,6 +213,69 @@ class MessageInfo(Frozen):
         put(self, "message_version", message_version)
         put(self, "topics", topics)
         put(self, "fields", fields)
+        put(self, "constants", constants)
+        put(self, "_cls", cls)
+
+    @property
+    def definition(self) -> str:
+        """The definition with those of all nested messages: the schema `ros2msg` of MCAP and of rosbag2.
+
+        It has types, names, values and defaults, without comments. Built on each access.
+        """
+        nested: dict[str, str] = {}
+        own = _definition(self._cls, nested)
+        return own + "".join([f"{'=' * 80}\nMSG: {name}\n{text}" for name, text in nested.items()])
+
+
+def constants(cls: type[Message], *rows: str) -> tuple[Constant, ...]:
+    """Return the constants of `cls` from rows of a type and names: `uint8 LOW HIGH mro=mro_`."""
+    found: list[Constant] = []
+    for row in rows:
+        type_, *names = row.split(" ")
+        for name, _, attribute in [name.partition("=") for name in names]:
+            found.append(Constant(name, type_, getattr(cls, attribute or name), attribute))
+    return tuple(found)
+
+
+def _definition(cls: type[Message], nested: dict[str, str]) -> str:
+    """Return the definition of `cls` alone, and add those of the messages that it nests to `nested`, by name."""
+    info, zero = cls.__msg__, cls()
+    own = _short(info.ros_type)
+    lines = [f"{constant.type} {constant.name}={_spelled(constant.value)}" for constant in info.constants]
+    for field in info.fields:
+        base, bracket, length = field.type.partition("[")
+        if base.partition("<=")[0] in PRIMITIVES or base.partition("<=")[0] in STRINGS:
+            value = _default(getattr(zero, field.attribute))
+        else:
+            inner, value = nested_class(cls, base), ""
+            name = _short(inner.__msg__.ros_type)
+            base = name.removeprefix(own.partition("/")[0] + "/")
+            if name not in nested:
+                nested[name] = ""  # its place, before the messages that it nests
+                nested[name] = _definition(inner, nested)
+        lines.append(f"{base}{bracket}{length} {field.name}{value}")
+    return "".join([f"{line}\n" for line in lines])
+
+
+def _short(ros_type: str) -> str:
+    """Return a type without its folder: `px4_msgs/EscReport`."""
+    package, _, name = ros_type.split("/")
+    return f"{package}/{name}"
+
+
+def _default(value: Any) -> str:
+    """Return the default of a field as its definition spells it, after a space; "" for zeros."""
+    if isinstance(value, (bool, int, float, str)):
+        return "" if repr(value) in ("False", "0", "0.0", "''") else f" {_spelled(value)}"
+    return f" [{', '.join(map(_spelled, value))}]" if any(map(_default, value)) else ""
+
+
+def _spelled(value: bool | int | float | str) -> str:
+    """Return a value as a definition spells it."""
+    if isinstance(value, str):
+        quote = "'" if '"' in value else '"'
+        return quote + value.replace(quote, f"\\{quote}") + quote
+    return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def nested_class(outer: type[Message], base: str) -> type[Message]:

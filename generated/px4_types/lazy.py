@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import struct
 
-from .cdr import DECODE_FAILURES, HEADER, SURPLUS, USUAL, Message, layout_of, new
+from .cdr import DECODE_FAILURES, HEADER, USUAL, Message, layout_of, new
 from .encapsulation import canonical
 from .places import Part, parts_of, values_of
 from .primitives import PRIMITIVES
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from typing import Any
@@ -26,15 +26,16 @@ def view_maker(cls: type[Message]) -> Callable[[BytesLike, bool], Any]:
         raise NotImplementedError
     views = _view_class(cls, parts_of(cls, values_of(layout_of(cls).xcdr1)), 0)
     size = struct.calcsize(f"<{layout_of(cls).xcdr1}")
-    read_header = struct.Struct(f"<H{size + 2}x").unpack_from
-    lengths = tuple(range(len(HEADER) + size, len(HEADER) + size + SURPLUS + 1))
+    length = len(HEADER) + size
+    read_header = struct.Struct(f"<H{size + 2}x").unpack
+    read_header_padded = struct.Struct(f"<H{size + 2}x{-size % 4}x").unpack
 
     def make(data: BytesLike, allow_surplus: bool = False) -> Any:
         try:
-            (header,) = read_header(data)
+            (header,) = (read_header if len(data) == length else read_header_padded)(data)
         except DECODE_FAILURES:
             header = None
-        if header != USUAL or len(data) not in lengths:
+        if header != USUAL:
             data = canonical(cls, data, allow_surplus)
         view = new(views)
         view._data = data

@@ -12,7 +12,7 @@ from .cdr import HEADER, Message
 from .info import Field, nested_class
 from .primitives import PRIMITIVES
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Iterator
 

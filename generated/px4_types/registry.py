@@ -4,21 +4,37 @@ from __future__ import annotations
 
 from .info import Frozen
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from typing import Literal, TypeAlias
+    from typing import Any, Generic, Literal, TypeAlias
+
+    from typing_extensions import TypeVar
 
     from .cdr import Message
 
     Versions: TypeAlias = Mapping[str, tuple[tuple[str, str], ...]]
 
+    MessageType = TypeVar("MessageType", bound=Message, default=Any)
+else:
+
+    class Generic:
+        """A stand-in for `typing.Generic`: importing typing takes longer than importing this module."""
+
+        __slots__ = ()
+
+        def __class_getitem__(cls, item: object) -> type:
+            return cls
+
+    MessageType = None
+
 __all__ = [
     "NAMESPACE",
+    "Direction",
     "Endpoint",
     "Qos",
     "QosPair",
-    "UnknownEndpoint",
+    "UnknownName",
     "UorbTopic",
     "in_namespace",
     "renamed",
@@ -101,7 +117,7 @@ class QosPair(Frozen):
         put(self, "reader", reader)
 
 
-class Endpoint(Frozen):
+class Endpoint(Frozen, Generic[MessageType]):
     """A topic that the bridge carries. Its `direction` is "out" if PX4 publishes it, "in" if PX4 subscribes to it."""
 
     __slots__ = (
@@ -185,12 +201,39 @@ class Endpoint(Frozen):
         return f"/fmu/{self.direction}/{self.uorb_topic}"
 
     @property
-    def message(self) -> type[Message]:
+    def message(self) -> type[MessageType]:
         """The class of the message."""
-        return _message_class(self.message_name)
+        message: Any = _message_class(self.message_name)
+        found: type[MessageType] = message
+        return found
 
 
-class UnknownEndpoint(KeyError):  # noqa: N818
+class Direction:
+    """The endpoints of one direction as attributes: `topics.out.vehicle_status`."""
+
+    __slots__ = ("_endpoints", "_name")
+
+    def __init__(self, name: str, endpoints: Sequence[Endpoint], attributes: Sequence[str]) -> None:
+        self._name, self._endpoints = name, dict(zip(attributes, endpoints, strict=False))
+
+    def __dir__(self) -> list[str]:
+        return list(self._endpoints)
+
+    if not TYPE_CHECKING:  # type checkers would accept every name
+
+        def __getattr__(self, name: str) -> Endpoint:
+            if name.startswith("__"):  # asked for by copy, pickle and inspect
+                raise AttributeError(name)
+            if name not in self._endpoints:
+                from difflib import get_close_matches
+
+                near = get_close_matches(name, self._endpoints, n=1)
+                hint = f", did you mean '{near[0]}'?" if near else ""
+                raise AttributeError(f"no endpoint '{self._name}.{name}'{hint}")
+            return self._endpoints[name]
+
+
+class UnknownName(KeyError):  # noqa: N818
     """A KeyError that shows its text without quotes."""
 
     def __str__(self) -> str:

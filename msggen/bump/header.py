@@ -21,7 +21,8 @@ _NO_VALUES = (VERSION, "ORB_QUEUE_LENGTH")
 """Constants that are not values of a field."""
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"(translation_[^"]+)".*\n?', re.MULTILINE)
 _ANY_INCLUDE = re.compile(r"^[ \t]*#[ \t]*include\b.*\n?", re.MULTILINE)
-_CLASS = re.compile(r"\b(?:class|struct)\s+(\w+)\s*\{(.*?)\bfromOlder\b", re.DOTALL)
+_CLASS = re.compile(r"\b(?:class|struct)\s+(\w+)\s*\{|\bfromOlder\b")
+"""The start of a class, or the name of its first function, before which it names its messages."""
 
 
 class Translator(NamedTuple):
@@ -68,10 +69,20 @@ def find_translator(name: str, version: int, headers: Mapping[str, str]) -> Tran
     older = re.compile(rf"\bMessageOlder\s*=\s*px4_msgs_old::msg::{name}V{version}\s*;")
     newer = re.compile(rf"\bMessageNewer\s*=\s*px4_msgs::msg::{name}\s*;")
     for header, text in headers.items():
-        for class_name, body in _CLASS.findall(text):
+        for class_name, body in _classes(text):
             if older.search(body) and newer.search(body):
                 return Translator(header, class_name)
     return None
+
+
+def _classes(text: str) -> Iterator[tuple[str, str]]:
+    """Yield the name and the head of each class in a header: the text before `fromOlder`."""
+    opened = None
+    for found in _CLASS.finditer(text):
+        if opened and not found[1]:
+            yield opened[1], text[opened.end() : found.start()]
+            opened = None
+        opened = opened or (found if found[1] else None)
 
 
 def find_callers(inner: str, archived: str, headers: Mapping[str, str]) -> list[str]:
@@ -80,7 +91,7 @@ def find_callers(inner: str, archived: str, headers: Mapping[str, str]) -> list[
     They no longer compile, because an archived version nests only archived versions.
     """
     newer = re.compile(rf"\bMessageNewer\s*=\s*px4_msgs::msg::{inner}\s*;")
-    classes = [name for text in headers.values() for name, body in _CLASS.findall(text) if newer.search(body)]
+    classes = [name for text in headers.values() for name, body in _classes(text) if newer.search(body)]
     called = re.compile(rf"\b(?:{'|'.join(classes)})::") if classes else None
     known = re.compile(rf"\bMessageNewer\s*=\s*px4_msgs_old::msg::{archived}\s*;")
     return [name for name, text in headers.items() if called and called.search(text) and known.search(text)]

@@ -11,16 +11,18 @@ import gc
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import Any
+from functools import partial
+from typing import Any, NoReturn
 
 from msggen import __version__
-from msggen.cli.options import DONE, FAILED, FINDINGS, writes
-from msggen.cli.printing import print_annotations, print_errors, print_notices, terminal_width
-from msggen.diagnostics import InputError, suggestion
+from msggen.cli.options import DONE, FAILED, FINDINGS, INTERRUPTED, writes
+from msggen.cli.printing import colour, print_document, print_errors, print_notices, terminal_width
+from msggen.diagnostics import Diagnostic, InputError, printable, suggestion
+from msggen.location import Location
 
-__all__ = ["DONE", "FAILED", "FINDINGS", "main"]
+__all__ = ["DONE", "FAILED", "FINDINGS", "main", "parser_for"]
 
 _MODULES = {
     "build": "build",
@@ -33,6 +35,7 @@ _MODULES = {
     "releases": "releases",
     "rules": "rules",
     "explain": "rules",
+    "completion": "completion",
 }
 """The module of each command."""
 
@@ -45,19 +48,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # the terminal may not be able to show every name
+    words = sys.argv[1:] if arguments is None else list(arguments)
     options = argparse.Namespace(writes=True)
     try:
-        words = sys.argv[1:] if arguments is None else list(arguments)
-        options, unknown = _parser(words).parse_known_args(words)
-        if unknown:
-            shown = [name for name, action in options.known.items() if action.help is not argparse.SUPPRESS]
-            options.parser.error(f"unknown argument '{unknown[0]}'{suggestion(unknown[0], shown)}")
+        options = _parse(words)
         return _run(options)
     except InputError as error:
         with suppress(BrokenPipeError):
             print_notices(error.notices)
             print_errors(error.diagnostics, ", nothing written" if options.writes else "")
-            print_annotations(error.diagnostics, options)
+            print_document(error.diagnostics, _output_format(words))
             return FAILED
         _discard_output()
         return FAILED
@@ -66,11 +66,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return DONE if writes(options) else FINDINGS  # commands that write do so before they print
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        print(f"msggen: {place}{error.strerror or error}", file=sys.stderr)
+        text = printable(f"{place}{error.strerror or error}")
+        print(f"msggen: {text}", file=sys.stderr)
+        print_document([Diagnostic(Location("msggen", 0), "io", text)], _output_format(words))
         return FAILED
     except KeyboardInterrupt:
         print("msggen: interrupted, nothing is half-written", file=sys.stderr)
-        return FAILED
+        return INTERRUPTED
+
+
+def _parse(words: Sequence[str]) -> argparse.Namespace:
+    """Return the options of a command line. Exits with 2 if one is wrong, or if there is no command."""
+    parser = parser_for(words)
+    if not words:
+        parser.print_help(sys.stderr)
+        parser.exit(FAILED)
+    options, unknown = parser.parse_known_args(words)
+    if unknown:
+        options.parser.error(f"unknown argument '{unknown[0]}'{_hint(unknown[0], options.known)}")
+    return options
+
+
+def _hint(wrong: str, known: Mapping[str, argparse.Action]) -> str:
+    """Return what may be meant by the unknown argument `wrong`: the option --px4, or an option of a similar name."""
+    if "--px4" in known and not wrong.startswith("-"):
+        return f": name the firmware with --px4 {wrong}"
+    return suggestion(wrong, [name for name, action in known.items() if action.help is not argparse.SUPPRESS])
+
+
+def _output_format(words: Sequence[str]) -> str:
+    """Return the value of --output-format, also from arguments that cannot be parsed."""
+    found = ""
+    for word, after in zip(words, [*words[1:], ""], strict=False):
+        name, mark, value = word.partition("=")
+        if name == "--output-format":
+            found = value if mark else after
+    return found
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -94,15 +125,26 @@ class _Formatter(argparse.HelpFormatter):
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that suggests the nearest choice of an option or a command."""
+    """A parser that suggests the nearest choice of an option or a command.
 
-    def __init__(self, **about: Any) -> None:
+    It reports errors in `output_format` too, if that is a format for programs.
+    """
+
+    def __init__(self, *, output_format: str = "", **about: Any) -> None:
+        self._output_format = output_format
         width = terminal_width(80) - 2  # once, because argparse makes a formatter for each option
 
         def formatter(prog: str) -> argparse.HelpFormatter:
             return _Formatter(prog, width=width)
 
+        if sys.version_info >= (3, 14):  # where argparse has colours
+            about["color"] = colour(sys.stdout)
         super().__init__(formatter_class=formatter, allow_abbrev=False, **about)
+
+    def error(self, message: str) -> NoReturn:
+        with suppress(BrokenPipeError):
+            print_document([Diagnostic(Location(self.prog, 0), "usage", message)], self._output_format)
+        super().error(message)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -111,18 +153,21 @@ class _Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
 
 
-def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
+def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     """Return a parser of the command that `words` start with, or of all commands if they start with none.
 
     Adding a command takes time, so the others are not added.
     """
+    output_format = _output_format(words)
     parser = _Parser(
+        output_format=output_format,
         prog="msggen",
         description="Generate Python types, CDR codecs and a topic registry from PX4's message definitions, and keep "
         "ROS 2 packages up to date with them.",
     )
-    parser.add_argument("--version", action="version", version=f"msggen {__version__}")
-    commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True)
+    parser.add_argument("-V", "--version", action="version", version=f"msggen {__version__}")
+    subparser: Any = partial(_Parser, output_format=output_format)
+    commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True, parser_class=subparser)
     known = _MODULES.get(words[0]) if words else None
     for module in dict.fromkeys([known] if known else _MODULES.values()):
         __import__(f"msggen.cli.{module}", fromlist=["add_to"]).add_to(commands)  # importlib would take longer

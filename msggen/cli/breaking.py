@@ -18,11 +18,12 @@ from msggen.cli.options import (
     non_empty,
 )
 from msggen.cli.printing import print_report
-from msggen.cli.sources import board_of, sources_of
+from msggen.cli.sources import board_of, shell_options, sources_of
 from msggen.diagnostics import Diagnostic, input_error, suggestion
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.file import File
 from msggen.firmware.sources import Sources, find_sources, join_package, open_tree, split_package, with_board
+from msggen.firmware.tree import Folder
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
@@ -57,8 +58,11 @@ def _list(text: str) -> tuple[str, ...]:
 
 def _breaking(options: argparse.Namespace) -> int:
     from msggen.check import breaking
+    from msggen.compare.rules import with_remedies
+    from msggen.firmware.history import VERSIONED
 
     settings = read_settings(".")
+    named = options.px4
     options.px4 = options.px4 or settings.px4 or "."
     rules = _rules(options, settings)
     ignored = {
@@ -69,6 +73,9 @@ def _breaking(options: argparse.Namespace) -> int:
     if current.label == os.curdir:
         current = current._replace(label="the working tree")
     report = breaking(_previous(options, settings), current, rules, ignored)
+    given = shell_options({"--px4": named, "--against": options.against})
+    has_versions = isinstance(current.root, Folder) and current.root.is_folder(VERSIONED)
+    report = with_remedies(report, lambda found: f"{found.remedy}{given}" if found.remedy and has_versions else "")
     print_report(report, options)
     return FINDINGS if report.fails else DONE
 

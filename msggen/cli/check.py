@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from shlex import quote
 
 from msggen.cli.options import (
     DONE,
@@ -15,8 +16,10 @@ from msggen.cli.options import (
     non_empty,
 )
 from msggen.cli.printing import print_report
-from msggen.cli.sources import board_of, firmware_of, is_strict
+from msggen.cli.sources import board_of, firmware_of, is_strict, shell_options
 from msggen.firmware.sources import Sources, find_sources, with_board
+from msggen.firmware.tree import Folder
+from msggen.firmware.tree_layout import find_manifest
 from msggen.settings import Settings, read_settings
 
 
@@ -42,6 +45,7 @@ def add_to(commands: Commands) -> None:
 
 def _check(options: argparse.Namespace) -> int:
     from msggen.check import check
+    from msggen.compare.rules import is_synced, with_remedies
 
     settings = read_settings(".") if options.other is None else Settings()
     if options.other is None:
@@ -51,8 +55,28 @@ def _check(options: argparse.Namespace) -> int:
     current = with_board(find_sources(judged), board_of(options, settings, optional=True))
     current = current.with_packages_of(previous)._replace(strict=previous.strict)
     report = check(previous, current, topics_only=options.topics_only)
+    if options.other is None:
+        command = _sync_command(options, settings, previous, current)
+        report = with_remedies(report, lambda found: command if is_synced(found.rule) else "")
     print_report(report, options)
     return FINDINGS if report.fails else DONE
+
+
+def _sync_command(options: argparse.Namespace, settings: Settings, previous: Sources, current: Sources) -> str:
+    """Return the command that updates the package with the firmware, "" if it is not a package in a folder."""
+    from msggen.sync.target import default_name
+
+    if not isinstance(current.root, Folder) or not find_manifest(current.root):
+        return ""
+    given = {
+        "--px4": options.px4 or (None if settings.px4 else previous.embedded or None),
+        "--msg-dir": options.msg_dir,
+        "--topics": options.topics,
+        "--release": options.release,
+        "--ros-package": None if current.package == default_name(options.side, create=False) else current.package,
+    }
+    flag = " --topics-only" if options.topics_only else ""
+    return f"msggen sync{shell_options(given)}{flag} {quote(options.side)}"
 
 
 def _first_of_two(options: argparse.Namespace) -> Sources:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from msggen.firmware.embedded import EMBEDDED
+from msggen.report import FORMATS
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001 - argparse has no public name
 Group: TypeAlias = "argparse._ActionsContainer"  # noqa: SLF001 - likewise, for parsers and groups of options
 
-DONE, FINDINGS, FAILED = 0, 1, 2
-"""Exit codes: success, findings or changes, and usage, input or I/O errors."""
+DONE, FINDINGS, FAILED, INTERRUPTED = 0, 1, 2, 130
+"""Exit codes: success, findings or changes, usage, input or I/O errors, and Ctrl-C as shells report it."""
 
 WRITING_CODES = "Exit codes: 0 done, 1 changes found by --check or --diff, 2 usage, input or I/O error."
 """The exit codes of a command that writes."""
@@ -115,12 +116,10 @@ def add_sources(parser: argparse.ArgumentParser, *further: str) -> argparse._Arg
     return group
 
 
-def add_output_format(parser: argparse.ArgumentParser) -> None:
-    """Add the option that selects the format of findings."""
-    from msggen.report import FORMATS
-
-    text = f"{', '.join(FORMATS)} (default: {FORMATS[0]})"
-    parser.add_argument("--output-format", choices=FORMATS, default=FORMATS[0], metavar="FORMAT", help=text)
+def add_output_format(parser: argparse.ArgumentParser, formats: Sequence[str] = FORMATS) -> None:
+    """Add the option that selects one of `formats`, the default first."""
+    text = f"{', '.join(formats)} (default: {formats[0]})"
+    parser.add_argument("--output-format", choices=formats, default=formats[0], metavar="FORMAT", help=text)
 
 
 def writes(options: argparse.Namespace) -> bool:

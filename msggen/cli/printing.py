@@ -7,9 +7,10 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from msggen.diagnostics import Diagnostic, Level, counted
+from msggen.disk.reading import read_bytes
 
 if TYPE_CHECKING:
     from msggen.compare.finding import Report
@@ -22,15 +23,16 @@ def print_report(report: Report, options: argparse.Namespace) -> None:
     from msggen.report import render
 
     print_notices(report.notices)
-    print(render(report, options.output_format, width=width(), colour=colour()))
+    print(render(report, options.output_format, width=width(), colour=colour(sys.stdout)))
 
 
-def print_annotations(errors: Sequence[Diagnostic], options: argparse.Namespace) -> None:
-    """Print `errors` to stdout as annotations if the output format is that of GitHub."""
-    if getattr(options, "output_format", None) == "github":
-        from msggen.report.github import write_errors
+def print_document(errors: Sequence[Diagnostic], output_format: str) -> None:
+    """Print `errors` to stdout too, as a document, if `output_format` is a format for programs."""
+    from msggen.report import render_errors
 
-        print(write_errors(errors), flush=True)
+    text = render_errors(errors, output_format)
+    if text:
+        print(text, flush=True)
 
 
 def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:
@@ -48,8 +50,8 @@ def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:
 def print_change(path: str, text: str | None) -> None:
     """Print the change of the file at `path` to `text` as a patch. None stands for a removed file."""
     before = None
-    with suppress(OSError), open(path, "rb") as stream:
-        before = stream.read()
+    with suppress(OSError):
+        before = read_bytes(path)
     print_diff(path, before, None if text is None else text.encode())
 
 
@@ -69,11 +71,11 @@ def print_notices(notices: Iterable[Diagnostic], *, quiet: bool = False) -> None
             _print_diagnostic(each, "note: ", 36)
 
 
-def _print_diagnostic(found: Diagnostic, word: str, colour: int) -> None:
-    """Print a line to stderr, with `word` before its message, and its code in `colour` in a terminal."""
+def _print_diagnostic(found: Diagnostic, word: str, sgr: int) -> None:
+    """Print a line to stderr, with `word` before its message, and its code in the colour `sgr`."""
     place, code, message = found
-    if sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
-        print(f"\033[1m{place}\033[0m: \033[{colour}m{code}\033[0m {word}{message}", file=sys.stderr)
+    if colour(sys.stderr):
+        print(f"\033[1m{place}\033[0m: \033[{sgr}m{code}\033[0m {word}{message}", file=sys.stderr)
     else:
         print(f"{place}: {code} {word}{message}", file=sys.stderr)
 
@@ -94,6 +96,8 @@ def terminal_width(otherwise: int) -> int:
     return otherwise
 
 
-def colour() -> bool:
-    """Whether stdout is a terminal that shows colours, unless the user turned them off (https://no-color.org)."""
-    return sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+def colour(stream: TextIO) -> bool:
+    """Whether to write colours to `stream`: decided by NO_COLOR, FORCE_COLOR, TERM and the terminal, as Python does."""
+    if os.environ.get("NO_COLOR"):
+        return False
+    return bool(os.environ.get("FORCE_COLOR")) or (os.environ.get("TERM") != "dumb" and stream.isatty())

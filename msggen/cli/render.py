@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Iterator, Sequence
 
 from msggen.cli.options import (
@@ -24,6 +25,9 @@ from msggen.disk.depfile import check_depfile, write_depfile
 from msggen.disk.output import stale_files, write_stale_files
 from msggen.render import THINGS
 from msggen.settings import read_settings
+
+_STDOUT = "-"
+"""The output folder that stands for stdout."""
 
 _FEW = 10
 """The largest number of stale files that are listed."""
@@ -48,8 +52,16 @@ def add_to(commands: Commands) -> None:
     template.add_argument(
         "--each", choices=THINGS, default="message", metavar="THING", help=f"{', '.join(THINGS)} (default: message)"
     )
+    template.add_argument(
+        "--message",
+        dest="messages",
+        metavar="NAME",
+        type=non_empty,
+        action="append",
+        help="render only this message; repeatable",
+    )
     add_sources(parser, "--board")
-    output = parser.add_argument_group("output")
+    output = parser.add_argument_group("output", "With -o -, the texts are printed and no file is written.")
     add_shared(output, "-o, --output", required=True)
     output.add_argument(
         "--name",
@@ -63,14 +75,20 @@ def add_to(commands: Commands) -> None:
 
 
 def _render(options: argparse.Namespace) -> int:
+    _check_options(options)
     sources = sources_of(options, read_settings("."))
     from msggen.firmware.catalog import read_catalog
-    from msggen.render.run import check_places, items_of, open_template, output_names, texts_of
+    from msggen.render.run import check_places, items_of, open_template, output_names, select, texts_of
 
     template = open_template(options.template)
     catalog = read_catalog(sources)
     print_notices(catalog.notices, quiet=options.quiet)
     items = items_of(catalog, options.each)
+    if options.messages:
+        items = select(items, options.messages)
+    if options.output == _STDOUT:
+        _print("".join(texts_of(template, items)))
+        return DONE
     names = output_names(items, options.each, options.template, options.name)
     places = [os.path.join(options.output, name) for name in names]
     if options.list_outputs:
@@ -91,6 +109,22 @@ def _render(options: argparse.Namespace) -> int:
     if not options.quiet:
         print("\n".join(_report(options, stale, len(files), sources.label)))
     return FINDINGS if stale and not write else DONE
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    """Exit with 2 if options cannot be combined."""
+    if options.messages and options.each != "message":
+        options.parser.error(f"--message cannot be combined with --each {options.each}")
+    others = ("name", "check", "diff", "depfile", "list_outputs")
+    for other in others if options.output == _STDOUT else ():
+        if getattr(options, other):
+            options.parser.error(f"-o - writes no file: it cannot be combined with --{other.replace('_', '-')}")
+
+
+def _print(text: str) -> None:
+    """Print `text` as it would be written to a file: in UTF-8, with the same line ends."""
+    sys.stdout.flush()
+    sys.stdout.buffer.write(text.encode())
 
 
 def _report(options: argparse.Namespace, stale: Sequence[str], number: int, label: str) -> Iterator[str]:

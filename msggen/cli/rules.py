@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import sys
 
-from msggen.cli.options import DONE, Commands, add_command, non_empty
+from msggen.cli.options import DONE, Commands, add_command, add_output_format, non_empty
 from msggen.cli.printing import colour, width
 from msggen.diagnostics import CODES, input_error, suggestion
 
 
 def add_to(commands: Commands) -> None:
     """Add both commands to the command line."""
-    add_command(
+    rules = add_command(
         commands,
         "rules",
         _rules,
         help="list the rules of check and breaking",
         description="List the rules. check applies all but the category VERSION, breaking all but DRIFT.",
     )
+    add_output_format(rules, ("full", "json"))
     explain = add_command(
         commands,
         "explain",
@@ -30,11 +32,11 @@ def add_to(commands: Commands) -> None:
     )
 
 
-def _rules(_: argparse.Namespace) -> int:
+def _rules(options: argparse.Namespace) -> int:
     from msggen.compare.rules import RULES
-    from msggen.report.rules import list_rules
+    from msggen.report.rules import list_rules, write_json
 
-    print(list_rules(RULES))
+    print((write_json if options.output_format == "json" else list_rules)(RULES))
     return DONE
 
 
@@ -52,7 +54,7 @@ def _explain(options: argparse.Namespace) -> int:
     elif name in Category.__members__:
         print(explain_category(Category[name], rules, width=width()))
     elif rules:
-        print(explain_rule(rules[0], example_of(rules[0]), width=width(), colour=colour()))
+        print(explain_rule(rules[0], example_of(rules[0]), width=width(), colour=colour(sys.stdout)))
     elif nearest := nearest_code(name):
         raise input_error("explain", "C104", f"unknown code '{options.rule}', did you mean '{nearest}'?", 0)
     else:

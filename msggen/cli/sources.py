@@ -4,38 +4,63 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 from msggen.diagnostics import Diagnostic, InputError, input_error
 from msggen.firmware.embedded import names_release, near_release, unknown_release
 from msggen.firmware.file import BoardOption
 from msggen.firmware.sources import Sources, find_sources, split_package, with_board
+from msggen.firmware.tree import Folder
+from msggen.firmware.tree_layout import find_manifest, is_firmware, whole_tree
 from msggen.location import Location
 from msggen.settings import Settings
 
 
-def sources_of(options: argparse.Namespace, settings: Settings) -> Sources:
-    """Return the sources that the options or else the settings name, by default the newest embedded release.
+def sources_of(options: argparse.Namespace, settings: Settings, *, packages: bool = True) -> Sources:
+    """Return the sources that the options or else the settings name.
 
-    Raises InputError for paths that do not exist. A path in the settings is reported with the location of its setting.
+    By default, these are the tree or, with `packages`, the ROS package in the current folder, or else the newest
+    embedded release. Raises InputError for paths that do not exist. A path in the settings is reported with the
+    location of its setting.
     """
     errors = [*_missing(options, settings)]
     if errors:
         raise InputError(errors)
+    px4 = options.px4 or settings.px4
+    folders = tuple(options.msg_dir or settings.msg_dir)
+    here = None if px4 or folders else source_here(packages=packages)
     found = find_sources(
-        options.px4 or settings.px4,
-        tuple(options.msg_dir or settings.msg_dir),
+        px4 or here,
+        folders,
         options.topics or settings.topics,
         options.release or settings.release,
         settings.place("release") if options.release is None else Location("--release", 0),
     )
+    if here:
+        found = found._replace(label=_label_here(found))
     found = with_board(found, board_of(options, settings))
     return found._replace(strict=is_strict(options, settings))
 
 
+def source_here(*, packages: bool = True) -> str | None:
+    """Return the current folder if it is in a PX4-Autopilot tree or, with `packages`, in a ROS package of messages.
+
+    Of a tree, this is also the folder of its messages, which `find_sources` refuses with the folder that is meant.
+    """
+    folder = Folder(os.curdir)
+    if whole_tree(os.curdir) or is_firmware(folder):
+        return os.curdir
+    return os.curdir if packages and folder.is_folder("msg") and find_manifest(folder) else None
+
+
+def _label_here(sources: Sources) -> str:
+    name = "PX4-Autopilot tree" if sources.is_tree else f"package {sources.package}"
+    return f"the {name} in the current folder"
+
+
 def firmware_of(options: argparse.Namespace, settings: Settings) -> Sources:
     """Return the sources as `sources_of` does. Also raises InputError if none of them has messages of uORB."""
-    sources = sources_of(options, settings)
+    sources = sources_of(options, settings, packages=False)
     if not sources.has_own:
         place = Location("--msg-dir", 0) if options.msg_dir else settings.place("msg-dir")
         text = "no definitions of the firmware, only of other packages: name the firmware with --px4 or the setting px4"
@@ -56,6 +81,20 @@ def is_strict(options: argparse.Namespace, settings: Settings) -> bool:
     """Whether warnings are errors."""
     strict: bool | None = options.strict
     return bool(settings.strict) if strict is None else strict
+
+
+def shell_options(given: Mapping[str, str | Sequence[str] | None]) -> str:
+    """Return options and their values for a shell, with a space before each. Options without a value are left out."""
+    pairs = [
+        (name, each)
+        for name, values in given.items()
+        for each in ([values] if isinstance(values, str) else values or ())
+    ]
+    if not pairs:
+        return ""
+    from shlex import quote
+
+    return "".join(f" {name} {quote(value)}" for name, value in pairs)
 
 
 def check_setting(options: argparse.Namespace, settings: Settings) -> None:

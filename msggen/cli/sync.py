@@ -19,7 +19,7 @@ from msggen.cli.options import (
     writes,
 )
 from msggen.cli.printing import print_diff, print_notices
-from msggen.cli.sources import firmware_of
+from msggen.cli.sources import firmware_of, source_here
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
@@ -58,7 +58,7 @@ def add_to(commands: Commands) -> None:
         old="--package",
         metavar="NAME",
         type=non_empty,
-        help="name of the ROS package (default: px4_msgs)",
+        help="name of the ROS package (default: that of the folder for a new package, px4_msgs for another)",
     )
     add_shared(package, "--topics-only", "--check", "--diff")
     add_shared(parser, "-q, --quiet")
@@ -66,7 +66,7 @@ def add_to(commands: Commands) -> None:
 
 def _sync(options: argparse.Namespace) -> int:
     settings = read_settings(".")
-    is_named = options.px4 or options.msg_dir or settings.px4 or settings.msg_dir
+    is_named = options.px4 or options.msg_dir or settings.px4 or settings.msg_dir or source_here(packages=False)
     if not is_named and os.path.lexists(os.path.join(options.target, "package.xml")):
         text = "the embedded definitions are only for a new package"
         options.parser.error(f"'{options.target}' exists, and {text}: name the firmware with --px4 or the setting px4")
@@ -84,16 +84,17 @@ def _sync(options: argparse.Namespace) -> int:
     if not options.quiet:
         if not (options.diff or plan.target.is_new):
             _print_list(plan, definitions, write=write)
+        if plan.target.is_new and not (options.ros_package or settings.ros_package):
+            _print_name(plan.target.name)
         print(_summary(plan, sources.label, write=write))
     return FINDINGS if plan.is_stale and not write else DONE
 
 
 def _request(options: argparse.Namespace, settings: Settings) -> Request:
     """Return the package that the options or else the settings name."""
-    from msggen.model import DEFAULT_PACKAGE
-    from msggen.sync.target import Request
+    from msggen.sync.target import Request, default_name
 
-    name = options.ros_package or settings.ros_package or DEFAULT_PACKAGE
+    name = options.ros_package or settings.ros_package or default_name(options.target, create=options.create)
     place = Location("--ros-package", 0) if options.ros_package else settings.place("ros-package")
     return Request(options.target, name, options.create, place)
 
@@ -111,6 +112,17 @@ def _summary(plan: SyncPlan, label: str, *, write: bool) -> str:
     verbs = (*_VERBS[write], "unchanged", "kept")
     counts = ", ".join(f"{len(each)} {verb}" for each, verb in zip(names, verbs, strict=True) if each)
     return f"{path} {'updated from' if write else 'differs from'} {label}: {counts}"
+
+
+def _print_name(name: str) -> None:
+    """Print what follows from the name of a new package, which its folder gave it."""
+    from msggen.model import DEFAULT_PACKAGE
+
+    if name != DEFAULT_PACKAGE:
+        print(
+            f"the package is named '{name}' after its folder, so its types are {name}/msg/...: PX4's topics have "
+            f"{DEFAULT_PACKAGE}/msg/..., for which --ros-package {DEFAULT_PACKAGE} creates it"
+        )
 
 
 def _print_list(plan: SyncPlan, definitions: PackageContents, *, write: bool) -> None:

@@ -68,13 +68,15 @@ class Finding:
     """A change, the rule that found it, and its effect.
 
     A finding is silent if the size of samples stays the same, so that the readers in `silent_for` decode wrong values
-    without an error. It is handled if a complete new version of the message covers the change.
+    without an error. It is handled if a complete new version of the message covers the change. `remedy` is the command
+    that makes the finding disappear, "" if there is none.
     """
 
     rule: Rule
     change: Change
     silent_for: tuple[Reader, ...] = ()
     is_handled: bool = False
+    remedy: str = ""
 
     @property
     def is_silent(self) -> bool:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
 from msggen.compare import drift, hash_names, semantic, source_code, topic, version, wire
 from msggen.compare.comparison import Comparison
-from msggen.compare.finding import Category, Finding, Rule, Severity
+from msggen.compare.finding import Category, Finding, Report, Rule, Severity
+from msggen.firmware.history import archived_name
 from msggen.tags import COMPARED
 
 _WIRE, _HASH, _SOURCE, _SEMANTIC = Category.WIRE, Category.HASH, Category.SOURCE, Category.SEMANTIC
@@ -121,6 +122,30 @@ def named(name: str) -> tuple[Rule, ...]:
     return tuple(rule for rule in RULES if name in (rule.id, rule.category.name))
 
 
+_BUMPED = ("VERSION_NOT_RAISED", "VERSION_NOT_ARCHIVED", "TRANSLATION_MISSING")
+"""The rules whose findings `msggen bump` mends, if the version is at most one step ahead and not yet archived."""
+
+
+def with_remedies(report: Report, command: Callable[[Finding], str]) -> Report:
+    """Return `report` with the `command` of each finding as its remedy."""
+    return replace(report, findings=tuple(replace(each, remedy=command(each)) for each in report.findings))
+
+
+def is_synced(rule: Rule) -> bool:
+    """Whether `msggen sync` mends a finding of `rule` in a package, which has no dds_topics.yaml of its own."""
+    return rule.category not in (_TOPIC, _VERSION) and rule.id != "DEFINITION_ADDED"
+
+
+def _is_bumped(comparison: Comparison, finding: Finding) -> bool:
+    pair = next((pair for pair in comparison.pairs if pair.name == finding.change.subject), None)
+    if finding.rule.id not in _BUMPED or pair is None:
+        return False
+    before, after = pair.previous.message_version, pair.current.message_version
+    history = comparison.current.history
+    is_archived = history is not None and archived_name(pair.previous) in history.archived
+    return after in (before, before + 1) and not (is_archived and finding.rule.id == "VERSION_NOT_ARCHIVED")
+
+
 def find(comparison: Comparison, rules: Sequence[Rule]) -> Iterator[Finding]:
     """Apply `rules` in their order, and yield their findings, marked as silent or handled."""
     handled = version.handled(comparison)
@@ -133,6 +158,8 @@ def find(comparison: Comparison, rules: Sequence[Rule]) -> Iterator[Finding]:
                 finding = replace(finding, silent_for=silent.get(change.subject, ()))
             if rule.category in (Category.WIRE, Category.HASH, Category.SOURCE):
                 finding = replace(finding, is_handled=change.subject in handled)
+            if _is_bumped(comparison, finding):
+                finding = replace(finding, remedy=f"msggen bump {change.subject}")
             if rule.id == "TOPIC_RENAMED":
                 finding = replace(finding, is_handled=change.subject in topics)
             yield finding

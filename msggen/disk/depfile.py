@@ -5,7 +5,7 @@ import re
 from collections.abc import Collection, Sequence
 
 from msggen.diagnostics import InputError, input_error
-from msggen.disk.files import read_regular
+from msggen.disk.reading import read_bytes
 from msggen.disk.staging import write_if_changed
 
 _CONTROL = re.compile(r"[\0-\x1f\x7f]")
@@ -41,7 +41,7 @@ def write_depfile(path: str, inputs: Collection[str], outputs: Sequence[str]) ->
 def _is_depfile(path: str) -> bool:
     """Whether this is a regular file, empty or with a rule as msggen writes it."""
     try:
-        return bool(_RULE.match(read_regular(path)))
+        return bool(_RULE.match(read_bytes(path, follow=False)))
     except OSError:
         return False
 

@@ -1,22 +1,11 @@
-"""Single files: reading and creating them without following a symbolic link, and flushing them to the disk."""
+"""Single files: creating them without following a symbolic link, and flushing them to the disk."""
 
-import errno
 import os
-import stat
 from collections.abc import Iterable
 from contextlib import suppress
 
 _PLAIN = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
-_READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _PLAIN
 _CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _PLAIN
-
-
-def read_regular(path: str) -> bytes:
-    """Return the bytes of a regular file. Raises OSError, also for a symbolic link, a FIFO or a device."""
-    with open(os.open(path, _READ), "rb", buffering=0) as stream:
-        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-            raise OSError(errno.EINVAL, "not a regular file", path)
-        return stream.read()
 
 
 def create_file(path: str, data: bytes) -> None:

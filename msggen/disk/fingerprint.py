@@ -10,7 +10,7 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from msggen.diagnostics import InputError
-from msggen.disk.files import read_regular
+from msggen.disk.reading import read_bytes
 from msggen.disk.record import Record, digest, digest_of
 from msggen.disk.staging import write_if_changed
 
@@ -50,7 +50,7 @@ def digest_record(record: Record) -> str:
 def read_fingerprint(folder: str) -> Fingerprint:
     """Return the fingerprint in `folder`, or NO_FINGERPRINT if it is missing or invalid."""
     try:
-        stored = json.loads(read_regular(os.path.join(folder, CACHE, _NAME)))
+        stored = json.loads(read_bytes(os.path.join(folder, CACHE, _NAME), follow=False))
         inputs, outputs, summary = (str(stored[key]) for key in ("inputs", "outputs", "summary"))
         return Fingerprint(inputs, outputs, summary, stored["has_warnings"] is True)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):

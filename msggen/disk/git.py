@@ -1,9 +1,14 @@
-"""Calls of the program git, which knows every format of a repository."""
+"""Calls of the program git, which knows every format of a repository.
+
+The configuration of a repository can name programs for git to run. None of them runs here, because a tree of PX4 may
+come from anywhere: git gets no network, no hook, no monitor of files and no filter of the repository.
+"""
 
 from __future__ import annotations
 
 import os
 import subprocess
+from tempfile import TemporaryFile
 
 _OWN_REPOSITORY = {
     "GIT_ALTERNATE_OBJECT_DIRECTORIES",
@@ -21,23 +26,78 @@ _OWN_REPOSITORY = {
 """Variables that git sets for a hook (`git rev-parse --local-env-vars`). With them, git would use that repository."""
 
 
+_WITHOUT_PROGRAMS = {
+    "GIT_ALLOW_PROTOCOL": "",  # before 2.45, git would otherwise fetch the missing objects of a partial clone
+    "GIT_ASKPASS": "",
+    "GIT_EXTERNAL_DIFF": "",
+    "GIT_NO_LAZY_FETCH": "1",
+    "GIT_PROTOCOL_FROM_USER": "0",
+    "GIT_SSH_COMMAND": "false",
+    "GIT_TERMINAL_PROMPT": "0",
+}
+_OPTIONS = ("--no-pager", "-c", "core.fsmonitor=false", "-c", f"core.hooksPath={os.devnull}", "-c", "gc.auto=0")
+_NO_FILTER = ("clean=", "smudge=", "process=", "required=false")
+"""Settings that turn off a filter. A repository's `.gitattributes` names the files that each filter is applied to."""
+
+_LARGEST_OUTPUT = 2**29
+_CHUNK = 2**16
+
+
 class GitError(Exception):
     """An error that git reported, as the first line of its output."""
 
 
 def git(folder: str, *arguments: str, stdin: bytes = b"") -> bytes:
-    """Run git in `folder` and return what it prints. Raises GitError."""
+    """Run git in `folder` and return what it prints. No program of the repository runs. Raises GitError."""
     environment = {name: value for name, value in os.environ.items() if name not in _OWN_REPOSITORY}
-    environment |= {"LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0"}
-    command = ["git", "-C", folder or ".", *arguments]
-    try:
-        done = subprocess.run(command, input=stdin, capture_output=True, check=False, env=environment)  # noqa: S603
-    except FileNotFoundError:
-        raise GitError("the program 'git' is not installed") from None
-    if done.returncode:
-        lines = done.stderr.decode(errors="replace").strip().splitlines() or [f"git {arguments[0]} failed"]
-        raise GitError(lines[0].removeprefix("fatal: "))
-    return done.stdout
+    environment |= {"LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0", **_WITHOUT_PROGRAMS}
+    command = ["git", "-C", folder or ".", *_OPTIONS, *arguments]
+    with TemporaryFile() as given, TemporaryFile() as errors:
+        given.write(stdin)
+        given.seek(0)
+        try:
+            process = subprocess.Popen(command, stdin=given, stdout=subprocess.PIPE, stderr=errors, env=environment)  # noqa: S603
+        except FileNotFoundError:
+            raise GitError("the program 'git' is not installed") from None
+        answer = _read(process)
+        if process.wait():
+            errors.seek(0)
+            lines = errors.read(_CHUNK).decode(errors="replace").strip().splitlines() or [f"git {arguments[0]} failed"]
+            raise GitError(lines[0].removeprefix("fatal: "))
+    return answer
+
+
+def status(folder: str, *arguments: str) -> bytes:
+    """Return what `git status --porcelain` prints, with all untracked files. Raises GitError.
+
+    Files are compared without filters. Submodules are ignored.
+    """
+    how = ("--porcelain", "--untracked-files=all", "--ignore-submodules=all")
+    return git(folder, *_without_filters(folder), "status", *how, *arguments)
+
+
+def _without_filters(folder: str) -> list[str]:
+    """Return options that turn off all filters that are configured."""
+    keys = os.fsdecode(git(folder, "config", "--list", "--name-only", "-z")).split("\0")
+    names = dict.fromkeys(key.rpartition(".")[0] for key in keys if key.startswith("filter."))
+    if any("=" in name for name in names):
+        raise GitError("the repository has a filter with '=' in its name, which cannot be turned off")
+    return [part for name in names for setting in _NO_FILTER for part in ("-c", f"{name}.{setting}")]
+
+
+def _read(process: subprocess.Popen[bytes]) -> bytes:
+    """Return all that git prints. Raises GitError if it is too much."""
+    parts: list[bytes] = []
+    size = 0
+    with process.stdout or TemporaryFile() as stream:
+        while part := stream.read(_CHUNK):
+            parts.append(part)
+            size += len(part)
+            if size > _LARGEST_OUTPUT:
+                process.kill()
+                process.wait()
+                raise GitError(f"git prints more than {_LARGEST_OUTPUT // 2**20} MiB")
+    return b"".join(parts)
 
 
 def is_in_repository(folder: str) -> bool:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from hashlib import sha256
 from typing import NamedTuple
 
-from msggen.disk.files import read_regular
+from msggen.disk.reading import read_bytes
 from msggen.disk.staging import write_if_changed
 
 RECORD_NAME = ".msggen.json"
@@ -45,7 +45,7 @@ def digest(data: bytes) -> str:
 def digest_of(folder: str, name: str) -> str | None:
     """Return the digest of a regular file, or None if it is anything else or cannot be read."""
     try:
-        return digest(read_regular(os.path.join(folder, name)))
+        return digest(read_bytes(os.path.join(folder, name), follow=False))
     except OSError:
         return None
 
@@ -53,7 +53,7 @@ def digest_of(folder: str, name: str) -> str | None:
 def read_record(folder: str) -> Record:
     """Return the record in `folder`, or an empty one if it is missing or invalid."""
     try:
-        return parse_record(read_regular(os.path.join(folder, RECORD_NAME)))
+        return parse_record(read_bytes(os.path.join(folder, RECORD_NAME), follow=False))
     except OSError:
         return NO_RECORD
 

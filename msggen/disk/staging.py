@@ -12,7 +12,8 @@ from contextlib import contextmanager, suppress
 from functools import partial
 
 from msggen.diagnostics import InputError, input_error
-from msggen.disk.files import create_file, flush, read_regular
+from msggen.disk.files import create_file, flush
+from msggen.disk.reading import read_bytes
 
 STAGE = ".msggen-stage"
 """The name of a staging folder, in which files are written first."""
@@ -55,7 +56,7 @@ def write_if_changed(path: str, text: str) -> None:
     """Write `text` to `path` if the file differs. Raises InputError if a temporary name is taken, and OSError."""
     data = os.fsencode(text)
     with suppress(OSError):
-        if read_regular(path) == data:
+        if read_bytes(path, follow=False) == data:
             return
     with written_aside({path: data}) as move_into_place:
         move_into_place()
@@ -102,7 +103,9 @@ def _is_stage(path: str) -> bool:
         return False
     names = {*os.listdir(path)}
     try:
-        return not names or (names <= {_MARK, _CONTENT} and _MARKED.startswith(read_regular(os.path.join(path, _MARK))))
+        return not names or (
+            names <= {_MARK, _CONTENT} and _MARKED.startswith(read_bytes(os.path.join(path, _MARK), follow=False))
+        )
     except OSError:
         return False
 

@@ -62,18 +62,23 @@ def find_board(tree: Tree, option: BoardOption, conditions: Iterable[str]) -> Bo
     return Board(named.name, (*named.files, *kconfig), MappingProxyType(values))
 
 
-def _by_name(tree: Tree, option: BoardOption) -> Board:
-    """Return the board with a name such as `px4_sitl_default` or `px4_sitl`.
-
-    Vendor and model may contain underscores, so the name is compared with those of all boards.
-    """
-    known = {
+def boards_of(tree: Tree) -> dict[str, tuple[str, str]]:
+    """Return the folder and the label of each board of `tree`, by its name."""
+    return {
         f"{vendor}_{model}_{name.removesuffix(_SUFFIX)}": (f"boards/{vendor}/{model}", name.removesuffix(_SUFFIX))
         for vendor in tree.names("boards")
         for model in tree.names(f"boards/{vendor}")
         for name in tree.names(f"boards/{vendor}/{model}")
         if name.endswith(_SUFFIX)
     }
+
+
+def _by_name(tree: Tree, option: BoardOption) -> Board:
+    """Return the board with a name such as `px4_sitl_default` or `px4_sitl`.
+
+    Vendor and model may contain underscores, so the name is compared with those of all boards.
+    """
+    known = boards_of(tree)
     if not known:
         text = f"no folder boards/ to find '{option.text}' in: expected a PX4-Autopilot tree"
         raise _error(option, f"{text}, or the path of a {_SUFFIX} file")

@@ -23,8 +23,8 @@ ARCHIVE = f"msg/{tree_layout.ARCHIVE}"
 TRANSLATIONS = f"msg/{tree_layout.TRANSLATIONS}"
 ALL_TRANSLATIONS = f"{TRANSLATIONS}/all_translations.h"
 
-_INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
-_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+_INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"\n]+)"', re.MULTILINE)
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?(?:\*/|\Z)", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import NoReturn
 from msggen.diagnostics import input_error, suggestion
 from msggen.disk.git import GitError, commit_of, git, is_revision, revisions
 from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release
-from msggen.firmware.tree import Snapshot, Wanted, is_wanted
+from msggen.firmware.tree import Amount, Snapshot, TooMuchError, Wanted, is_wanted
 
 
 def split_revision(text: str) -> tuple[str, str]:
@@ -110,29 +110,36 @@ def _hint(folder: str, revision: str) -> str:
 def _read_blobs(folder: str, label: str, blobs: Mapping[str, str], wanted: Wanted) -> dict[str, bytes]:
     """Return the contents of the blobs whose names are `wanted`, read by one git process. Raises InputError."""
     names = [name for name in blobs if wanted(name)]
+    objects = "".join(f"{blobs[name]}\n" for name in names).encode()
     try:
-        answer = git(folder, "cat-file", "--batch", stdin="".join(f"{blobs[name]}\n" for name in names).encode())
+        amount = Amount()
+        for name, row in zip(names, git(folder, "cat-file", "--batch-check", stdin=objects).splitlines(), strict=True):
+            amount.add(name, _size(row))
+        answer = git(folder, "cat-file", "--batch", stdin=objects)
         return dict(zip(names, _split_batch(answer), strict=True))
-    except GitError as error:
+    except (GitError, TooMuchError) as error:
         _fail(label, "S108", str(error))
 
 
 def _split_batch(answer: bytes) -> list[bytes]:
-    """Return the contents in the output of `git cat-file --batch`: a line that ends in a size, the bytes, a line end.
-
-    Raises GitError if an object is missing.
-    """
+    """Return the contents in the output of `git cat-file --batch`: lines that end in a size, each with the bytes."""
     contents = []
     position = 0
     while position < len(answer):
         start = answer.index(b"\n", position) + 1
-        about = answer[position:start].decode(errors="replace").split()
-        if about[-1] == "missing":
-            raise GitError(f"the repository is damaged: object {about[0]} is missing")
-        size = int(about[-1])
+        size = _size(answer[position:start])
         contents.append(answer[start : start + size])
         position = start + size + 1
     return contents
+
+
+def _size(row: bytes) -> int:
+    """Return the size of the object that a line of git is about. Raises GitError if the object is missing."""
+    about = row.decode(errors="replace").split()
+    if about[-1] == "missing":
+        cause = "the repository is damaged, or a partial clone, which `git fetch --refetch --no-filter` completes"
+        raise GitError(f"object {about[0]} is missing: {cause}")
+    return int(about[-1])
 
 
 def _fail(path: str, code: str, message: str) -> NoReturn:

@@ -22,7 +22,9 @@ from msggen.firmware.tree_layout import (
     find_files,
     find_manifest,
     is_firmware,
+    is_too_old,
     unread_folders,
+    whole_tree,
 )
 from msggen.location import Location
 from msggen.parse.package_xml import package_name
@@ -160,6 +162,7 @@ def find_sources(
         roots.append(_root(px4))
         if not roots[0].embedded:
             _refuse_part_of_tree(roots[0].tree)
+            _refuse_old_tree(roots[0].tree)
         package = _name_in(roots[0].manifest)
     roots += [_further_root(text, package) for text in folders]
     is_named = bool(roots)
@@ -338,16 +341,22 @@ def _unread_folders(root: _Root) -> Iterator[Diagnostic]:
 
 
 def _refuse_part_of_tree(root: Tree) -> None:
-    """Raise InputError for the folder `msg` or `srv` of a firmware tree, which lacks the bridge and other inputs."""
+    """Raise InputError for a folder of definitions in a firmware tree, which lacks the bridge and other inputs."""
     folder, revision = root.path, ""
     if isinstance(root, Snapshot):
         from msggen.firmware.revision import split_revision
 
         folder, revision = split_revision(root.path)
-    parent = os.path.normpath(os.path.join(folder, os.pardir))
-    if os.path.basename(os.path.abspath(folder)) in ("msg", "srv") and is_firmware(Folder(parent)):
-        whole = f"{parent}@{revision}" if revision else parent
-        raise input_error(root.path, "S102", f"only a part of a firmware tree, did you mean '{whole}'?", 0)
+    whole = whole_tree(folder)
+    if whole:
+        hint = f"{whole}@{revision}" if revision else whole
+        raise input_error(root.path, "S102", f"only a part of a firmware tree, did you mean '{hint}'?", 0)
+
+
+def _refuse_old_tree(root: Tree) -> None:
+    if is_too_old(root):
+        text = f"a PX4-Autopilot tree before {EMBEDDED[-1]}, the first release that msggen reads"
+        raise input_error(root.path, "S105", text, 0)
 
 
 def _fail_without_definitions(root: Tree) -> NoReturn:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
 import lzma
 import os
 import posixpath
@@ -10,18 +12,39 @@ import struct
 import tarfile
 import zipfile
 import zlib
+from collections.abc import Callable, Iterator
+from typing import IO, cast
 
 from msggen.diagnostics import input_error
-from msggen.firmware.tree import Snapshot, Wanted, is_wanted
+from msggen.disk.reading import LARGEST, TOO_LARGE
+from msggen.firmware.tree import Amount, Snapshot, TooMuchError, Wanted, is_wanted
 
 SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz", ".zip")
 """The suffixes of archives."""
 
-_DAMAGED = (tarfile.TarError, zipfile.BadZipFile, lzma.LZMAError, zlib.error, struct.error)
+_DAMAGED = (
+    tarfile.TarError,
+    zipfile.BadZipFile,
+    lzma.LZMAError,
+    zlib.error,
+    struct.error,
+    EOFError,
+    LookupError,
+    OSError,
+    RuntimeError,
+    ValueError,
+)
+"""The exceptions of tarfile, zipfile and their codecs for a damaged archive. RecursionError is a RuntimeError."""
+
+_UNPACKERS: dict[bytes, Callable[[str], object]] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
+"""The functions that open compressed files, by the first bytes of these."""
+
 _TAR_BLOCK = 512
 _CHUNK = 2**20
-_MAX_SIZE = 2**24
-"""Maximum number of bytes read of one file. No definition is nearly as large."""
+_MOST_FILES = 1_000_000
+_FREE = 2**26
+_FACTOR = 100
+"""A tar archive may unpack to `_FREE` bytes, and to `_FACTOR` times its size. Source code shrinks to a fifth or so."""
 
 
 def read_archive(path: str) -> Snapshot:
@@ -29,20 +52,27 @@ def read_archive(path: str) -> Snapshot:
 
     If a single folder contains all of them, their names are relative to it.
     """
-    read = _read_zip if path.lower().endswith(".zip") else _read_tar
-    try:
-        files, links = read(path, is_wanted)
-    except (*_DAMAGED, EOFError, LookupError, OSError, RuntimeError, ValueError) as error:
-        reason = str(error).partition("\n")[0].rstrip(":") or type(error).__name__
-        raise input_error(path, "S109", f"cannot be read as an archive: {reason}", 0) from None
+    files, links = _read(path, is_wanted)
     tops = {name.split("/")[0] for name in (*files, *links)}
     top = tops.pop() if len(tops) == 1 else ""
     is_wrapped = top and top not in ("msg", "srv", "src") and not any("/" not in name for name in (*files, *links))
 
     def more(wanted: Wanted) -> dict[str, bytes]:
-        return {name: data for name, data in read(path, wanted)[0].items() if wanted(name)}
+        return {name: data for name, data in _read(path, wanted)[0].items() if wanted(name)}
 
     return Snapshot(path, files, links=links, base=f"{top}/" if is_wrapped else "", more=more)
+
+
+def _read(path: str, wanted: Wanted) -> tuple[dict[str, bytes], dict[str, str]]:
+    """Return the files and the symbolic links of an archive, with the contents of `wanted` files. Raises InputError."""
+    read = _read_zip if path.lower().endswith(".zip") else _read_tar
+    try:
+        return read(path, wanted)
+    except TooMuchError as error:
+        raise input_error(path, "S109", str(error), 0) from None
+    except _DAMAGED as error:
+        reason = str(error).partition("\n")[0].rstrip(":") or type(error).__name__
+        raise input_error(path, "S109", f"cannot be read as an archive: {reason}", 0) from None
 
 
 def _inside(name: str) -> str:
@@ -54,8 +84,12 @@ def _inside(name: str) -> str:
 def _read_tar(path: str, wanted: Wanted) -> tuple[dict[str, bytes], dict[str, str]]:
     files: dict[str, bytes] = {}
     links: dict[str, str] = {}
-    with tarfile.open(path) as archive:
-        for member in archive:
+    amount = Amount()
+    limit = _FREE + _FACTOR * os.path.getsize(path)
+    with _unpacked(path) as unpacked:
+        stream = _Bounded(unpacked, limit)
+        archive = tarfile.TarFile(path, fileobj=cast("IO[bytes]", stream))
+        for member in _members(archive):
             name = _inside(member.name)
             if not name:
                 continue
@@ -64,21 +98,77 @@ def _read_tar(path: str, wanted: Wanted) -> tuple[dict[str, bytes], dict[str, st
             elif member.islnk():
                 links[name] = posixpath.relpath(posixpath.normpath(member.linkname), posixpath.dirname(name) or ".")
             elif member.isfile():
-                stream = archive.extractfile(member) if wanted(name) else None
-                files[name] = stream.read(_MAX_SIZE) if stream else b""
-        _check_end(archive)
+                content = archive.extractfile(member) if wanted(name) else None
+                files[name] = _contents(content, name, amount) if content else b""
+        _check_end(stream, archive.offset)
     return files, links
 
 
-def _check_end(archive: tarfile.TarFile) -> None:
+def _unpacked(path: str) -> IO[bytes]:
+    """Open the tar archive at `path`, which may be compressed."""
+    with open(path, "rb") as file:
+        head = file.read(max(map(len, _UNPACKERS)))
+    opened = next((opener(path) for magic, opener in _UNPACKERS.items() if head.startswith(magic)), None)
+    return cast("IO[bytes]", opened) if opened else open(path, "rb")
+
+
+class _Bounded:
+    """The unpacked bytes of a tar archive, with an error at their limit."""
+
+    def __init__(self, stream: IO[bytes], limit: int) -> None:
+        self._stream = stream
+        self._limit = limit
+
+    def read(self, size: int = -1, /) -> bytes:
+        """Return the next bytes. Raises TooMuchError at the limit, and for more bytes than any file or header has."""
+        if not 0 <= size <= LARGEST + _CHUNK:
+            raise TooMuchError(f"a part of it is {TOO_LARGE}")
+        data = self._stream.read(size)
+        self._check(self._stream.tell())
+        return data
+
+    def seek(self, position: int, /) -> int:
+        """Go to a position. Raises TooMuchError after the limit, before anything is unpacked."""
+        self._check(position)
+        return self._stream.seek(position)
+
+    def tell(self) -> int:
+        """Return the position."""
+        return self._stream.tell()
+
+    def _check(self, position: int) -> None:
+        if position > self._limit:
+            raise TooMuchError(f"it unpacks to more than {_FACTOR} times its size: expected an archive of source code")
+
+
+def _members(archive: tarfile.TarFile) -> Iterator[tarfile.TarInfo]:
+    """Yield the members of a tar archive. Raises EOFError unless each begins after the one before."""
+    offset = 0
+    for _ in range(_MOST_FILES):
+        member = archive.next()
+        if member is None:
+            return
+        if archive.offset <= offset:
+            raise EOFError("it is damaged")
+        offset = archive.offset
+        archive.members = []  # type: ignore[attr-defined]  # tarfile would keep them all
+        yield member
+    raise TooMuchError(f"it has more than {_MOST_FILES} files")
+
+
+def _contents(stream: IO[bytes], name: str, amount: Amount) -> bytes:
+    """Return the contents of a member. Raises TooMuchError."""
+    data = stream.read(LARGEST + 1)
+    amount.add(name, len(data))
+    return data
+
+
+def _check_end(stream: _Bounded, position: int) -> None:
     """Raise EOFError unless a block of zeros ends the archive, because tarfile accepts a truncated archive.
 
     Read on to the end of the stream, so that the checksum of a compressed archive is verified.
     """
-    stream = archive.fileobj
-    if stream is None:
-        return
-    stream.seek(archive.offset)
+    stream.seek(position)
     if stream.read(_TAR_BLOCK) != bytes(_TAR_BLOCK):
         raise EOFError("it is truncated or damaged")
     while stream.read(_CHUNK):
@@ -88,6 +178,7 @@ def _check_end(archive: tarfile.TarFile) -> None:
 def _read_zip(path: str, wanted: Wanted) -> tuple[dict[str, bytes], dict[str, str]]:
     files: dict[str, bytes] = {}
     links: dict[str, str] = {}
+    amount = Amount()
     with zipfile.ZipFile(path) as archive:
         for member in archive.infolist():
             name = _inside(member.filename)
@@ -97,7 +188,7 @@ def _read_zip(path: str, wanted: Wanted) -> tuple[dict[str, bytes], dict[str, st
             data = b""
             if is_link or wanted(name):
                 with archive.open(member) as stream:
-                    data = stream.read(_MAX_SIZE)
+                    data = _contents(stream, name, amount)
             if is_link:
                 links[name] = os.fsdecode(data)
             else:

@@ -12,8 +12,15 @@ from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
 from msggen.diagnostics import input_error
+from msggen.disk.reading import LARGEST, TOO_LARGE, read_bytes
 
 _MAX_LINKS = 40
+_LONGEST_NAME = 1024
+_MOST_FOLDERS = 64
+"""Maximum length of a name, and of folders in it. Other files of a snapshot are left out; none of them is read."""
+
+_MOST_READ = 2**28
+"""Maximum number of bytes that are read of one revision or archive. A firmware tree needs 2 MB."""
 
 Wanted: TypeAlias = Callable[[str], bool]
 """A predicate of file names: whether the contents of the file are needed."""
@@ -53,10 +60,28 @@ class Folder:
         """Return the bytes of `name`. Raises InputError."""
         path = self.place(name)
         try:
-            with open(path, "rb", buffering=0) as stream:
-                return stream.read()
+            return read_bytes(path)
         except OSError as error:
             raise input_error(path, "S101", error.strerror or str(error), 0) from None
+
+
+class TooMuchError(Exception):
+    """An error: a file is too large, or all files together are."""
+
+
+class Amount:
+    """The number of bytes read so far of a revision or an archive."""
+
+    def __init__(self) -> None:
+        self._sum = 0
+
+    def add(self, name: str, size: int) -> None:
+        """Add the size of a file. Raises TooMuchError."""
+        self._sum += size
+        if size > LARGEST:
+            raise TooMuchError(f"'{name}' is {TOO_LARGE}")
+        if self._sum > _MOST_READ:
+            raise TooMuchError(f"its definitions are larger than {_MOST_READ // 2**20} MiB, the limit for all files")
 
 
 class Snapshot:
@@ -71,12 +96,12 @@ class Snapshot:
         self, label: str, files: Mapping[str, bytes], links: Mapping[str, str], base: str = "", more: More | None = None
     ) -> None:
         self.path = label
-        self._files = files
+        self._files = {name: data for name, data in files.items() if _is_name(name)}
         self._more = more
-        self._links = links
+        self._links = {name: target for name, target in links.items() if _is_name(name) and _is_name(target)}
         self._base = base
         self._folders: dict[str, set[str]] = {"": set()}
-        for name in (*files, *links):
+        for name in (*self._files, *self._links):
             parent, _, child = name.rpartition("/")
             while child and child not in self._folders.setdefault(parent, set()):
                 self._folders[parent].add(child)
@@ -123,6 +148,10 @@ class Snapshot:
             name = posixpath.normpath(posixpath.join(target, name[len(link) + 1 :]))
             name = "" if name == "." else name
         return name
+
+
+def _is_name(name: str) -> bool:
+    return len(name) <= _LONGEST_NAME and name.count("/") <= _MOST_FOLDERS
 
 
 Tree = Folder | Snapshot

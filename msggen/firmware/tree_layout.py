@@ -1,10 +1,11 @@
 """The layout of a tree: the places of its definitions, its bridge and its other inputs."""
 
+import os
 from collections.abc import Iterator
 
 from msggen.diagnostics import Diagnostic, counted
 from msggen.firmware.file import File
-from msggen.firmware.tree import Tree
+from msggen.firmware.tree import Folder, Tree
 from msggen.location import Location
 
 ARCHIVE = "px4_msgs_old/msg"
@@ -16,8 +17,14 @@ TRANSLATIONS = "translation_node/translations"
 LISTS = "msg/CMakeLists.txt"
 """The file in which a tree lists the messages that it builds."""
 
+_PARTS = (("msg",), ("srv",), ("msg", "versioned"))
+"""The folders that PX4 has definitions in."""
+
 _FOLDERS = ("msg/versioned", "msg/px4_msgs_old", "msg/translation_node")
 """The folders that PX4 has in `msg/`."""
+
+_OLD_SCRIPTS = "msg/tools"
+"""The folder of the generators of a tree before v1.14."""
 
 _CLIENT = "src/modules/uxrce_dds_client"
 _BRIDGE_PLACES = (f"{_CLIENT}/dds_topics.yaml", "dds_topics.yaml")
@@ -84,3 +91,18 @@ def find_file(tree: Tree, name: str) -> File | None:
 def is_firmware(tree: Tree) -> bool:
     """Whether this is a PX4-Autopilot tree."""
     return tree.is_folder("src/modules")
+
+
+def is_too_old(tree: Tree) -> bool:
+    """Whether this is a PX4-Autopilot tree before v1.14, which has another bridge and other names of messages."""
+    return is_firmware(tree) and not tree.is_folder(_CLIENT) and tree.is_folder(_OLD_SCRIPTS)
+
+
+def whole_tree(path: str) -> str | None:
+    """Return the PX4-Autopilot tree that `path` is only a part of: its definitions. None for any other folder."""
+    parts = os.path.abspath(path).split(os.sep)
+    for part in _PARTS:
+        if parts[-len(part) :] == [*part]:
+            tree = os.path.normpath(os.path.join(path, *[os.pardir] * len(part)))
+            return tree if is_firmware(Folder(tree)) else None
+    return None

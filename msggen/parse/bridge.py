@@ -14,9 +14,10 @@ from typing import Any, NamedTuple, TypeGuard
 
 import yaml
 
-from msggen.diagnostics import Diagnostic, suggestion
+from msggen.diagnostics import Diagnostic, InputError, suggestion
 from msggen.location import Location
 from msggen.model import BridgeEntry, Direction
+from msggen.parse.yaml_nodes import describe, is_null, read_yaml, value_of
 
 _LISTS = {
     "publications": (Direction.OUT, False),
@@ -31,9 +32,11 @@ KEYS = ("topic", "type", *_OF_PUBLICATIONS, *_OF_MULTI)
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _TYPE = re.compile(r"[a-z][a-z0-9_]*::msg::[A-Za-z][A-Za-z0-9_]*")
 _FIELD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_MAX_DEPTH = 32
 _MOST_INSTANCES = 255
 """Maximum number of instances of a topic. uORB counts them in 8 bits."""
+
+_SLOWEST = 1000 / 2**32
+"""The lowest rate limit in Hz other than 0. PX4 counts intervals in 32 bits of milliseconds."""
 
 _UNLIMITED = ("unlimited", "off", "none")
 """Words for no rate limit, in upper or lower case."""
@@ -56,8 +59,6 @@ ZENOH_OPTIONS: Mapping[str, tuple[object, ...]] = MappingProxyType(
 )
 """The options of a publication that the Zenoh client accepts, with their values (docs/wire.md, 17)."""
 
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
 
 class Bridge(NamedTuple):
     """The entries of a YAML file, publications first. `extra` has the data of unknown top-level keys."""
@@ -77,41 +78,11 @@ def parse_bridge(data: bytes, path: str) -> Bridge:
     """Return the entries in `data`, the bytes of `path`, with the errors and warnings found."""
     reader = _Reader(path)
     try:
-        text = data.decode("utf-8-sig")
-        _check_depth(text)
-        root = yaml.compose(text, Loader=_LOADER)
-        bridge = reader.bridge(root) if root else Bridge()
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        reason = " ".join(str(part) for part in (error.context, error.problem) if part)
-        return Bridge(found=(Diagnostic(Location(path, line, column), "Y101", f"not YAML: {reason}"),))
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        column = error.start - data.rfind(b"\n", 0, error.start)
-        text = f"byte 0x{data[error.start]:02x} is not UTF-8"
-        return Bridge(found=(Diagnostic(Location(path, line, column), "Y101", text),))
-    except yaml.YAMLError as error:
-        return Bridge(found=(Diagnostic(Location(path), "Y101", f"not YAML: {str(error).splitlines()[0]}"),))
+        root = read_yaml(data, path)
+    except InputError as error:
+        return Bridge(found=error.diagnostics)
+    bridge = reader.bridge(root) if root else Bridge()
     return bridge._replace(found=tuple(reader.found))
-
-
-def _check_depth(text: str) -> None:
-    """Raise YAMLError for deep nesting, which would crash PyYAML's C code. No real file is nested so deeply."""
-    if text.count("[") + text.count("{") + max(map(_depth, text.split("\n"))) <= _MAX_DEPTH:
-        return  # too few brackets and too little indentation to be nested deeply
-    depth = 0
-    for event in yaml.parse(text, Loader=_LOADER):
-        mark: Any = event.start_mark
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > _MAX_DEPTH:
-            raise yaml.MarkedYAMLError(problem=f"nested deeper than {_MAX_DEPTH}", problem_mark=mark)
-
-
-def _depth(line: str) -> int:
-    """Return the maximum depth of a line: a mapping and a sequence for each column where a node may begin."""
-    indentation = len(line) - len(line.lstrip())
-    return 2 * (indentation + line.count("- ") + line.count("? ") + line.count(": ") + 1)
 
 
 class _Reader:
@@ -128,10 +99,10 @@ class _Reader:
     def entries(self, lists: Mapping[str, yaml.Node]) -> Iterator[BridgeEntry]:
         for name in _LISTS:
             node = lists.get(name)
-            if node is None or _is_null(node):
+            if node is None or is_null(node):
                 continue
             if not isinstance(node, yaml.SequenceNode):
-                self.note(node, "Y102", f"'{name}': expected a list of topics, found {_describe(node)}")
+                self.note(node, "Y102", f"'{name}': expected a list of topics, found {describe(node)}")
                 continue
             for item in node.value:
                 entry = self.entry(item, name)
@@ -157,7 +128,7 @@ class _Reader:
             multi=multi,
         )
         optional = {
-            key: node for key, node in values.items() if key in _OPTIONAL and (key == "instance" or not _is_null(node))
+            key: node for key, node in values.items() if key in _OPTIONAL and (key == "instance" or not is_null(node))
         }
         if not (optional or extra):
             return entry
@@ -173,18 +144,18 @@ class _Reader:
             if key in values:
                 other = "subscriptions_multi" if key in _OF_MULTI else "publications"
                 self.note(values[key], "Y106", f"'{key}' has no effect in '{name}', only in '{other}'")
-        return {key: _data(values[key]) for key in keys if key in values}
+        return {key: value_of(values[key]) for key in keys if key in values}
 
     def optional(self, values: Mapping[str, yaml.Node], extra: dict[str, object]) -> dict[str, Any]:
         """Return the values of the optional keys. A value of an unknown kind goes to `extra`."""
         found: dict[str, Any] = {}
         for key, (read, expected) in _OPTIONAL.items():
             if key in values:
-                value = read(_data(values[key]))
+                value = read(value_of(values[key]))
                 if value is None:
                     code = "Y107" if key == "options" else "Y108" if key in _OF_MULTI else "Y105"
-                    self.note(values[key], code, f"'{key}': expected {expected}, found {_describe(values[key])}")
-                    extra[key] = _data(values[key])
+                    self.note(values[key], code, f"'{key}': expected {expected}, found {describe(values[key])}")
+                    extra[key] = value_of(values[key])
                 else:
                     found["rate_limit_hz" if key == "rate_limit" else key] = value
         if "options" in found:
@@ -198,43 +169,40 @@ class _Reader:
     def check_options(self, node: yaml.Node) -> None:
         """Warn about options that the Zenoh client rejects when it starts."""
         for key, value in node.value:
-            name = str(_describe(key))
+            name = str(describe(key))
             known = ZENOH_OPTIONS.get(name)
             if known is None:
                 self.note(key, "Y107", f"unknown option '{name}'{suggestion(name, ZENOH_OPTIONS)}")
-            elif repr(_data(value)) not in map(repr, known):  # compared as text, because 1 == True in Python
+            elif repr(value_of(value)) not in map(repr, known):  # compared as text, because 1 == True in Python
                 words = ", ".join(str(word).lower() for word in known)
-                self.note(value, "Y107", f"'{name}': expected {words}; found {_describe(value)}")
+                self.note(value, "Y107", f"'{name}': expected {words}; found {describe(value)}")
 
     def mapping(
         self, node: yaml.Node, known: Iterable[str], label: str
     ) -> tuple[dict[str, yaml.Node], dict[str, object]]:
         """Return the values of the `known` keys, and the data of the others. The last of two equal keys is used."""
         if not isinstance(node, yaml.MappingNode):
-            self.note(node, "Y102", f"{label}: expected a mapping with {', '.join(known)}; found {_describe(node)}")
+            self.note(node, "Y102", f"{label}: expected a mapping with {', '.join(known)}; found {describe(node)}")
             return {}, {}
         values: dict[str, yaml.Node] = {}
         extra: dict[str, object] = {}
-        merges = any(key.tag.endswith(":merge") for key, _ in node.value)
-        if merges:
-            yaml.constructor.SafeConstructor().flatten_mapping(node)
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode):
-                self.note(key, "Y101", f"expected a string as a key, found {_describe(key)}")
+                self.note(key, "Y101", f"expected a string as a key, found {describe(key)}")
             elif key.value in known:
-                if key.value in values and not merges:
+                if key.value in values:
                     self.note(key, "Y103", f"duplicate key '{key.value}', the last one is used")
                 values[key.value] = value
             else:
-                self.note(key, "Y103", f"unknown key '{_describe(key)}'{suggestion(str(key.value), known)}")
-                extra[str(_describe(key))] = _data(value)
+                self.note(key, "Y103", f"unknown key '{describe(key)}'{suggestion(str(key.value), known)}")
+                extra[str(describe(key))] = value_of(value)
         return values, extra
 
     def text(self, node: yaml.Node | None, key: str, pattern: re.Pattern[str], expected: str) -> str:
         if node is None:
             return ""
         if not isinstance(node, yaml.ScalarNode) or not pattern.fullmatch(node.value):
-            self.note(node, "Y102", f"'{key}': expected {expected}, found {_describe(node)}")
+            self.note(node, "Y102", f"'{key}': expected {expected}, found {describe(node)}")
             return ""
         return str(node.value)
 
@@ -252,9 +220,11 @@ def read_rate(value: object) -> float | None:
     """
     if isinstance(value, str):
         return 0.0 if value.strip().lower() in _UNLIMITED else None
-    if not isinstance(value, (int, float)) or math.isnan(value):
+    try:
+        rate = float(value) if isinstance(value, (int, float)) else math.nan
+    except OverflowError:
         return None
-    return max(float(value), 0.0)
+    return None if math.isnan(rate) or 0 < rate < _SLOWEST else max(rate, 0.0)
 
 
 def _instance(value: object) -> int | None:
@@ -287,44 +257,3 @@ _OPTIONAL: Mapping[str, tuple[Callable[[object], object], str]] = MappingProxyTy
     }
 )
 """The function that reads each optional key, and a description of the values that it accepts."""
-
-
-def _data(node: yaml.Node, made: dict[int, object] | None = None) -> object:
-    """Return the value of a YAML node, as text if Python has no such value.
-
-    `made` has the values of the nodes read so far: an alias refers to one of them, even to a node that contains it.
-    """
-    made = {} if made is None else made
-    if id(node) in made:
-        return made[id(node)]
-    if isinstance(node, yaml.SequenceNode):
-        items: list[object] = []
-        made[id(node)] = items
-        items += [_data(item, made) for item in node.value]
-        return items
-    if isinstance(node, yaml.MappingNode):
-        values: dict[str, object] = {}
-        made[id(node)] = values
-        values |= {str(_describe(key)): _data(value, made) for key, value in node.value}
-        return values
-    return made.setdefault(id(node), _scalar(node))
-
-
-def _scalar(node: yaml.Node) -> object:
-    if node.tag.endswith(":str"):
-        return str(node.value)
-    try:
-        value: object = yaml.constructor.SafeConstructor().construct_object(node)
-    except (ValueError, yaml.YAMLError):
-        return str(node.value)
-    return value
-
-
-def _is_null(node: yaml.Node) -> bool:
-    return isinstance(node, yaml.ScalarNode) and node.tag.endswith(":null")
-
-
-def _describe(node: yaml.Node) -> str:
-    if isinstance(node, yaml.ScalarNode):
-        return (node.value if node.value.isprintable() else repr(node.value)) or "nothing"
-    return "a list" if isinstance(node, yaml.SequenceNode) else "a mapping"

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from msggen.location import Location
+from msggen.location import Location, Places
 from msggen.parse.expression import CMAKE, Truth, evaluate
 
 LIST = "msg_files"
@@ -44,6 +44,23 @@ _TOKEN = re.compile(
 )
 
 
+_DEEPEST = 64
+"""Maximum number of conditions that hold together."""
+
+_LONGEST = 2000
+"""Maximum length of a condition. A longer one is unknown."""
+
+_LONG = "..."
+"""A condition that is too long. It is neither true nor false."""
+
+_MOST_WORK = 1_000_000
+"""Maximum number of files in all copies of variables. The firmware has some hundreds."""
+
+
+class _TooMuchError(Exception):
+    """An error: the commands copy too many files."""
+
+
 class Listed(NamedTuple):
     """A message in the list: its condition, "" for none, and its location."""
 
@@ -62,13 +79,20 @@ class MessageLists(NamedTuple):
 
 
 def parse_lists(text: str, path: str) -> MessageLists:
-    """Return the messages that the CMakeLists.txt in `text` lists. Never raises: unknown commands are skipped."""
+    """Return the messages that the CMakeLists.txt in `text` lists. Never raises: unknown commands are skipped.
+
+    Nothing is listed if copies of variables have too many files in all.
+    """
     reader = _Reader()
-    for name, words in _commands(text):
-        reader.follow(name, words)
+    try:
+        for name, words in _commands(text):
+            reader.follow(name, words)
+    except _TooMuchError:
+        return MessageLists({}, complete=False)
     found = {name: entry for name, entry in reader.variables.get(LIST, {}).items() if name.endswith(".msg")}
     complete = not reader.has_patterns and any(not entry.condition for entry in found.values())
-    listed = {name: Listed(condition, _place(text, path, start)) for name, (condition, start) in found.items()}
+    places = Places(text, path)
+    listed = {name: Listed(condition, places.at(start)) for name, (condition, start) in found.items()}
     return MessageLists(listed, complete)
 
 
@@ -123,12 +147,15 @@ class _Reader:
         self.has_patterns = False
         self._branches: list[tuple[str, str]] = []
         """For each open `if`, two conditions: no earlier branch is taken, and the current branch is taken."""
+        self._open: dict[str, int] = {}
+        """How many of the branches have each condition."""
         self._functions = 0
+        self._work = 0
 
     @property
     def condition(self) -> str:
         """The condition of the current command."""
-        return _all(part for branch in self._branches for part in branch)
+        return _all([*self._open]) if len(self._open) <= _DEEPEST else _LONG
 
     def follow(self, name: str, words: Sequence[_Word]) -> None:
         """Apply one command to the variables and branches."""
@@ -137,14 +164,27 @@ class _Reader:
         elif self._functions:
             return
         elif name == "if":
-            self._branches.append(("", _condition(words)))
+            self._enter("", _condition(words))
         elif name in ("elseif", "else") and self._branches:
-            before, last = self._branches[-1]
-            self._branches[-1] = (_all((before, _not(last))), _condition(words) if name == "elseif" else "")
+            before, last = self._leave()
+            self._enter(_all((before, _not(last))), _condition(words) if name == "elseif" else "")
         elif name == "endif" and self._branches:
-            self._branches.pop()
+            self._leave()
         elif name in ("set", "list", "file") and words:
             self._change(name, words)
+
+    def _enter(self, before: str, taken: str) -> None:
+        self._branches.append((before, taken))
+        for part in filter(None, (before, taken)):
+            self._open[part] = self._open.get(part, 0) + 1
+
+    def _leave(self) -> tuple[str, str]:
+        branch = self._branches.pop()
+        for part in filter(None, branch):
+            self._open[part] -= 1
+            if not self._open[part]:
+                del self._open[part]
+        return branch
 
     def _change(self, command: str, words: Sequence[_Word]) -> None:
         texts = [word.text for word in words]
@@ -169,10 +209,16 @@ class _Reader:
         """Remove files from a variable if the condition of the current command holds; all files if `names` is None."""
         known = self.variables.get(variable, {})
         condition = self.condition
-        for name in [name for name in known if names is None or name in names]:
+        for name in [*known] if names is None else [name for name in names if name in known]:
+            self._count()
             entry = known.pop(name)
             if condition:
                 known[name] = entry._replace(condition=_all((entry.condition, _not(condition))))
+
+    def _count(self) -> None:
+        self._work += 1
+        if self._work > _MOST_WORK:
+            raise _TooMuchError
 
     def _files(self, words: Sequence[_Word]) -> dict[str, _Entry]:
         """Return the files that `words` name, including those in variables."""
@@ -184,6 +230,7 @@ class _Reader:
                 continue
             variable = _REFERENCE.fullmatch(text)
             for name, entry in self.variables.get(variable[1], {}).items() if variable else ():
+                self._count()
                 found[name] = entry._replace(condition=_all((entry.condition, condition)))
             files = (posixpath.normpath(name.removeprefix(_HERE)) for name in text.split(";"))
             found |= {file: _Entry(condition, start) for file in files if "$" not in file}
@@ -226,29 +273,29 @@ def _commands(text: str) -> Iterator[tuple[str, list[_Word]]]:
         words.append(word)
 
 
-def _place(text: str, path: str, start: int) -> Location:
-    return Location(path, text.count("\n", 0, start) + 1, start - text.rfind("\n", 0, start))
-
-
 def _condition(words: Sequence[_Word]) -> str:
-    return " ".join(word.source for word in words).replace("( ", "(").replace(" )", ")")
+    return _bounded(" ".join(word.source for word in words).replace("( ", "(").replace(" )", ")"))
 
 
-def _all(conditions: Iterator[str] | Sequence[str]) -> str:
+def _bounded(condition: str) -> str:
+    return condition if len(condition) <= _LONGEST else _LONG
+
+
+def _all(conditions: Sequence[str]) -> str:
     """Return a condition that holds if all of `conditions` hold."""
     parts = list(dict.fromkeys(filter(None, conditions)))
-    return parts[0] if len(parts) == 1 else " AND ".join(map(_in_parentheses, parts))
+    return parts[0] if len(parts) == 1 else _bounded(" AND ".join(map(_in_parentheses, parts)))
 
 
 def _any(left: str, right: str) -> str:
     """Return a condition that holds if either condition holds."""
     if not left or not right or left == right:
         return left and right
-    return f"{_in_parentheses(left)} OR {_in_parentheses(right)}"
+    return _bounded(f"{_in_parentheses(left)} OR {_in_parentheses(right)}")
 
 
 def _not(condition: str) -> str:
-    return f"NOT {_in_parentheses(condition)}"
+    return _bounded(f"NOT {_in_parentheses(condition)}")
 
 
 def _in_parentheses(condition: str) -> str:

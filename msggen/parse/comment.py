@@ -17,6 +17,9 @@ _BOUND = r"[-+]?(?:\d[\d.]*|(?:\d[\d.]* ?\*? ?)?(?:pi|Pi|PI|π)(?:/\d+)?|inf|INF
 _RANGE = re.compile(rf"\s*\[ *({_BOUND} *(?:, *|\.\.+ *|to +|- *){_BOUND}) *\]")
 """Two bounds in brackets in the place of a unit: `[-pi, pi]`."""
 
+_LONGEST = 200
+"""Maximum number of characters of a unit or a range in brackets."""
+
 _PLACES = {name: place for place, name in enumerate(NAMES)}
 _NOTHING = Comment()
 
@@ -45,12 +48,13 @@ def _place(tag: tuple[str, str]) -> int:
 
 
 def _take_tags(line: str, tags: dict[str, str]) -> str:
-    unit = _UNIT.match(line)
-    if unit and not tags[UNIT.name] and not _RANGE.match(line):
+    unit = _UNIT.match(line, 0, _LONGEST)
+    if unit and not tags[UNIT.name] and not _RANGE.match(line, 0, _LONGEST):
         tags[UNIT.name] = unit[1].strip()
         line = line[unit.end() :]
-    text = (_TAG.sub(lambda tag: _take_tag(tag, tags), line) if "[@" in line else line).strip()
-    found = _RANGE.match(text) if text[:1] == "[" and "range" not in tags else None
+    closed = line.rfind("]") + 1 if "[@" in line else 0  # what follows is not searched for the end of a tag
+    text = (_TAG.sub(lambda tag: _take_tag(tag, tags), line[:closed]) + line[closed:]).strip()
+    found = _RANGE.match(text, 0, _LONGEST) if text[:1] == "[" and "range" not in tags else None
     if found:
         tags["range"] = found[1]
         text = text[found.end() :].strip()

@@ -17,7 +17,13 @@ from msggen.parse.expression import KCONFIG, Truth, both, evaluate, negated
 
 _ROOT = "Kconfig"
 _MAX_DEPTH = 64
-_ASSIGNED = re.compile(r"^\s*CONFIG_(\w+)=(.*?)\s*$|^# CONFIG_(\w+) is not set", re.MULTILINE)
+_MOST = 64
+"""Maximum number of conditions and of defaults of a symbol."""
+
+_UNKNOWN = "( )"
+"""An expression whose value is unknown."""
+
+_ASSIGNED = re.compile(r"^[ \t]*CONFIG_(\w+)=(.*)|^# CONFIG_(\w+) is not set", re.MULTILINE)
 _WORD = re.compile(r'&&|\|\||!=|[<>]=|[()!=<>]|"[^"]*"|[^\s()!=<>&|"]+')
 _OPENS, _CLOSES = ("menu", "choice", "if"), ("endmenu", "endchoice", "endif")
 _SOURCES = ("source", "rsource", "osource", "orsource")
@@ -55,6 +61,7 @@ class Configuration:
         self.files: dict[str, None] = {}
         """The files with the definitions of the symbols that were read: the keys, in the order of their first use."""
         self._asked: list[str] = []
+        self._known: dict[str, Truth] = {}
 
     def knows(self, symbol: str) -> bool:
         """Return whether the tree defines the symbol or the board assigns it."""
@@ -62,6 +69,8 @@ class Configuration:
 
     def value_of(self, symbol: str) -> Truth:
         """Return whether a symbol is on, None if that is unknown. An undefined symbol is off unless it is assigned."""
+        if symbol in self._known:
+            return self._known[symbol]
         if symbol in self._asked or len(self._asked) == _MAX_DEPTH:
             return None
         definitions = self.definitions.get(symbol, ())
@@ -71,7 +80,8 @@ class Configuration:
         self._asked.append(symbol)
         values = [self._value(symbol, definition) for definition in definitions]
         self._asked.pop()
-        return True if True in values else None if None in values else False
+        self._known[symbol] = True if True in values else None if None in values else False
+        return self._known[symbol]
 
     def _value(self, symbol: str, definition: Definition) -> Truth:
         met: Truth = True
@@ -106,23 +116,24 @@ def parse_assignments(text: str) -> dict[str, str]:
     """Return the values that a configuration assigns to symbols, "" for symbols that it turns off."""
     found = {}
     for name, value, unset in _ASSIGNED.findall(text):
-        found[name or unset] = value.strip('"')
+        found[name or unset] = value.strip().strip('"')
     return found
 
 
 def read_definitions(tree: Files) -> dict[str, list[Definition]]:
     """Return the definitions of symbols in the Kconfig files of a tree: the one at its root and those that it reads."""
     found: dict[str, list[Definition]] = {}
-    waiting: list[tuple[str, tuple[str, ...]]] = [(_ROOT, ())]
+    waiting: list[tuple[str, tuple[str, ...]]] = [(_ROOT, ())]  # the next one is the last
     seen: set[str] = set()
     while waiting:
-        name, outer = waiting.pop(0)
-        if name in seen or not tree.is_file(name):
+        name, outer = waiting.pop()
+        if name in seen or name.startswith(("/", "..")) or not tree.is_file(name):
             continue
         seen.add(name)
         text = tree.read(name).decode(errors="replace").replace("\\\n", " ")
         sources = _parse(text, name, outer, found)
-        waiting[:0] = [(file, depends) for pattern, depends in sources for file in _matching(tree, pattern)]
+        files = [(file, depends) for pattern, depends in sources for file in _matching(tree, pattern)]
+        waiting += reversed(files)
     return found
 
 
@@ -139,7 +150,7 @@ def _parse(
             found.setdefault(symbol, []).append(Definition(name, (), blocks[-1]))
         elif keyword in _OPENS:
             symbol = ""
-            blocks.append((*blocks[-1], rest) if keyword == "if" else blocks[-1])
+            blocks.append(_joined(blocks[-1], rest) if keyword == "if" else blocks[-1])
         elif keyword in _CLOSES:
             symbol = ""
             del blocks[max(1, len(blocks) - 1) :]
@@ -150,14 +161,20 @@ def _parse(
             expression = rest.removeprefix("on").strip()
             if symbol:
                 last = found[symbol][-1]
-                found[symbol][-1] = last._replace(depends=(*last.depends, expression))
+                found[symbol][-1] = last._replace(depends=_joined(last.depends, expression))
             else:
-                blocks[-1] = (*blocks[-1], expression)
+                blocks[-1] = _joined(blocks[-1], expression)
         elif keyword in _DEFAULTS and symbol:
             value, _, condition = rest.partition(" if ")
             last = found[symbol][-1]
-            found[symbol][-1] = last._replace(defaults=(*last.defaults, (value.strip(), condition.strip())))
+            if len(last.defaults) < _MOST:
+                found[symbol][-1] = last._replace(defaults=(*last.defaults, (value.strip(), condition.strip())))
     return sources
+
+
+def _joined(conditions: tuple[str, ...], condition: str) -> tuple[str, ...]:
+    """Return `conditions` with one more; an unknown condition if they are too many."""
+    return (*conditions, condition) if len(conditions) < _MOST else (_UNKNOWN,) * _MOST
 
 
 def _statements(text: str) -> Iterator[tuple[str, str]]:

@@ -13,22 +13,31 @@ def package_name(data: bytes, path: str) -> str:
     from xml.parsers import expat
 
     parser = expat.ParserCreate()
-    open_elements: list[str] = []
+    depth = 0
+    parts: list[str] = []
     names: list[str] = []
 
     def start(element: str, _: object) -> None:
-        open_elements.append(element)
-        if open_elements[1:] == ["name"]:
-            names.append("")
+        nonlocal depth
+        depth += 1
+        if (depth, element) == (2, "name"):
+            parser.CharacterDataHandler = parts.append
+        elif depth > 2:  # noqa: PLR2004 - in the name
+            parser.CharacterDataHandler = None
 
     def end(_: str) -> None:
-        open_elements.pop()
+        nonlocal depth
+        if parser.CharacterDataHandler:
+            names.append("".join(parts))
+            parts.clear()
+            parser.CharacterDataHandler = None
+        depth -= 1
 
-    def text(found: str) -> None:
-        if open_elements[1:] == ["name"]:
-            names[-1] += found
+    def doctype(*_: object) -> None:
+        place = parser.CurrentLineNumber, parser.CurrentColumnNumber + 1
+        raise input_error(path, "S107", "a document type: expected plain XML without <!DOCTYPE>", *place)
 
-    parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, text
+    parser.StartElementHandler, parser.EndElementHandler, parser.StartDoctypeDeclHandler = start, end, doctype
     try:
         parser.Parse(data, True)  # noqa: FBT003 - it takes no keywords
     except expat.ExpatError as error:

@@ -8,7 +8,7 @@ from msggen.model import ArrayKind, FieldType, Value
 from msggen.primitives import PRIMITIVES, Primitive
 
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
-_STRING_ITEM = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,\[\]"'][^,\[\]]*?)\s*(?:,|$)""")
+_STRING_ITEM = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^\s,\[\]"'][^,\[\]]*)\s*(?:,|$)""")
 
 
 def parse_value(type_: FieldType, text: str, *, is_constant: bool) -> Value:
@@ -47,7 +47,7 @@ def _items(inside: str) -> list[str]:
             raise ValueError(
                 f"cannot read the list from {inside[position:]!r}: expected values with commas between them"
             )
-        items.append(match[1])
+        items.append(match[1].rstrip())
         position = match.end()
     return items
 

@@ -10,20 +10,19 @@ import re
 from collections.abc import Collection
 from typing import Any, NamedTuple
 
-import yaml
-
 from msggen.diagnostics import Diagnostic, InputError, Level, input_error
+from msggen.disk.reading import read_bytes, read_text
 from msggen.identity import nearest_interval
 from msggen.model import options_text, snake_case
 from msggen.parse.bridge import KEYS, parse_bridge, read_rate
+from msggen.parse.yaml_nodes import read_yaml, value_of
 from msggen.text.empy import EmpyTemplate
 
 SCRIPT = "generate_dds_topics.py"
 """The script of the firmware, which is searched for the names that it computes."""
 
 _LISTS = ("publications", "subscriptions", "subscriptions_multi")
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_COMPUTED = re.compile(r"""\[\s*["'](\w+)["']\s*\]\s*=(?!=)|(?:setdefault|update)\(\s*\{?\s*["']?(\w+)""")
+_COMPUTED = re.compile(r"""\[\s*["'](\w+)["']\s*\]\s*=(?!=)|(?:setdefault|update)\(\s*(?:\{\s*)?["']?(\w+)""")
 
 
 class BridgeRequest(NamedTuple):
@@ -98,19 +97,15 @@ def _read(path: str) -> dict[str, list[_Entry]]:
     A rate limit or an instance of an unknown kind is an error here, because the script fails on it.
     """
     try:
-        with open(path, "rb") as stream:
-            data = stream.read()
+        data = read_bytes(path)
     except OSError as error:
         raise input_error(path, "S101", f"cannot read the topics: {error.strerror or error}", 0) from error
     errors = [found for found in parse_bridge(data, path).found if found.level is Level.ERROR or found.code == "Y105"]
     if errors:
         raise InputError(errors)
-    try:
-        root = yaml.load(data, Loader=_LOADER) or {}  # noqa: S506 - the loader is safe
-    except yaml.YAMLError as error:
-        text = " ".join(str(error).split("\n", 1)[0].split())
-        raise input_error(path, "Y101", f"not YAML that PX4 reads: {text}", 0) from None
-    return {name: [_Entry(entry) for entry in root.get(name) or []] for name in _LISTS}
+    node = read_yaml(data, path)
+    root: Any = value_of(node) if node else {}
+    return {name: [_Entry(entry) for entry in root.get(name) or ()] for name in _LISTS}
 
 
 def _describe(entry: _Entry, namespace: str) -> None:
@@ -143,8 +138,8 @@ def _computed(request: BridgeRequest) -> frozenset[str] | None:
     folders += [os.path.join(os.path.dirname(folder), "uxrce_dds_client") for folder in folders]
     for folder in folders:
         try:
-            with open(os.path.join(folder, SCRIPT), encoding="utf-8", errors="replace") as stream:
-                return frozenset(found[1] or found[2] for found in _COMPUTED.finditer(stream.read()))
+            text = read_text(os.path.join(folder, SCRIPT), "replace")
         except OSError:
             continue
+        return frozenset(found[1] or found[2] for found in _COMPUTED.finditer(text))
     return None

@@ -9,6 +9,7 @@ from contextvars import ContextVar
 from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError, Level, input_error, suggestion
+from msggen.disk.reading import read_bytes
 from msggen.firmware.path_hint import path_hint
 from msggen.location import Location
 from msggen.model import ArrayKind, Field, Message, snake_case
@@ -123,8 +124,7 @@ def definitions() -> Definitions:
 
 def _read(path: str, package: str, name: str) -> tuple[Definition, list[Diagnostic]]:
     try:
-        with open(path, "rb") as stream:
-            data = stream.read()
+        data = read_bytes(path)
     except OSError as error:
         raise input_error(path, "S101", f"cannot read the definition: {error.strerror or error}", 0) from error
     text, errors = decode_text(data, path)

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 import jinja2
 
 from msggen.diagnostics import InputError, input_error, suggestion
+from msggen.disk.reading import read_text
 from msggen.render import THINGS
 from msggen.text.words import FILTERS, unknown_name
 
@@ -94,8 +95,7 @@ class _Loader(jinja2.FileSystemLoader):
         """Return the text of a file. Raises InputError."""
         self.files[path] = None
         try:
-            with open(path, encoding="utf-8") as stream:
-                return stream.read()
+            return read_text(path)
         except UnicodeDecodeError as error:
             raise input_error(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from None
         except OSError as error:

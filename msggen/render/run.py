@@ -7,7 +7,7 @@ import posixpath
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-from msggen.diagnostics import Diagnostic, InputError, input_error
+from msggen.diagnostics import Diagnostic, InputError, input_error, suggestion
 from msggen.disk.names import too_long
 from msggen.location import Location
 from msggen.model import Catalog
@@ -68,6 +68,17 @@ def items_of(catalog: Catalog, thing: str) -> tuple[Item, ...]:
         return items
     hint = ": pass the dds_topics.yaml that lists them with --topics" if thing == "endpoint" else ""
     raise input_error("--each", "T208", f"the sources have no {thing}s{hint}", 0)
+
+
+def select(items: Sequence[Item], labels: Sequence[str]) -> tuple[Item, ...]:
+    """Return the items with these labels, in the order of the catalog. Raises InputError for unknown labels."""
+    known = [item.label for item in items]
+    unknown = [label for label in dict.fromkeys(labels) if label not in known]
+    if unknown:
+        place = Location("--message", 0)
+        texts = (f"the sources have no message '{label}'{suggestion(label, known)}" for label in unknown)
+        raise InputError(Diagnostic(place, "T208", text) for text in texts)
+    return tuple(item for item in items if item.label in labels)
 
 
 def _found(view: CatalogView, thing: str) -> Iterator[tuple[str, object]]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from msggen.compare.finding import Report
+    from msggen.diagnostics import Diagnostic
 
 FORMATS = ("full", "concise", "json", "github", "sarif", "junit")
 """The values of `--output-format`, the default first. Each format imports its libraries on first use."""
@@ -33,3 +35,18 @@ def render(report: Report, format: str, *, width: int, colour: bool) -> str:  # 
     else:
         raise ValueError(f"unknown format '{format}'")
     return write(report)
+
+
+def render_errors(errors: Sequence[Diagnostic], format: str) -> str:  # noqa: A002 - as above
+    """Return the errors that prevented a report as a document in one of FORMATS, or "" if it is one for people."""
+    if format == "json":
+        from msggen.report.json import write_errors as write
+    elif format == "github":
+        from msggen.report.github import write_errors as write
+    elif format == "sarif":
+        from msggen.report.sarif import write_errors as write
+    elif format == "junit":
+        from msggen.report.junit import write_errors as write
+    else:
+        return ""
+    return write(errors)

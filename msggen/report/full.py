@@ -13,7 +13,8 @@ from rich.text import Text
 
 from msggen.compare.comparison import Reader
 from msggen.compare.finding import Excerpt, Finding, Report
-from msggen.report.line import is_misread, mark, printable, silent_mark
+from msggen.diagnostics import printable
+from msggen.report.line import is_misread, mark, remedies, silent_mark
 
 _DECODE = "decode wrong values without an error"
 _ALARM = "bold white on red"
@@ -22,7 +23,7 @@ _BETWEEN = len("    |")
 
 
 def write_full(report: Report, *, width: int, colour: bool) -> str:
-    """Return the findings by subject with their lines, then the subjects with silent findings, then the summary.
+    """Return the findings by subject with their lines, the silent subjects, the remedies, and the summary.
 
     Tables are drawn in ASCII, so that they look the same in terminals, logs and mails.
     """
@@ -44,6 +45,8 @@ def write_full(report: Report, *, width: int, colour: bool) -> str:
             _print_line(
                 console, Text.assemble((_explain_silent(readers), _ALARM), f": {printable(', '.join(subjects))}")
             )
+        for remedy in remedies(report.findings):
+            _print_line(console, Text(remedy))
         _print_line(console, Text(printable(report.summary), "bold"))
     return "\n".join(row.rstrip() for row in capture.get().split("\n")).rstrip("\n")
 

@@ -9,9 +9,9 @@ import os
 from collections.abc import Sequence
 
 from msggen.compare.finding import Finding, Report
-from msggen.diagnostics import Diagnostic
+from msggen.diagnostics import Diagnostic, printable
 from msggen.location import Location
-from msggen.report.line import is_misread, level, printable, statement
+from msggen.report.line import is_misread, level, remedies, statement
 
 _COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}
 
@@ -34,11 +34,11 @@ def _of_diagnostic(found: Diagnostic, command: str) -> str:
 
 def _of_finding(finding: Finding) -> str:
     title = f"{finding.rule.id} {finding.change.subject}"
-    return _command(_COMMANDS[level(finding)], finding.change.location, title, statement(finding))
+    return _command(_COMMANDS[level(finding)], finding.change.location, title, statement(finding), remedies([finding]))
 
 
-def _command(command: str, location: Location, title: str, message: str) -> str:
-    """Return a command for a location.
+def _command(command: str, location: Location, title: str, message: str, more: Sequence[str] = ()) -> str:
+    """Return a command for a location, with `more` lines below its message.
 
     GitHub shows only locations in files, so the message names a folder or an option.
     """
@@ -48,7 +48,7 @@ def _command(command: str, location: Location, title: str, message: str) -> str:
         properties |= {"line": str(line), "col": str(column)}
     text = message if properties else f"{printable(path)}: {message}"
     pairs = ",".join(f"{name}={_property(value)}" for name, value in (properties | {"title": printable(title)}).items())
-    return f"::{command} {pairs}::{_data(text)}"
+    return f"::{command} {pairs}::{'%0A'.join(map(_data, [text, *more]))}"
 
 
 def _data(text: str) -> str:

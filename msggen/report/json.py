@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 from msggen.compare.finding import Excerpt, Finding, Report
+from msggen.diagnostics import Diagnostic, printable
 from msggen.location import Location
 
 
@@ -19,6 +21,15 @@ def write_json(report: Report) -> str:
         "findings": [_finding(finding) for finding in report.findings],
     }
     return dump(document)
+
+
+def write_errors(errors: Sequence[Diagnostic]) -> str:
+    """Return the errors that prevented a report. There is no key `findings`, because nothing was compared."""
+    return dump({"errors": [_error(error) for error in errors]})
+
+
+def _error(error: Diagnostic) -> dict[str, Any]:
+    return {"code": error.code, "message": error.message, "location": _location(error.location)}
 
 
 def dump(document: Any) -> str:
@@ -49,7 +60,8 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "handled": finding.is_handled,
         "fails": finding.fails,
         "subject": change.subject,
-        "message": change.message,
+        "message": printable(change.message),
+        "remedy": finding.remedy or None,
         "location": _location(change.location),
         "before": _excerpt(change.before),
         "after": _excerpt(change.after),
@@ -57,7 +69,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
 
 
 def _excerpt(excerpt: Excerpt | None) -> dict[str, Any] | None:
-    return {"location": _location(excerpt.location), "text": excerpt.text} if excerpt else None
+    return {"location": _location(excerpt.location), "text": printable(excerpt.text)} if excerpt else None
 
 
 def _location(location: Location) -> dict[str, Any]:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from junitparser import Failure, JUnitXml, TestCase, TestSuite
+from junitparser import Error, Failure, JUnitXml, TestCase, TestSuite
 
 from msggen.compare.finding import Category, Excerpt, Finding, Report, Rule
-from msggen.report.line import line, printable
+from msggen.diagnostics import Diagnostic, printable
+from msggen.report.line import line, remedies
 
 
 def write_junit(report: Report) -> str:
@@ -20,6 +21,24 @@ def write_junit(report: Report) -> str:
         rules = [rule for rule in report.rules if rule.category is category]
         if rules:
             document.add_testsuite(_suite(report, category, rules))
+    return _text(document)
+
+
+def write_errors(errors: Sequence[Diagnostic]) -> str:
+    """Return JUnit XML with a test for each error that prevented a report, which has that error."""
+    suite = TestSuite("ERRORS")
+    for error in errors:
+        case = TestCase(printable(f"{error.code} {error.location}"), classname="msggen.ERRORS")
+        result = Error(printable(error.message), error.code)
+        result.text = printable(str(error))
+        case.result = [result]
+        suite.add_testcase(case)
+    document = JUnitXml("msggen")
+    document.add_testsuite(suite)
+    return _text(document)
+
+
+def _text(document: JUnitXml) -> str:
     document.update_statistics()
     text: bytes = document.tostring()
     return text.decode().encode("ascii", "xmlcharrefreplace").decode()
@@ -49,7 +68,9 @@ def _case(rule: Rule, findings: Sequence[Finding]) -> TestCase:
 
 def _paragraph(finding: Finding) -> str:
     sides = (("-", finding.change.before), ("+", finding.change.after))
-    return "\n".join([line(finding), *(_line(sign, excerpt) for sign, excerpt in sides if excerpt)])
+    return "\n".join(
+        [line(finding), *(_line(sign, excerpt) for sign, excerpt in sides if excerpt), *remedies([finding])]
+    )
 
 
 def _line(sign: str, excerpt: Excerpt) -> str:

@@ -5,15 +5,16 @@ The other formats use the texts about a finding from here.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 from msggen.compare.comparison import Reader
 from msggen.compare.finding import Finding, Report, Severity
+from msggen.diagnostics import printable
 
 
 def write_concise(report: Report) -> str:
     """Return a line for each finding, then the summary."""
-    return "\n".join([*map(line, report.findings), printable(report.summary)])
+    return "\n".join([*map(line, report.findings), *remedies(report.findings), printable(report.summary)])
 
 
 def line(finding: Finding) -> str:
@@ -24,6 +25,11 @@ def line(finding: Finding) -> str:
 def statement(finding: Finding) -> str:
     """Return the message of a finding with its mark, such as `handled: `."""
     return mark(finding) + printable(finding.change.message)
+
+
+def remedies(findings: Iterable[Finding]) -> list[str]:
+    """Return a line for each command that mends one of `findings`."""
+    return [printable(f"to fix: {command}") for command in dict.fromkeys(each.remedy for each in findings) if command]
 
 
 def mark(finding: Finding) -> str:
@@ -50,8 +56,3 @@ def is_misread(finding: Finding) -> bool:
 def level(finding: Finding) -> str:
     """Return the level of a finding: `error`, `warning`, or `note` if it is handled."""
     return "note" if finding.is_handled else finding.rule.severity.value
-
-
-def printable(text: str) -> str:
-    """Return `text` in one line, with escapes for unprintable characters, including all that XML forbids."""
-    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)

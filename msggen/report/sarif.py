@@ -9,15 +9,16 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 from urllib.parse import quote
 
 from msggen import __version__
 from msggen.compare.finding import Excerpt, Finding, Report, Rule
+from msggen.diagnostics import Diagnostic, printable
 from msggen.location import Location
 from msggen.report.json import dump
-from msggen.report.line import level, printable, statement
+from msggen.report.line import level, remedies, statement
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 
@@ -35,6 +36,26 @@ def write_sarif(report: Report) -> str:
             "summary": report.summary,
         },
     }
+    return _log(run)
+
+
+def write_errors(errors: Sequence[Diagnostic]) -> str:
+    """Return a SARIF log of a run that failed: its errors are notifications, because they are not results."""
+    invocation = {"executionSuccessful": False, "toolExecutionNotifications": [*map(_notification, errors)]}
+    driver = {"name": "msggen", "version": __version__}
+    run = {"tool": {"driver": driver}, "columnKind": "unicodeCodePoints", "invocations": [invocation], "results": []}
+    return _log(run)
+
+
+def _notification(error: Diagnostic) -> dict[str, Any]:
+    """Return a notification. An option is no location in a file, so the message names it."""
+    in_file = os.path.exists(error.location.path)
+    text = error.message if in_file else f"{error.location.path}: {error.message}"
+    found = {"level": "error", "descriptor": {"id": error.code}, "message": {"text": printable(text)}}
+    return {**found, "locations": [_place(error.location)]} if in_file else found
+
+
+def _log(run: dict[str, Any]) -> str:
     return dump({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]})
 
 
@@ -59,7 +80,7 @@ def _results(report: Report) -> Iterator[dict[str, Any]]:
             "ruleId": finding.rule.id,
             "ruleIndex": indices[finding.rule.id],
             "level": level(finding),
-            "message": {"text": statement(finding)},
+            "message": {"text": "\n".join([statement(finding), *remedies([finding])])},
             "locations": [_place(finding.change.location)],
             "partialFingerprints": {"primaryLocationLineHash": f"{fingerprint}:{seen[fingerprint]}"},
             "properties": {

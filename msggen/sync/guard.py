@@ -158,14 +158,13 @@ def _uncommitted(target: Target) -> dict[str, str] | None:
 
     Return None if the package is not in a repository.
     """
-    from msggen.disk.git import GitError, git, is_in_repository
+    from msggen.disk.git import GitError, git, is_in_repository, status
 
     try:
         if not git(target.folder, "ls-files", "--", "."):
             return None
         prefix = git(target.folder, "rev-parse", "--show-prefix").rstrip(b"\n")
-        how = ("--porcelain", "-z", "--no-renames", "--untracked-files=all", "--ignored")
-        rows = git(target.folder, "status", *how, "--", ".")
+        rows = status(target.folder, "-z", "--no-renames", "--ignored", "--", ".")
     except GitError as error:
         if not is_in_repository(target.folder):
             return None

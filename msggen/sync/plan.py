@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from msggen.disk.reading import read_bytes
 from msggen.disk.record import Record, digest
 from msggen.firmware.overlap import KINDS
 from msggen.sync.scaffold import Scaffold
@@ -103,8 +104,7 @@ def read_if_file(path: str) -> bytes | None:
     """Return the bytes of `path`, or None if it is not a file."""
     if not os.path.isfile(path):
         return None
-    with open(path, "rb") as stream:
-        return stream.read()
+    return read_bytes(path)
 
 
 def _names_of_px4() -> frozenset[str]:

@@ -81,14 +81,14 @@ def origin_of(sources: Sources) -> Origin:
 
 def _origin_in_git(folder: str, revision: str | None) -> Origin:
     """Return the commit that `revision` names, by default the last one; an empty origin if git has no such files."""
-    from msggen.disk.git import GitError, commit_of, git
+    from msggen.disk.git import GitError, commit_of, git, status
 
     paths = [kind for kind in KINDS if os.path.isdir(os.path.join(folder, kind))] or ["."]
     try:
         if not os.path.isdir(folder) or not (revision or git(folder, "ls-files", "--", *paths)):
             return Origin("")
         commit = commit_of(folder, revision or "HEAD")
-        is_modified = not revision and git(folder, "status", "--porcelain", "--untracked-files=all", "--", *paths)
+        is_modified = not revision and status(folder, "--", *paths)
     except GitError:
         return Origin("")
     try:

@@ -7,12 +7,16 @@ import re
 from typing import NamedTuple
 
 from msggen.diagnostics import input_error
+from msggen.disk.record import read_record
 from msggen.firmware.overlap import KINDS, source_around
 from msggen.firmware.sources import Sources
 from msggen.firmware.tree import Folder
 from msggen.location import Location
 from msggen.model import DEFAULT_PACKAGE
 from msggen.parse.package_xml import package_name
+
+_NAME = r"[a-z][a-z0-9_]*"
+"""The names of ROS packages."""
 
 
 class Request(NamedTuple):
@@ -37,10 +41,28 @@ class Target(NamedTuple):
         return os.path.join(self.path, *name.split("/"))
 
 
+def default_name(path: str, *, create: bool) -> str:
+    """Return the name of the package at `path` that nobody named: that of its folder if it is to be created.
+
+    A package that msggen wrote keeps the name in its package.xml. Any other package is expected to be px4_msgs, so that
+    no definition is written into a package by mistake.
+    """
+    folder = os.path.realpath(path)
+    manifest = os.path.join(folder, "package.xml")
+    if os.path.lexists(manifest):
+        name = ""
+        if read_record(folder).files:
+            with open(manifest, "rb") as stream:
+                name = package_name(stream.read(), os.path.join(path, "package.xml"))
+    else:
+        name = os.path.basename(folder) if create else ""
+    return name if re.fullmatch(_NAME, name) else DEFAULT_PACKAGE
+
+
 def open_target(request: Request, sources: Sources) -> Target:
     """Return the package that `request` names. Raises InputError if it is not that package, or cannot be created."""
     path, name, create, place = request
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+    if not re.fullmatch(_NAME, name):
         text = f"'{name}' is not a valid name of a ROS package: expected lower case, digits and underscores"
         raise input_error(place.path, "S112", text, *place[1:])
     folder = os.path.realpath(path)
@@ -50,8 +72,7 @@ def open_target(request: Request, sources: Sources) -> Target:
         _check_outside(path, folder, sources)
         return Target(path, folder, name, is_new=True)
     manifest = os.path.join(path, "package.xml")
-    with open(manifest, "rb") as stream:
-        found = package_name(stream.read(), manifest)
+    found = package_name(Folder(path).read("package.xml"), manifest)
     if found != name:
         hint = f": give its name with --ros-package {found}" if name == DEFAULT_PACKAGE else ""
         raise input_error(manifest, "S112", f"this is the package '{found}', not '{name}'{hint}", 0)

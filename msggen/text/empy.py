@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from msggen.diagnostics import InputError, input_error, suggestion
+from msggen.disk.reading import read_text
 
 if TYPE_CHECKING:
     from msggen.text.empy_program import Program
@@ -58,8 +59,7 @@ class EmpyTemplate:
 
 def _read(path: str) -> str:
     try:
-        with open(path, encoding="utf-8") as stream:
-            return stream.read()
+        return read_text(path)
     except UnicodeDecodeError as error:
         raise input_error(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from error
     except OSError as error:

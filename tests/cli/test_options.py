@@ -12,14 +12,15 @@ from pathlib import Path
 
 import pytest
 
-from msggen.cli import DONE, FAILED, FINDINGS, _parser, main
+from msggen.cli import DONE, FAILED, FINDINGS, main, parser_for
 from msggen.firmware.embedded import EMBEDDED
+from msggen.report import FORMATS
 from support.catalogs import write_definitions
 from support.repository import ROOT
 
 COMMANDS: dict[str, argparse.ArgumentParser] = next(
     action.choices  # type: ignore[misc]
-    for action in _parser([])._actions
+    for action in parser_for([])._actions
     if action.nargs == argparse.PARSER
 )
 """The parser of every command."""
@@ -31,8 +32,11 @@ def actions(command: str) -> list[argparse.Action]:
 
 
 def meaning(action: argparse.Action) -> tuple[object, ...]:
-    choices = None if action.choices is None else tuple(action.choices)
-    return (type(action), action.help, action.type, action.default, action.metavar, action.nargs, choices)
+    """Return the meaning of an option. The formats are not the same everywhere, their default is."""
+    formats = "--output-format" in action.option_strings
+    choices = None if action.choices is None or formats else tuple(action.choices)
+    text = None if formats else action.help
+    return (type(action), text, action.type, action.default, action.metavar, action.nargs, choices)
 
 
 def meanings() -> dict[str, dict[str, tuple[object, ...]]]:
@@ -69,6 +73,12 @@ def test_the_shared_options_are_found() -> None:
 def test_commands_that_write_all_have_check_and_diff_but_the_stand_in_for_scripts() -> None:
     writing = {command for command, parser in COMMANDS.items() if parser.get_default("writes")}
     assert writing - {"px4-generate"} == {*CHECKED} == {*meanings()["--diff"]}
+
+
+def test_every_format_of_a_command_is_known() -> None:
+    formats = {command: action.choices for command in COMMANDS for action in actions(command) if action.choices}
+    assert formats["check"] == formats["breaking"] == FORMATS
+    assert {*(formats["rules"] or ())} <= {*FORMATS}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -222,10 +232,11 @@ def manifest() -> str:
 @pytest.mark.parametrize(
     ("setting", "options", "name"),
     [
-        ("", [], "px4_msgs"),
+        ("", [], "made"),
+        ("", ["--ros-package", "px4_msgs"], "px4_msgs"),
         ("", ["--ros-package", "my_msgs"], "my_msgs"),
         ("", ["--package", "my_msgs"], "my_msgs"),
-        ('package = "my_types"', [], "px4_msgs"),
+        ('package = "my_types"', [], "made"),
         ('ros-package = "my_msgs"', [], "my_msgs"),
         ('ros-package = "my_msgs"', ["--ros-package", "your_msgs"], "your_msgs"),
         ('ros-package = "my_msgs"', ["--package", "your_msgs"], "your_msgs"),

@@ -415,8 +415,9 @@ def test_another_meaning_is_warned_of_and_fails_nothing(
     write_definitions(Path("firmware"), {"msg/Rpm.msg": f"{text}{before}\n"})
     write_definitions(Path("px4_msgs"), {"msg/Rpm.msg": f"{text}{after}\n"})
     assert main(["check", *SIDES, "--output-format", "concise"]) == DONE
-    line, last = capsys.readouterr().out.splitlines()
+    line, remedy, last = capsys.readouterr().out.splitlines()
     assert line == f"px4_msgs/msg/Rpm.msg:2:1: {rule} warning: {said}"
+    assert remedy == "to fix: msggen sync --px4 firmware px4_msgs"
     assert last.endswith(", 1 warning")
 
 
@@ -579,7 +580,7 @@ def test_every_format_says_whether_there_is_drift(output_format: str, capsys: Ca
     assert check(*SIDES, "--output-format", output_format) == FAILED
     unclear = capsys.readouterr()
     assert "M101" in unclear.err
-    assert ("M101" in unclear.out) == (output_format == "github")
+    assert ("M101" in unclear.out) == (output_format not in ("full", "concise"))
 
 
 def test_a_finding_is_told_with_its_place(capsys: Capture) -> None:
@@ -588,6 +589,7 @@ def test_a_finding_is_told_with_its_place(capsys: Capture) -> None:
     line = next(number for number, text in enumerate((MSG / "Rpm.msg").read_text().splitlines(), 1) if "_meas" in text)
     assert capsys.readouterr().out.splitlines() == [
         f"px4_msgs/msg/Rpm.msg:{line}:1: FIELD_RENAMED 'rpm_measured' is called 'rpm_raw' in firmware",
+        "to fix: msggen sync --px4 firmware px4_msgs",
         "px4_msgs differs from firmware: 1 finding in 1 definition",
     ]
 

@@ -488,7 +488,7 @@ def test_a_refused_definition_writes_nothing_anywhere(working_folder: Path, caps
 
 # Names that the generated code uses
 
-LOCALS = ["message", "data", "header", "error", "allow_surplus", "cdr", "arrays", "new", "pack", "unpack_from", "usual"]
+LOCALS = ["message", "data", "header", "error", "allow_surplus", "cdr", "arrays", "new", "pack", "unpack", "usual"]
 BUILTINS = [
     "int",
     "float",

@@ -472,7 +472,9 @@ def test_no_module_imports_more_than_the_standard_library() -> None:
 def test_a_star_import_gives_everything(px4_types: Any) -> None:
     names: dict[str, Any] = {}
     exec("from px4_types import *", names)  # noqa: S102 - a star import is allowed only at module level
-    assert {*NAMES, "topics", "msg", "srv", "cdr", "DecodeError", "EncodeError"} == names.keys() - {"__builtins__"}
+    assert {*NAMES, "topics", "msg", "srv", "cdr", "by_type", "DecodeError", "EncodeError"} == names.keys() - {
+        "__builtins__"
+    }
     assert all(names[name] is getattr(px4_types.msg, name) for name in NAMES)
 
 
@@ -941,7 +943,8 @@ def test_px4_s_end_of_every_endpoint_is_what_px4_does(px4_types: Any) -> None:
 def test_topics_exports_its_public_names_only(px4_types: Any) -> None:
     topics: ModuleType = px4_types.topics
     classes = {"Endpoint", "Qos", "QosPair", "UorbTopic"}
-    assert set(topics.__all__) == {"ENDPOINTS", "ORB_ID", "UORB", *classes, "endpoint", "namespaced", "versions_of"}
+    functions = {"endpoint", "namespaced", "versions_of"}
+    assert set(topics.__all__) == {"ENDPOINTS", "ORB_ID", "UORB", *classes, *functions, "in_", "out"} == {*dir(topics)}
     tree = ast.parse(Path(str(topics.__file__)).read_text(encoding="utf-8"))
     assert ast.get_docstring(tree)
 

@@ -185,7 +185,7 @@ def test_there_are_no_views_and_batches(msg: Any, scan: Any, name: str) -> None:
         ({"corners": ""}, "Scan.corners: expected up to 2 values, got one: ''"),
         ({"ranges": b"abc"}, "Scan.ranges: expected values, got one: a bytes of 3"),
         ({"ranges": {}}, "Scan.ranges: expected values, got one: {}"),
-        ({"ranges": np.ones((2, 1))}, "Scan.ranges[0]: expected float32, got array([1.])"),
+        ({"ranges": np.ones((2, 1))}, "Scan.ranges: expected values, got an array of 2 dimensions"),
     ],
 )
 def test_a_value_that_cannot_be_is_named(scan: Any, cdr: Any, changes: dict[str, Any], text: str) -> None:
@@ -202,7 +202,7 @@ def test_a_value_that_cannot_be_is_named(scan: Any, cdr: Any, changes: dict[str,
         ({"flags": iter([True])}, None),
         ({"flags": [1.0]}, "Status.flags[0]: expected a bool, got 1.0"),
         ({"name": Ellipsis}, "Status.name: expected a str, got Ellipsis"),
-        ({"counts": np.ones((2, 1), int)}, "Status.counts[0]: expected int16, -32768 to 32767, got array([1])"),
+        ({"counts": np.ones((2, 1), int)}, "Status.counts: expected values, got an array of 2 dimensions"),
         ({"raw": array("H", [1])}, "Status.raw: expected up to 3 bytes, got a array of 1"),
         ({"flags": [2]}, "Status.flags[0]: expected a bool, got 2"),
         ({"counts": [1.5]}, "Status.counts[0]: expected int16, -32768 to 32767, got 1.5"),

@@ -665,3 +665,53 @@ def test_a_whole_written_by_mistake_is_a_short_text(embedded: Catalog) -> None:
 def test_an_indent_is_a_number() -> None:
     with pytest.raises(TypeError, match="expected a number of spaces as indent, got '  '"):
         comment("text", "//", "  ")  # type: ignore[arg-type]
+
+
+# --- One message, and stdout
+
+
+def test_only_the_named_messages_are_rendered_to_stdout(
+    working_folder: Path, capfdbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    write_definitions(working_folder, {"name.txt.j2": "{{ message.name }} °\n"})
+    arguments = ["render", "--template", "name.txt.j2", "--message", "Rpm", "--message", "EscReport", "-o"]
+    assert main([*arguments, "-"]) == 0
+    out, err = capfdbinary.readouterr()
+    assert (out, err) == ("EscReport °\nRpm °\n".encode(), b"")
+    assert not (working_folder / "-").exists()
+    assert main([*arguments, "made"]) == 0
+    assert sorted(path.name for path in (working_folder / "made").iterdir()) == ["esc_report.txt", "rpm.txt"]
+
+
+def test_unknown_messages_are_reported_with_the_nearest_name(
+    working_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_definitions(working_folder, {"name.txt.j2": ""})
+    names = [option for name in ("Rmp", "EscReport", "Qqq") for option in ("--message", name)]
+    assert main(["render", "--template", "name.txt.j2", "-o", "-", *names]) == 2
+    assert capsys.readouterr().err == (
+        "--message: T208 the sources have no message 'Qqq'\n"
+        "--message: T208 the sources have no message 'Rmp', did you mean 'Rpm'?\n"
+        "2 errors, nothing written\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["-o", "-", "--check"], "-o - writes no file: it cannot be combined with --check"),
+        (["-o", "-", "--diff"], "-o - writes no file: it cannot be combined with --diff"),
+        (["-o", "-", "--name", "x"], "-o - writes no file: it cannot be combined with --name"),
+        (["-o", "-", "--list-outputs"], "-o - writes no file: it cannot be combined with --list-outputs"),
+        (["-o", "-", "--depfile", "d"], "-o - writes no file: it cannot be combined with --depfile"),
+        (["-o", "x", "--each", "catalog", "--message", "Rpm"], "--message cannot be combined with --each catalog"),
+    ],
+)
+def test_options_that_contradict_each_other_are_refused(
+    options: list[str], told: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_definitions(working_folder, {"name.txt.j2": ""})
+    with pytest.raises(SystemExit) as stopped:
+        main(["render", "--template", "name.txt.j2", *options])
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err.endswith(f"error: {told}\n")

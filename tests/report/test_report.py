@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -260,6 +261,7 @@ def test_json_says_everything() -> None:
         "fails": True,
         "subject": "VehicleAttitude",
         "message": "'timestamp_sample' stands at byte 0, in PX4-Autopilot at 8",
+        "remedy": None,
         "location": {"path": "px4_msgs/msg/VehicleAttitude.msg", "line": 8, "column": 1},
         "before": {
             "location": {"path": "PX4-Autopilot/msg/versioned/VehicleAttitude.msg", "line": 9, "column": 1},
@@ -365,8 +367,98 @@ def test_github_shows_why_a_run_cannot_tell(
     told = capsys.readouterr()
     assert [row[: len(start)] for row, start in zip(told.out.splitlines(), expected, strict=True)] == expected
     assert told.err.endswith(f"{len(expected)} error{'s' * (len(expected) > 1)}\n")
-    assert main([*arguments, "--output-format", "json"]) == 2
+
+
+# --- errors in the formats for programs
+
+PROGRAMS = ("json", "github", "sarif", "junit")
+FAILURES = {
+    "input": (["check", "--px4", "a", "b"], ["M301", "M203"]),
+    "folder": (["check", "nowhere", "b"], ["S101"]),
+    "option": (["check", "--px5", "a"], ["usage"]),
+    "nothing": (["breaking"], ["usage"]),
+    "too many": (["check", "a", "b", "c"], ["usage"]),
+    "command": (["chekc"], ["usage"]),
+    "name": (["breaking", "--px4", "a", "--against", "x\u202e\udc80<&%\n"], ["S108"]),
+}
+
+
+def codes(output_format: str, text: str) -> list[str]:
+    """Return the codes of the errors in a document."""
+    if output_format == "json":
+        return [error["code"] for error in json.loads(text)["errors"]]
+    if output_format == "sarif":
+        [invocation] = json.loads(text)["runs"][0]["invocations"]
+        assert invocation["executionSuccessful"] is False
+        return [error["descriptor"]["id"] for error in invocation["toolExecutionNotifications"]]
+    if output_format == "junit":
+        return [error.get("type", "") for error in ET.fromstring(text).iter("error")]  # noqa: S314
+    return re.findall(r"(?m)^::error .*?title=(\w+)::", text)
+
+
+@pytest.mark.parametrize("failure", FAILURES)
+@pytest.mark.parametrize("output_format", PROGRAMS)
+def test_a_run_that_fails_gives_a_document_with_its_errors(
+    output_format: str, failure: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rpm = "unit64 timestamp\nuint8 timestamp\n"
+    write_definitions(working_folder, {"a/Rpm.msg": "uint64 timestamp\n", "b/Rpm.msg": rpm})
+    arguments, expected = FAILURES[failure]
+    for option in (["--output-format", output_format], [f"--output-format={output_format}"]):
+        try:
+            code = main([*arguments, *option])
+        except SystemExit as stopped:
+            code = int(stopped.code or 0)
+        told = capsys.readouterr()
+        assert code == 2
+        assert codes(output_format, told.out) == expected
+        assert told.err
+
+
+@pytest.mark.parametrize("failure", FAILURES)
+def test_sarif_of_a_run_that_fails_keeps_to_the_standard(
+    failure: str, working_folder: Path, capsys: pytest.CaptureFixture[str], check_sarif: Callable[[Any], None]
+) -> None:
+    write_definitions(working_folder, {"a/Rpm.msg": "uint64 timestamp\n", "b/Rpm.msg": "unit64 x\n"})
+    with suppress(SystemExit):
+        main([*FAILURES[failure][0], "--output-format", "sarif"])
+    check_sarif(json.loads(capsys.readouterr().out))
+
+
+@pytest.mark.parametrize("output_format", ["full", "concise"])
+def test_a_run_that_fails_prints_nothing_for_people_to_stdout(
+    output_format: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_definitions(working_folder, {"a/Rpm.msg": "uint64 timestamp\n"})
+    assert main(["check", "a", "nowhere", "--output-format", output_format]) == 2
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize("output_format", PROGRAMS)
+def test_an_error_of_the_system_is_in_the_document(
+    output_format: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied", "a/Rpm.msg")
+
+    monkeypatch.setattr("msggen.cli.check.firmware_of", fail)
+    assert main(["check", "a", "--output-format", output_format]) == 2
+    told = capsys.readouterr()
+    assert codes(output_format, told.out) == ["io"]
+    assert told.err == "msggen: a/Rpm.msg: Permission denied\n"
+
+
+# --- rules
+
+
+def test_rules_are_listed_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["rules", "--output-format", "json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [rule["id"] for rule in listed] == [rule.id for rule in RULES]
+    by_id = {rule["id"]: rule for rule in listed}
+    assert by_id["UNIT_CHANGED"]["commands"] == {"check": "warning", "breaking": "error"}
+    assert by_id["VERSION_NEEDLESS"]["commands"] == {"breaking": "error"}
+    assert by_id["FIELD_MOVED"]["category"] == "WIRE"
 
 
 # --- explain

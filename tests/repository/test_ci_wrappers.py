@@ -237,7 +237,12 @@ def test_the_action_runs_breaking(runner: Path, checkout: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "said"),
-    [("old nowhere", "nowhere: S101"), ("old 'my", "::error::arguments: No closing quotation"), ("--px5 old", "--px4")],
+    [
+        ("old nowhere", "nowhere: S101"),
+        ("old 'my", "::error::arguments: No closing quotation"),
+        ("--px5 old", "::error title=usage::msggen check: unknown argument '--px5', did you mean '--px4'?"),
+        ("", "::error title=usage::msggen check: the following arguments are required: PKG"),
+    ],
 )
 def test_the_action_tells_when_it_cannot_tell(runner: Path, checkout: Path, arguments: str, said: str) -> None:
     code, output = run_step(RUN, checkout, runner, {"arguments": arguments})
@@ -274,6 +279,7 @@ def documented(working_folder: Path) -> None:
     for name in ("msg", "srv"):
         shutil.copytree(ROOT / name, firmware / name)
         (package / name).mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>px4_msgs</name></package>")
     for path in (*DEFINITIONS, *(ROOT / "srv").glob("*.srv")):
         shutil.copy(path, package / path.suffix[1:])
     commit_all(firmware)
@@ -294,8 +300,10 @@ def console(command: str) -> list[str]:
 @pytest.mark.parametrize("command", [block[0] for block in CONSOLE if block[0].startswith("$ msggen ")])
 @pytest.mark.usefixtures("documented")
 def test_the_page_shows_what_the_commands_print(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(command.split()[2:]) == 1
-    assert capsys.readouterr().out.splitlines() == console(command)
+    code = main(command.split()[2:])
+    told = capsys.readouterr()
+    assert code == (2 if told.err else 1)
+    assert [*told.out.splitlines(), *told.err.splitlines()] == console(command)
 
 
 @pytest.mark.slow

@@ -46,7 +46,7 @@ def firmware(name: str = "firmware") -> Path:
 
 def package(name: str = "px4_msgs", source: str = "firmware") -> Path:
     """Return a package that is up to date with the small tree."""
-    assert sync("-q", "--px4", source, "--create", name) == 0
+    assert sync("-q", "--px4", source, "--create", "--ros-package", "px4_msgs", name) == 0
     return Path(name)
 
 

@@ -513,10 +513,40 @@ def test_looking_at_a_package_to_come_creates_nothing(capsys: pytest.CaptureFixt
     assert capsys.readouterr().out == "a/px4_msgs would be created from firmware: 7 definitions\n"
 
 
-def test_a_new_package_in_a_folder_of_another_name_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("folder", "options", "name", "follows"),
+    [
+        ("ws/src/acme_msgs", [], "acme_msgs", True),
+        ("ws/src/acme_msgs", ["--ros-package", "px4_msgs"], "px4_msgs", False),
+        ("ws/src/acme_msgs", ["--ros-package", "acme_msgs"], "acme_msgs", False),
+        ("ws/acme-v1.16", [], "px4_msgs", False),  # no name of a ROS package
+        ("ws/src/px4_msgs", [], "px4_msgs", False),
+    ],
+)
+def test_a_new_package_is_named_after_its_folder_and_keeps_its_name(
+    folder: str, options: list[str], name: str, *, follows: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
     firmware()
-    assert sync("--px4", "firmware", "--create", "ws/acme") == 0
-    assert capsys.readouterr().out == "ws/acme created from firmware: package px4_msgs, 7 definitions\n"
+    assert sync("--px4", "firmware", "--create", *options, folder) == 0
+    *more, last = capsys.readouterr().out.splitlines()
+    named = "" if os.path.basename(folder) == name else f"package {name}, "
+    assert last == f"{folder} created from firmware: {named}7 definitions"
+    assert [line.startswith(f"the package is named '{name}' after its folder, so its types are") for line in more] == (
+        [True] if follows else []
+    )
+    assert f"<name>{name}</name>" in Path(folder, "package.xml").read_text()
+    assert sync("-q", "--px4", "firmware", "--check", folder) == 0
+
+
+def test_a_package_that_msggen_did_not_write_needs_its_name(capsys: pytest.CaptureFixture[str]) -> None:
+    firmware()
+    plain_package("other")
+    Path("other/package.xml").write_text("<package><name>other</name></package>")
+    for options in ([], ["--create"]):
+        assert sync("--px4", "firmware", *options, "other") == 2
+        assert "this is the package 'other', not 'px4_msgs': give its name with --ros-package other" in (
+            capsys.readouterr().err
+        )
 
 
 def test_the_current_folder_is_called_by_its_package(

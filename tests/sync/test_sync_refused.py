@@ -247,7 +247,9 @@ REFUSALS = [
     ),
     Refusal("S107", "px4_msgs/package.xml:1:10", "not XML", spoil_manifest),
     # package of another name
-    Refusal("S112", "px4_msgs/package.xml", "'my_msgs', not 'px4_msgs'", rename_package),
+    Refusal(
+        "S112", "px4_msgs/package.xml", "'my_msgs', not 'px4_msgs'", rename_package, (*SYNC, "--package", "px4_msgs")
+    ),
     Refusal("S112", "px4_msgs/package.xml", "not 'my_msgs'", nothing, (*SYNC, "--package", "my_msgs")),
     Refusal("S112", "--ros-package", "'my-msgs' is not a valid name", nothing, (*SYNC, "--package", "my-msgs")),
     Refusal(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -78,6 +79,7 @@ class ActionRequest(_cdr.Message):
         source: int = 0,
         mode: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.action = action
         self.source = source
@@ -95,15 +97,16 @@ class ActionRequest(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.action, message.source, message.mode) = _unpack(data)
+            unpack = _unpack if len(data) == 15 else _unpack_padded
+            (header, message.timestamp, message.action, message.source, message.mode) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ActionRequest, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (15, 16, 17, 18):
+        if header != _USUAL:
             return _cdr.decode_other(ActionRequest, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ActionRequest",
         ros_type="px4_msgs/msg/ActionRequest",
         dds_type="px4_msgs::msg::dds_::ActionRequest_",
@@ -119,4 +122,9 @@ class ActionRequest(_cdr.Message):
             info.Field("source", "uint8", 9, 1, enum="SOURCE"),
             info.Field("mode", "uint8", 10, 1),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 ACTION_DISARM ACTION_ARM ACTION_TOGGLE_ARMING ACTION_UNKILL ACTION_KILL ACTION_SWITCH_MODE ACTION_VTOL_TRANSITION_TO_MULTICOPTER ACTION_VTOL_TRANSITION_TO_FIXEDWING ACTION_TERMINATION SOURCE_STICK_GESTURE SOURCE_RC_SWITCH SOURCE_RC_BUTTON SOURCE_RC_MODE_SLOT ORB_QUEUE_LENGTH",
+        ),
+        cls=cls,
     ))

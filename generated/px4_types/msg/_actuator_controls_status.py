@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -38,6 +38,7 @@ class ActuatorControlsStatus(_cdr.Message):
         timestamp: int = 0,
         control_power: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.control_power = control_power
 
@@ -65,7 +66,7 @@ class ActuatorControlsStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ActuatorControlsStatus",
         ros_type="px4_msgs/msg/ActuatorControlsStatus",
         dds_type="px4_msgs::msg::dds_::ActuatorControlsStatus_",
@@ -79,4 +80,6 @@ class ActuatorControlsStatus(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("control_power", "float32[3]", 8, 12, unit="-"),
         ),
+        constants=(),
+        cls=cls,
     ))

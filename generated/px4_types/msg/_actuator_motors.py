@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -54,6 +54,7 @@ class ActuatorMotors(_cdr.Message):
         reversible_flags: int = 0,
         control: tuple[float, ...] = (0.0,) * 12,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.reversible_flags = reversible_flags
@@ -95,7 +96,7 @@ class ActuatorMotors(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ActuatorMotors",
         ros_type="px4_msgs/msg/ActuatorMotors",
         dds_type="px4_msgs::msg::dds_::ActuatorMotors_",
@@ -113,4 +114,6 @@ class ActuatorMotors(_cdr.Message):
                 "control", "float32[12]", 20, 48, range="-1, 1", invalid="NaN Stops the motor",
             ),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 ACTUATOR_FUNCTION_MOTOR1 NUM_CONTROLS"),
+        cls=cls,
     ))

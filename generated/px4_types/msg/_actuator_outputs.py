@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import arrays as _arrays
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -49,6 +49,7 @@ class ActuatorOutputs(_cdr.Message):
         noutputs: int = 0,
         output: _arrays.Sequence[float] | None = None,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.noutputs = noutputs
         self.output = _arrays.zeros("f", 16) if output is None else output
@@ -74,7 +75,7 @@ class ActuatorOutputs(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ActuatorOutputs",
         ros_type="px4_msgs/msg/ActuatorOutputs",
         dds_type="px4_msgs::msg::dds_::ActuatorOutputs_",
@@ -89,4 +90,6 @@ class ActuatorOutputs(_cdr.Message):
             info.Field("noutputs", "uint32", 8, 4),
             info.Field("output", "float32[16]", 12, 64),
         ),
+        constants=info.constants(cls, "uint8 NUM_ACTUATOR_OUTPUTS NUM_ACTUATOR_OUTPUT_GROUPS"),
+        cls=cls,
     ))

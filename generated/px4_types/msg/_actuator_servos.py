@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -51,6 +51,7 @@ class ActuatorServos(_cdr.Message):
         timestamp_sample: int = 0,
         control: tuple[float, ...] = (0.0,) * 15,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.control = control
@@ -91,7 +92,7 @@ class ActuatorServos(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ActuatorServos",
         ros_type="px4_msgs/msg/ActuatorServos",
         dds_type="px4_msgs::msg::dds_::ActuatorServos_",
@@ -106,4 +107,6 @@ class ActuatorServos(_cdr.Message):
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
             info.Field("control", "float32[15]", 16, 60, unit="-", range="-1, 1"),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 NUM_CONTROLS"),
+        cls=cls,
     ))

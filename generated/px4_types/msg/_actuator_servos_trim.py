@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -42,6 +42,7 @@ class ActuatorServosTrim(_cdr.Message):
         timestamp: int = 0,
         trim: tuple[float, ...] = (0.0,) * 15,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.trim = trim
 
@@ -79,7 +80,7 @@ class ActuatorServosTrim(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ActuatorServosTrim",
         ros_type="px4_msgs/msg/ActuatorServosTrim",
         dds_type="px4_msgs::msg::dds_::ActuatorServosTrim_",
@@ -93,4 +94,6 @@ class ActuatorServosTrim(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("trim", "float32[15]", 8, 60, range="-1, 1"),
         ),
+        constants=info.constants(cls, "uint8 NUM_CONTROLS"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -62,6 +62,7 @@ class ActuatorTest(_cdr.Message):
         value: float = 0.0,
         timeout_ms: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.action = action
         self.function = function
@@ -93,7 +94,7 @@ class ActuatorTest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ActuatorTest",
         ros_type="px4_msgs/msg/ActuatorTest",
         dds_type="px4_msgs::msg::dds_::ActuatorTest_",
@@ -110,4 +111,9 @@ class ActuatorTest(_cdr.Message):
             info.Field("value", "float32", 12, 4, range="-1, 1"),
             info.Field("timeout_ms", "uint32", 16, 4, unit="ms"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 ACTION_RELEASE_CONTROL ACTION_DO_CONTROL FUNCTION_MOTOR1 MAX_NUM_MOTORS FUNCTION_SERVO1 MAX_NUM_SERVOS ORB_QUEUE_LENGTH",
+        ),
+        cls=cls,
     ))

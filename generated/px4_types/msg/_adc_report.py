@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import arrays as _arrays
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -56,6 +56,7 @@ class AdcReport(_cdr.Message):
         resolution: int = 0,
         v_ref: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id = device_id
         self.channel_id = _arrays.zeros("h", 16) if channel_id is None else channel_id
@@ -91,7 +92,7 @@ class AdcReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="AdcReport",
         ros_type="px4_msgs/msg/AdcReport",
         dds_type="px4_msgs::msg::dds_::AdcReport_",
@@ -109,4 +110,6 @@ class AdcReport(_cdr.Message):
             info.Field("resolution", "uint32", 108, 4, unit="-"),
             info.Field("v_ref", "float32", 112, 4, unit="V"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -55,6 +55,7 @@ class Airspeed(_cdr.Message):
         true_airspeed_m_s: float = 0.0,
         confidence: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.indicated_airspeed_m_s = indicated_airspeed_m_s
@@ -87,7 +88,7 @@ class Airspeed(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="Airspeed",
         ros_type="px4_msgs/msg/Airspeed",
         dds_type="px4_msgs::msg::dds_::Airspeed_",
@@ -104,4 +105,6 @@ class Airspeed(_cdr.Message):
             info.Field("true_airspeed_m_s", "float32", 20, 4, unit="m/s"),
             info.Field("confidence", "float32", 24, 4, range="0,1"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -113,6 +113,7 @@ class AirspeedValidated(_cdr.Message):
         throttle_filtered: float = 0.0,
         pitch_filtered: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.indicated_airspeed_m_s = indicated_airspeed_m_s
         self.calibrated_airspeed_m_s = calibrated_airspeed_m_s
@@ -154,7 +155,7 @@ class AirspeedValidated(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="AirspeedValidated",
         ros_type="px4_msgs/msg/AirspeedValidated",
         dds_type="px4_msgs::msg::dds_::AirspeedValidated_",
@@ -180,4 +181,9 @@ class AirspeedValidated(_cdr.Message):
             info.Field("throttle_filtered", "float32", 36, 4, unit="-"),
             info.Field("pitch_filtered", "float32", 40, 4, unit="rad"),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "int8 SOURCE_DISABLED SOURCE_GROUND_MINUS_WIND SOURCE_SENSOR_1 SOURCE_SENSOR_2 SOURCE_SENSOR_3 SOURCE_SYNTHETIC",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q11fB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -111,6 +112,7 @@ class AirspeedWind(_cdr.Message):
         beta_innov_var: float = 0.0,
         source: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.windspeed_north = windspeed_north
@@ -143,20 +145,21 @@ class AirspeedWind(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 65 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.windspeed_north,
                 message.windspeed_east, message.variance_north, message.variance_east, message.tas_innov,
                 message.tas_innov_var, message.tas_scale_raw, message.tas_scale_raw_var,
                 message.tas_scale_validated, message.beta_innov, message.beta_innov_var, message.source,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(AirspeedWind, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (65, 66, 67, 68):
+        if header != _USUAL:
             return _cdr.decode_other(AirspeedWind, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="AirspeedWind",
         ros_type="px4_msgs/msg/AirspeedWind",
         dds_type="px4_msgs::msg::dds_::AirspeedWind_",
@@ -186,4 +189,8 @@ class AirspeedWind(_cdr.Message):
             info.Field("beta_innov_var", "float32", 56, 4, unit="rad^2"),
             info.Field("source", "uint8", 60, 1, enum="SOURCE"),
         ),
+        constants=info.constants(
+            cls, "uint8 SOURCE_AS_BETA_ONLY SOURCE_AS_SENSOR_1 SOURCE_AS_SENSOR_2 SOURCE_AS_SENSOR_3",
+        ),
+        cls=cls,
     ))

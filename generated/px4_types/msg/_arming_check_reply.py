@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import cdr as _cdr
 from ._event import Event
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -17,7 +17,8 @@ _LAYOUT = _cdr.Layout(
     "Q3B4?BQIH25sBQIH25sBQIH25sBQIH25sBQIH25sB11?", xcdr2="Q8B4xQIH25sBQIH25sBQIH25sBQIH25sBQIH25s12B",
     delimiters=((16, 200),),
 )
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -150,6 +151,7 @@ class ArmingCheckReply(_cdr.Message):
         mode_req_prevent_arming: bool = False,
         mode_req_manual_control: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.request_id = request_id
         self.registration_id = registration_id
@@ -223,6 +225,7 @@ class ArmingCheckReply(_cdr.Message):
         events_3 = _new(Event)
         events_4 = _new(Event)
         try:
+            unpack = _unpack if len(data) == 231 else _unpack_padded
             (
                 header, message.timestamp, message.request_id, message.registration_id,
                 message.health_component_index, message.health_component_is_present,
@@ -239,16 +242,16 @@ class ArmingCheckReply(_cdr.Message):
                 message.mode_req_global_position_relaxed, message.mode_req_mission,
                 message.mode_req_home_position, message.mode_req_prevent_arming,
                 message.mode_req_manual_control,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ArmingCheckReply, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (231, 232, 233, 234):
+        if header != _USUAL:
             return _cdr.decode_other(ArmingCheckReply, cls, data, allow_surplus)
         message.events = (events_0, events_1, events_2, events_3, events_4)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ArmingCheckReply",
         ros_type="px4_msgs/msg/ArmingCheckReply",
         dds_type="px4_msgs::msg::dds_::ArmingCheckReply_",
@@ -281,4 +284,8 @@ class ArmingCheckReply(_cdr.Message):
             info.Field("mode_req_prevent_arming", "bool", 225, 1),
             info.Field("mode_req_manual_control", "bool", 226, 1),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION", "uint8 HEALTH_COMPONENT_INDEX_NONE ORB_QUEUE_LENGTH",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -47,6 +47,7 @@ class ArmingCheckRequest(_cdr.Message):
         request_id: int = 0,
         valid_registrations_mask: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.request_id = request_id
         self.valid_registrations_mask = valid_registrations_mask
@@ -73,7 +74,7 @@ class ArmingCheckRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ArmingCheckRequest",
         ros_type="px4_msgs/msg/ArmingCheckRequest",
         dds_type="px4_msgs::msg::dds_::ArmingCheckRequest_",
@@ -88,4 +89,6 @@ class ArmingCheckRequest(_cdr.Message):
             info.Field("request_id", "uint8", 8, 1, unit="-"),
             info.Field("valid_registrations_mask", "uint32", 12, 4, unit="-"),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

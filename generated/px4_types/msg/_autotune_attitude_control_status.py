@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q23fB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -135,6 +136,7 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
         y_filt: float = 0.0,
         state: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.coeff = coeff
         self.coeff_var = coeff_var
@@ -171,15 +173,16 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 105 else _unpack_padded
             (
                 header, message.timestamp, coeff_0, coeff_1, coeff_2, coeff_3, coeff_4, coeff_var_0,
                 coeff_var_1, coeff_var_2, coeff_var_3, coeff_var_4, message.fitness, message.innov,
                 message.dt_model, message.kc, message.ki, message.kd, message.kff, message.att_p, rate_sp_0,
                 rate_sp_1, rate_sp_2, message.u_filt, message.y_filt, message.state,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(AutotuneAttitudeControlStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (105, 106, 107, 108):
+        if header != _USUAL:
             return _cdr.decode_other(AutotuneAttitudeControlStatus, cls, data, allow_surplus)
         message.coeff = (coeff_0, coeff_1, coeff_2, coeff_3, coeff_4)
         message.coeff_var = (coeff_var_0, coeff_var_1, coeff_var_2, coeff_var_3, coeff_var_4)
@@ -187,7 +190,7 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="AutotuneAttitudeControlStatus",
         ros_type="px4_msgs/msg/AutotuneAttitudeControlStatus",
         dds_type="px4_msgs::msg::dds_::AutotuneAttitudeControlStatus_",
@@ -214,4 +217,9 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
             info.Field("y_filt", "float32", 96, 4, unit="rad/s"),
             info.Field("state", "uint8", 100, 1, enum="STATE"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 STATE_IDLE STATE_INIT STATE_ROLL_AMPLITUDE_DETECTION STATE_ROLL STATE_ROLL_PAUSE STATE_PITCH_AMPLITUDE_DETECTION STATE_PITCH STATE_PITCH_PAUSE STATE_YAW_AMPLITUDE_DETECTION STATE_YAW STATE_YAW_PAUSE STATE_VERIFICATION STATE_APPLY STATE_TEST STATE_COMPLETE STATE_FAIL STATE_WAIT_FOR_DISARM",
+        ),
+        cls=cls,
     ))

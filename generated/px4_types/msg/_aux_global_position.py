@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q2B6x2d3fB", xcdr2="2Q2B2x2Q3IB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -99,6 +100,7 @@ class AuxGlobalPosition(_cdr.Message):
         epv: float = 0.0,
         lat_lon_reset_counter: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.id = id
@@ -125,18 +127,19 @@ class AuxGlobalPosition(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 57 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.id, message.source, message.lat,
                 message.lon, message.alt, message.eph, message.epv, message.lat_lon_reset_counter,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(AuxGlobalPosition, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (57, 58, 59, 60):
+        if header != _USUAL:
             return _cdr.decode_other(AuxGlobalPosition, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="AuxGlobalPosition",
         ros_type="px4_msgs/msg/AuxGlobalPosition",
         dds_type="px4_msgs::msg::dds_::AuxGlobalPosition_",
@@ -158,4 +161,9 @@ class AuxGlobalPosition(_cdr.Message):
             info.Field("epv", "float32", 48, 4, unit="m", invalid="NaN"),
             info.Field("lat_lon_reset_counter", "uint8", 52, 1, unit="-"),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "uint8 SOURCE_UNKNOWN SOURCE_GNSS SOURCE_VISION SOURCE_PSEUDOLITES SOURCE_TERRAIN SOURCE_MAGNETIC SOURCE_ESTIMATOR SOURCE_LEO",
+        ),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QB32s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -42,6 +43,7 @@ class BatteryInfo(_cdr.Message):
         id: int = 0,
         serial_number: bytes = bytes(32),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.id = id
         self.serial_number = serial_number
@@ -60,15 +62,16 @@ class BatteryInfo(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.id, message.serial_number) = _unpack(data)
+            unpack = _unpack if len(data) == 45 else _unpack_padded
+            (header, message.timestamp, message.id, message.serial_number) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(BatteryInfo, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (45, 46, 47, 48):
+        if header != _USUAL:
             return _cdr.decode_other(BatteryInfo, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="BatteryInfo",
         ros_type="px4_msgs/msg/BatteryInfo",
         dds_type="px4_msgs::msg::dds_::BatteryInfo_",
@@ -83,4 +86,6 @@ class BatteryInfo(_cdr.Message):
             info.Field("id", "uint8", 8, 1),
             info.Field("serial_number", "char[32]", 9, 32, invalid="0 All bytes"),
         ),
+        constants=(),
+        cls=cls,
     ))

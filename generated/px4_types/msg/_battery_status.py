@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -283,6 +283,7 @@ class BatteryStatus(_cdr.Message):
         prediction_error: float = 0.0,
         estimation_covariance_norm: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.connected = connected
         self.voltage_v = voltage_v
@@ -383,7 +384,7 @@ class BatteryStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="BatteryStatus",
         ros_type="px4_msgs/msg/BatteryStatus",
         dds_type="px4_msgs::msg::dds_::BatteryStatus_",
@@ -433,4 +434,9 @@ class BatteryStatus(_cdr.Message):
             info.Field("prediction_error", "float32", 168, 4, unit="V"),
             info.Field("estimation_covariance_norm", "float32", 172, 4, unit="-"),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "uint8 MAX_INSTANCES SOURCE_POWER_MODULE SOURCE_EXTERNAL SOURCE_ESCS WARNING_NONE WARNING_LOW WARNING_CRITICAL WARNING_EMERGENCY WARNING_FAILED STATE_UNHEALTHY STATE_CHARGING FAULT_DEEP_DISCHARGE FAULT_SPIKES FAULT_CELL_FAIL FAULT_OVER_CURRENT FAULT_OVER_TEMPERATURE FAULT_UNDER_TEMPERATURE FAULT_INCOMPATIBLE_VOLTAGE FAULT_INCOMPATIBLE_FIRMWARE FAULT_INCOMPATIBLE_MODEL FAULT_HARDWARE_FAILURE FAULT_FAILED_TO_ARM FAULT_COUNT",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -42,6 +43,7 @@ class ButtonEvent(_cdr.Message):
         timestamp: int = 0,
         triggered: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.triggered = triggered
 
@@ -59,15 +61,16 @@ class ButtonEvent(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.triggered) = _unpack(data)
+            unpack = _unpack if len(data) == 13 else _unpack_padded
+            (header, message.timestamp, message.triggered) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ButtonEvent, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (13, 14, 15, 16):
+        if header != _USUAL:
             return _cdr.decode_other(ButtonEvent, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ButtonEvent",
         ros_type="px4_msgs/msg/ButtonEvent",
         dds_type="px4_msgs::msg::dds_::ButtonEvent_",
@@ -81,4 +84,6 @@ class ButtonEvent(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("triggered", "bool", 8, 1),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

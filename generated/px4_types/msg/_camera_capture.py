@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI4x2d6fb", xcdr2="2QI2Q6IB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -71,6 +72,7 @@ class CameraCapture(_cdr.Message):
         q: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
         result: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_utc = timestamp_utc
         self.seq = seq
@@ -97,19 +99,20 @@ class CameraCapture(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 69 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_utc, message.seq, message.lat, message.lon,
                 message.alt, message.ground_distance, q_0, q_1, q_2, q_3, message.result,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(CameraCapture, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (69, 70, 71, 72):
+        if header != _USUAL:
             return _cdr.decode_other(CameraCapture, cls, data, allow_surplus)
         message.q = (q_0, q_1, q_2, q_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="CameraCapture",
         ros_type="px4_msgs/msg/CameraCapture",
         dds_type="px4_msgs::msg::dds_::CameraCapture_",
@@ -130,4 +133,6 @@ class CameraCapture(_cdr.Message):
             info.Field("q", "float32[4]", 48, 16, frame="NED"),
             info.Field("result", "int8", 64, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -42,6 +43,7 @@ class CameraStatus(_cdr.Message):
         active_sys_id: int = 0,
         active_comp_id: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.active_sys_id = active_sys_id
         self.active_comp_id = active_comp_id
@@ -58,15 +60,16 @@ class CameraStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.active_sys_id, message.active_comp_id) = _unpack(data)
+            unpack = _unpack if len(data) == 14 else _unpack_padded
+            (header, message.timestamp, message.active_sys_id, message.active_comp_id) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(CameraStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (14, 15, 16, 17):
+        if header != _USUAL:
             return _cdr.decode_other(CameraStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="CameraStatus",
         ros_type="px4_msgs/msg/CameraStatus",
         dds_type="px4_msgs::msg::dds_::CameraStatus_",
@@ -81,4 +84,6 @@ class CameraStatus(_cdr.Message):
             info.Field("active_sys_id", "uint8", 8, 1),
             info.Field("active_comp_id", "uint8", 9, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

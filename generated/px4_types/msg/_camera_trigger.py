@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -50,6 +51,7 @@ class CameraTrigger(_cdr.Message):
         seq: int = 0,
         feedback: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_utc = timestamp_utc
         self.seq = seq
@@ -69,17 +71,18 @@ class CameraTrigger(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 25 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_utc, message.seq, message.feedback,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(CameraTrigger, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (25, 26, 27, 28):
+        if header != _USUAL:
             return _cdr.decode_other(CameraTrigger, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="CameraTrigger",
         ros_type="px4_msgs/msg/CameraTrigger",
         dds_type="px4_msgs::msg::dds_::CameraTrigger_",
@@ -95,4 +98,6 @@ class CameraTrigger(_cdr.Message):
             info.Field("seq", "uint32", 16, 4),
             info.Field("feedback", "bool", 20, 1),
         ),
+        constants=info.constants(cls, "uint32 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -50,6 +50,7 @@ class CanInterfaceStatus(_cdr.Message):
         frames_tx: int = 0,
         frames_rx: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.interface = interface
         self.io_errors = io_errors
@@ -81,7 +82,7 @@ class CanInterfaceStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="CanInterfaceStatus",
         ros_type="px4_msgs/msg/CanInterfaceStatus",
         dds_type="px4_msgs::msg::dds_::CanInterfaceStatus_",
@@ -98,4 +99,6 @@ class CanInterfaceStatus(_cdr.Message):
             info.Field("frames_tx", "uint64", 24, 8),
             info.Field("frames_rx", "uint64", 32, 8),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -162,6 +162,7 @@ class CellularStatus(_cdr.Message):
         rx_quality: float = 0.0,
         sinr: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.status = status
         self.failure_reason = failure_reason
@@ -214,7 +215,7 @@ class CellularStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="CellularStatus",
         ros_type="px4_msgs/msg/CellularStatus",
         dds_type="px4_msgs::msg::dds_::CellularStatus_",
@@ -245,4 +246,9 @@ class CellularStatus(_cdr.Message):
             info.Field("rx_quality", "float32", 56, 4, unit="dBm", invalid="0"),
             info.Field("sinr", "float32", 60, 4, unit="dB", invalid="0"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 STATUS_FLAG_UNKNOWN STATUS_FLAG_FAILED STATUS_FLAG_INITIALIZING STATUS_FLAG_LOCKED STATUS_FLAG_DISABLED STATUS_FLAG_DISABLING STATUS_FLAG_ENABLING STATUS_FLAG_ENABLED STATUS_FLAG_SEARCHING STATUS_FLAG_REGISTERED STATUS_FLAG_DISCONNECTING STATUS_FLAG_CONNECTING STATUS_FLAG_CONNECTED FAILURE_REASON_NONE FAILURE_REASON_UNKNOWN FAILURE_REASON_SIM_MISSING FAILURE_REASON_SIM_ERROR CELLULAR_NETWORK_RADIO_TYPE_NONE CELLULAR_NETWORK_RADIO_TYPE_GSM CELLULAR_NETWORK_RADIO_TYPE_CDMA CELLULAR_NETWORK_RADIO_TYPE_WCDMA CELLULAR_NETWORK_RADIO_TYPE_LTE",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -44,6 +44,7 @@ class CollisionConstraints(_cdr.Message):
         original_setpoint: tuple[float, float] = (0.0, 0.0),
         adapted_setpoint: tuple[float, float] = (0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.original_setpoint = original_setpoint
         self.adapted_setpoint = adapted_setpoint
@@ -78,7 +79,7 @@ class CollisionConstraints(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="CollisionConstraints",
         ros_type="px4_msgs/msg/CollisionConstraints",
         dds_type="px4_msgs::msg::dds_::CollisionConstraints_",
@@ -97,4 +98,6 @@ class CollisionConstraints(_cdr.Message):
                 "adapted_setpoint", "float32[2]", 16, 8, invalid="NaN No limit", frame="NED",
             ),
         ),
+        constants=(),
+        cls=cls,
     ))

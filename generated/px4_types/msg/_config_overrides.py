@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2?h?bB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -74,6 +75,7 @@ class ConfigOverrides(_cdr.Message):
         source_type: int = 0,
         source_id: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.disable_auto_disarm = disable_auto_disarm
         self.defer_failsafes = defer_failsafes
@@ -99,19 +101,20 @@ class ConfigOverrides(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 19 else _unpack_padded
             (
                 header, message.timestamp, message.disable_auto_disarm, message.defer_failsafes,
                 message.defer_failsafes_timeout_s, message.disable_auto_set_home, message.source_type,
                 message.source_id,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ConfigOverrides, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (19, 20, 21, 22):
+        if header != _USUAL:
             return _cdr.decode_other(ConfigOverrides, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ConfigOverrides",
         ros_type="px4_msgs/msg/ConfigOverrides",
         dds_type="px4_msgs::msg::dds_::ConfigOverrides_",
@@ -130,4 +133,9 @@ class ConfigOverrides(_cdr.Message):
             info.Field("source_type", "int8", 13, 1, enum="SOURCE_TYPE"),
             info.Field("source_id", "uint8", 14, 1),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION", "int8 SOURCE_TYPE_MODE SOURCE_TYPE_MODE_EXECUTOR",
+            "uint8 ORB_QUEUE_LENGTH",
+        ),
+        cls=cls,
     ))

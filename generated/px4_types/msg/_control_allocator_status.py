@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import arrays as _arrays
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -14,7 +14,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q?3x3f?3x3f16s2H?", words="QB3x3IB3x3I16B2HB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 _from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
@@ -101,6 +102,7 @@ class ControlAllocatorStatus(_cdr.Message):
         motor_stop_mask: int = 0,
         actuator_group_preflight_check_active: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.torque_setpoint_achieved = torque_setpoint_achieved
         self.unallocated_torque = unallocated_torque
@@ -136,16 +138,17 @@ class ControlAllocatorStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 65 else _unpack_padded
             (
                 header, message.timestamp, message.torque_setpoint_achieved, unallocated_torque_0,
                 unallocated_torque_1, unallocated_torque_2, message.thrust_setpoint_achieved,
                 unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2, actuator_saturation_raw,
                 message.handled_motor_failure_mask, message.motor_stop_mask,
                 message.actuator_group_preflight_check_active,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ControlAllocatorStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (65, 66, 67, 68):
+        if header != _USUAL:
             return _cdr.decode_other(ControlAllocatorStatus, cls, data, allow_surplus)
         message.unallocated_torque = (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2)
         message.unallocated_thrust = (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2)
@@ -153,7 +156,7 @@ class ControlAllocatorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ControlAllocatorStatus",
         ros_type="px4_msgs/msg/ControlAllocatorStatus",
         dds_type="px4_msgs::msg::dds_::ControlAllocatorStatus_",
@@ -174,4 +177,9 @@ class ControlAllocatorStatus(_cdr.Message):
             info.Field("motor_stop_mask", "uint16", 58, 2),
             info.Field("actuator_group_preflight_check_active", "bool", 60, 1),
         ),
+        constants=info.constants(
+            cls,
+            "int8 ACTUATOR_SATURATION_OK ACTUATOR_SATURATION_UPPER_DYN ACTUATOR_SATURATION_UPPER ACTUATOR_SATURATION_LOWER_DYN ACTUATOR_SATURATION_LOWER",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -41,6 +41,7 @@ class Cpuload(_cdr.Message):
         load: float = 0.0,
         ram_usage: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.load = load
         self.ram_usage = ram_usage
@@ -65,7 +66,7 @@ class Cpuload(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="Cpuload",
         ros_type="px4_msgs/msg/Cpuload",
         dds_type="px4_msgs::msg::dds_::Cpuload_",
@@ -80,4 +81,6 @@ class Cpuload(_cdr.Message):
             info.Field("load", "float32", 8, 4, unit="-", range="0, 1"),
             info.Field("ram_usage", "float32", 12, 4, unit="-", range="0, 1"),
         ),
+        constants=(),
+        cls=cls,
     ))

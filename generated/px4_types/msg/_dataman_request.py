@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -58,6 +58,7 @@ class DatamanRequest(_cdr.Message):
         data: bytes = bytes(56),
         data_length: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.client_id = client_id
         self.request_type = request_type
@@ -94,7 +95,7 @@ class DatamanRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="DatamanRequest",
         ros_type="px4_msgs/msg/DatamanRequest",
         dds_type="px4_msgs::msg::dds_::DatamanRequest_",
@@ -113,4 +114,6 @@ class DatamanRequest(_cdr.Message):
             info.Field("data", "uint8[56]", 16, 56),
             info.Field("data_length", "uint32", 72, 4, unit="bytes"),
         ),
+        constants=(),
+        cls=cls,
     ))

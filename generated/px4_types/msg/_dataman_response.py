@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3BxI56sB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -67,6 +68,7 @@ class DatamanResponse(_cdr.Message):
         data: bytes = bytes(56),
         status: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.client_id = client_id
         self.request_type = request_type
@@ -92,18 +94,19 @@ class DatamanResponse(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 77 else _unpack_padded
             (
                 header, message.timestamp, message.client_id, message.request_type, message.item,
                 message.index, message.data, message.status,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(DatamanResponse, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (77, 78, 79, 80):
+        if header != _USUAL:
             return _cdr.decode_other(DatamanResponse, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="DatamanResponse",
         ros_type="px4_msgs/msg/DatamanResponse",
         dds_type="px4_msgs::msg::dds_::DatamanResponse_",
@@ -122,4 +125,9 @@ class DatamanResponse(_cdr.Message):
             info.Field("data", "uint8[56]", 16, 56),
             info.Field("status", "uint8", 72, 1, enum="STATUS"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 STATUS_SUCCESS STATUS_FAILURE_ID_ERR STATUS_FAILURE_NO_DATA STATUS_FAILURE_READ_FAILED STATUS_FAILURE_WRITE_FAILED STATUS_FAILURE_CLEAR_FAILED",
+        ),
+        cls=cls,
     ))

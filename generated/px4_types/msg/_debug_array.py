@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import arrays as _arrays
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -52,6 +52,7 @@ class DebugArray(_cdr.Message):
         name: bytes = bytes(10),
         data: _arrays.Sequence[float] | None = None,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.id = id
         self.name = name
@@ -80,7 +81,7 @@ class DebugArray(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="DebugArray",
         ros_type="px4_msgs/msg/DebugArray",
         dds_type="px4_msgs::msg::dds_::DebugArray_",
@@ -96,4 +97,6 @@ class DebugArray(_cdr.Message):
             info.Field("name", "char[10]", 10, 10),
             info.Field("data", "float32[58]", 20, 232),
         ),
+        constants=info.constants(cls, "uint8 ARRAY_SIZE"),
+        cls=cls,
     ))

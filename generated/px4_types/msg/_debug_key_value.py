@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -42,6 +42,7 @@ class DebugKeyValue(_cdr.Message):
         key: bytes = bytes(10),
         value: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.key = key
         self.value = value
@@ -68,7 +69,7 @@ class DebugKeyValue(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="DebugKeyValue",
         ros_type="px4_msgs/msg/DebugKeyValue",
         dds_type="px4_msgs::msg::dds_::DebugKeyValue_",
@@ -83,4 +84,6 @@ class DebugKeyValue(_cdr.Message):
             info.Field("key", "char[10]", 8, 10),
             info.Field("value", "float32", 20, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -42,6 +42,7 @@ class DebugValue(_cdr.Message):
         ind: int = 0,
         value: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.ind = ind
         self.value = value
@@ -66,7 +67,7 @@ class DebugValue(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="DebugValue",
         ros_type="px4_msgs/msg/DebugValue",
         dds_type="px4_msgs::msg::dds_::DebugValue_",
@@ -81,4 +82,6 @@ class DebugValue(_cdr.Message):
             info.Field("ind", "int8", 8, 1),
             info.Field("value", "float32", 12, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

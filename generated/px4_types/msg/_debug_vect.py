@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -50,6 +50,7 @@ class DebugVect(_cdr.Message):
         y: float = 0.0,
         z: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.name = name
         self.x = x
@@ -78,7 +79,7 @@ class DebugVect(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="DebugVect",
         ros_type="px4_msgs/msg/DebugVect",
         dds_type="px4_msgs::msg::dds_::DebugVect_",
@@ -95,4 +96,6 @@ class DebugVect(_cdr.Message):
             info.Field("y", "float32", 24, 4),
             info.Field("z", "float32", 28, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

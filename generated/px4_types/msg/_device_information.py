@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB80s3xI24s24s33s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -88,6 +89,7 @@ class DeviceInformation(_cdr.Message):
         hardware_version: bytes = bytes(24),
         serial_number: bytes = bytes(33),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_type = device_type
         self.name = name
@@ -119,18 +121,19 @@ class DeviceInformation(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 181 else _unpack_padded
             (
                 header, message.timestamp, message.device_type, message.name, message.device_id,
                 message.firmware_version, message.hardware_version, message.serial_number,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(DeviceInformation, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (181, 182, 183, 184):
+        if header != _USUAL:
             return _cdr.decode_other(DeviceInformation, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="DeviceInformation",
         ros_type="px4_msgs/msg/DeviceInformation",
         dds_type="px4_msgs::msg::dds_::DeviceInformation_",
@@ -155,4 +158,9 @@ class DeviceInformation(_cdr.Message):
                 "serial_number", "char[33]", 144, 33, unit="-", invalid="empty if not available",
             ),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 DEVICE_TYPE_GENERIC DEVICE_TYPE_AIRSPEED DEVICE_TYPE_ESC DEVICE_TYPE_SERVO DEVICE_TYPE_GPS DEVICE_TYPE_MAGNETOMETER DEVICE_TYPE_PARACHUTE DEVICE_TYPE_RANGEFINDER DEVICE_TYPE_WINCH DEVICE_TYPE_BAROMETER DEVICE_TYPE_OPTICAL_FLOW DEVICE_TYPE_ACCELEROMETER DEVICE_TYPE_GYROSCOPE DEVICE_TYPE_DIFFERENTIAL_PRESSURE DEVICE_TYPE_BATTERY DEVICE_TYPE_HYGROMETER",
+        ),
+        cls=cls,
     ))

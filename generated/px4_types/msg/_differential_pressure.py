@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -67,6 +67,7 @@ class DifferentialPressure(_cdr.Message):
         pitot_temperature: float = 0.0,
         error_count: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -102,7 +103,7 @@ class DifferentialPressure(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="DifferentialPressure",
         ros_type="px4_msgs/msg/DifferentialPressure",
         dds_type="px4_msgs::msg::dds_::DifferentialPressure_",
@@ -123,4 +124,6 @@ class DifferentialPressure(_cdr.Message):
             ),
             info.Field("error_count", "uint32", 32, 4, unit="-"),
         ),
+        constants=(),
+        cls=cls,
     ))

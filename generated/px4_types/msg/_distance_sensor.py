@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI4fbB2x6f2B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -130,6 +131,7 @@ class DistanceSensor(_cdr.Message):
         orientation: int = 0,
         mode: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id = device_id
         self.min_distance = min_distance
@@ -161,20 +163,21 @@ class DistanceSensor(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 62 else _unpack_padded
             (
                 header, message.timestamp, message.device_id, message.min_distance, message.max_distance,
                 message.current_distance, message.variance, message.signal_quality, message.type,
                 message.h_fov, message.v_fov, q_0, q_1, q_2, q_3, message.orientation, message.mode,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(DistanceSensor, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (62, 63, 64, 65):
+        if header != _USUAL:
             return _cdr.decode_other(DistanceSensor, cls, data, allow_surplus)
         message.q = (q_0, q_1, q_2, q_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="DistanceSensor",
         ros_type="px4_msgs/msg/DistanceSensor",
         dds_type="px4_msgs::msg::dds_::DistanceSensor_",
@@ -199,4 +202,9 @@ class DistanceSensor(_cdr.Message):
             info.Field("orientation", "uint8", 56, 1, enum="ROTATION"),
             info.Field("mode", "uint8", 57, 1, enum="MODE"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 MAV_DISTANCE_SENSOR_LASER MAV_DISTANCE_SENSOR_ULTRASOUND MAV_DISTANCE_SENSOR_INFRARED MAV_DISTANCE_SENSOR_RADAR ROTATION_YAW_0 ROTATION_YAW_45 ROTATION_YAW_90 ROTATION_YAW_135 ROTATION_YAW_180 ROTATION_YAW_225 ROTATION_YAW_270 ROTATION_YAW_315 ROTATION_FORWARD_FACING ROTATION_RIGHT_FACING ROTATION_BACKWARD_FACING ROTATION_LEFT_FACING ROTATION_UPWARD_FACING ROTATION_DOWNWARD_FACING ROTATION_CUSTOM MODE_UNKNOWN MODE_ENABLED MODE_DISABLED",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH2xI3BxH")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -74,6 +75,7 @@ class DronecanNodeStatus(_cdr.Message):
         sub_mode: int = 0,
         vendor_specific_status_code: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.node_id = node_id
         self.uptime_sec = uptime_sec
@@ -97,18 +99,19 @@ class DronecanNodeStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 26 else _unpack_padded
             (
                 header, message.timestamp, message.node_id, message.uptime_sec, message.health, message.mode,
                 message.sub_mode, message.vendor_specific_status_code,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(DronecanNodeStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (26, 27, 28, 29):
+        if header != _USUAL:
             return _cdr.decode_other(DronecanNodeStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="DronecanNodeStatus",
         ros_type="px4_msgs/msg/DronecanNodeStatus",
         dds_type="px4_msgs::msg::dds_::DronecanNodeStatus_",
@@ -127,4 +130,9 @@ class DronecanNodeStatus(_cdr.Message):
             info.Field("sub_mode", "uint8", 18, 1),
             info.Field("vendor_specific_status_code", "uint16", 20, 2),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 HEALTH_OK HEALTH_WARNING HEALTH_ERROR HEALTH_CRITICAL MODE_OPERATIONAL MODE_INITIALIZATION MODE_MAINTENANCE MODE_SOFTWARE_UPDATE MODE_OFFLINE",
+        ),
+        cls=cls,
     ))

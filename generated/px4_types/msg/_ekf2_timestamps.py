@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q7h")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -76,6 +77,7 @@ class Ekf2Timestamps(_cdr.Message):
         vehicle_magnetometer_timestamp_rel: int = 0,
         visual_odometry_timestamp_rel: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.airspeed_timestamp_rel = airspeed_timestamp_rel
         self.airspeed_validated_timestamp_rel = airspeed_validated_timestamp_rel
@@ -102,20 +104,21 @@ class Ekf2Timestamps(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 26 else _unpack_padded
             (
                 header, message.timestamp, message.airspeed_timestamp_rel,
                 message.airspeed_validated_timestamp_rel, message.distance_sensor_timestamp_rel,
                 message.optical_flow_timestamp_rel, message.vehicle_air_data_timestamp_rel,
                 message.vehicle_magnetometer_timestamp_rel, message.visual_odometry_timestamp_rel,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(Ekf2Timestamps, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (26, 27, 28, 29):
+        if header != _USUAL:
             return _cdr.decode_other(Ekf2Timestamps, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="Ekf2Timestamps",
         ros_type="px4_msgs/msg/Ekf2Timestamps",
         dds_type="px4_msgs::msg::dds_::Ekf2Timestamps_",
@@ -147,4 +150,6 @@ class Ekf2Timestamps(_cdr.Message):
                 "visual_odometry_timestamp_rel", "int16", 20, 2, invalid="32767 No new sample",
             ),
         ),
+        constants=info.constants(cls, "int16 RELATIVE_TIMESTAMP_INVALID"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -56,6 +56,7 @@ class EscEepromRead(_cdr.Message):
         length: int = 0,
         data: bytes = bytes(48),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.firmware = firmware
         self.index = index
@@ -86,7 +87,7 @@ class EscEepromRead(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EscEepromRead",
         ros_type="px4_msgs/msg/EscEepromRead",
         dds_type="px4_msgs::msg::dds_::EscEepromRead_",
@@ -103,4 +104,6 @@ class EscEepromRead(_cdr.Message):
             info.Field("length", "uint16", 10, 2, unit="-"),
             info.Field("data", "uint8[48]", 12, 48, unit="-"),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

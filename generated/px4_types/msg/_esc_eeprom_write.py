@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -58,6 +58,7 @@ class EscEepromWrite(_cdr.Message):
         data: bytes = bytes(48),
         write_mask: tuple[int, int] = (0, 0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.firmware = firmware
         self.index = index
@@ -95,7 +96,7 @@ class EscEepromWrite(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EscEepromWrite",
         ros_type="px4_msgs/msg/EscEepromWrite",
         dds_type="px4_msgs::msg::dds_::EscEepromWrite_",
@@ -113,4 +114,6 @@ class EscEepromWrite(_cdr.Message):
             info.Field("data", "uint8[48]", 12, 48, unit="-"),
             info.Field("write_mask", "uint32[2]", 60, 8, unit="-"),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

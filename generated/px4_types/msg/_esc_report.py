@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIi3fh2BHb")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -103,6 +104,7 @@ class EscReport(_cdr.Message):
         failures: int = 0,
         esc_power: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.esc_errorcount = esc_errorcount
         self.esc_rpm = esc_rpm
@@ -131,19 +133,20 @@ class EscReport(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 39 else _unpack_padded
             (
                 header, message.timestamp, message.esc_errorcount, message.esc_rpm, message.esc_voltage,
                 message.esc_current, message.esc_temperature, message.motor_temperature, message.esc_state,
                 message.actuator_function, message.failures, message.esc_power,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EscReport, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (39, 40, 41, 42):
+        if header != _USUAL:
             return _cdr.decode_other(EscReport, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EscReport",
         ros_type="px4_msgs/msg/EscReport",
         dds_type="px4_msgs::msg::dds_::EscReport_",
@@ -166,4 +169,9 @@ class EscReport(_cdr.Message):
             info.Field("failures", "uint16", 32, 2, enum="FAILURE"),
             info.Field("esc_power", "int8", 34, 1, unit="%", range="0,100"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 ACTUATOR_FUNCTION_MOTOR1 ACTUATOR_FUNCTION_MOTOR_MAX FAILURE_OVER_CURRENT FAILURE_OVER_VOLTAGE FAILURE_MOTOR_OVER_TEMPERATURE FAILURE_OVER_RPM FAILURE_INCONSISTENT_CMD FAILURE_MOTOR_STUCK FAILURE_GENERIC FAILURE_MOTOR_WARN_TEMPERATURE FAILURE_WARN_ESC_TEMPERATURE FAILURE_OVER_ESC_TEMPERATURE ESC_FAILURE_COUNT",
+        ),
+        cls=cls,
     ))

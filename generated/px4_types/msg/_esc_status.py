@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import cdr as _cdr
 from ._esc_report import EscReport
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -18,7 +18,8 @@ _LAYOUT = _cdr.Layout(
     xcdr2="QH2B2H4xQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHBxQ5IH2BHB",
     delimiters=((16, 431),),
 )
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -80,6 +81,7 @@ class EscStatus(_cdr.Message):
         esc_armed_flags: int = 0,
         esc: tuple[EscReport, ...] | None = None,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.counter = counter
         self.esc_count = esc_count
@@ -148,6 +150,7 @@ class EscStatus(_cdr.Message):
         esc_10 = _new(EscReport)
         esc_11 = _new(EscReport)
         try:
+            unpack = _unpack if len(data) == 495 else _unpack_padded
             (
                 header, message.timestamp, message.counter, message.esc_count, message.esc_connectiontype,
                 message.esc_online_flags, message.esc_armed_flags, esc_0.timestamp, esc_0.esc_errorcount,
@@ -181,10 +184,10 @@ class EscStatus(_cdr.Message):
                 esc_10.failures, esc_10.esc_power, esc_11.timestamp, esc_11.esc_errorcount, esc_11.esc_rpm,
                 esc_11.esc_voltage, esc_11.esc_current, esc_11.esc_temperature, esc_11.motor_temperature,
                 esc_11.esc_state, esc_11.actuator_function, esc_11.failures, esc_11.esc_power,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EscStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (495, 496, 497, 498):
+        if header != _USUAL:
             return _cdr.decode_other(EscStatus, cls, data, allow_surplus)
         message.esc = (
             esc_0, esc_1, esc_2, esc_3, esc_4, esc_5, esc_6, esc_7, esc_8, esc_9, esc_10, esc_11,
@@ -192,7 +195,7 @@ class EscStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EscStatus",
         ros_type="px4_msgs/msg/EscStatus",
         dds_type="px4_msgs::msg::dds_::EscStatus_",
@@ -211,4 +214,9 @@ class EscStatus(_cdr.Message):
             info.Field("esc_armed_flags", "uint16", 14, 2, unit="-"),
             info.Field("esc", "EscReport[12]", 16, 475),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 CONNECTED_ESC_MAX ESC_CONNECTION_TYPE_PPM ESC_CONNECTION_TYPE_SERIAL ESC_CONNECTION_TYPE_ONESHOT ESC_CONNECTION_TYPE_I2C ESC_CONNECTION_TYPE_CAN ESC_CONNECTION_TYPE_DSHOT",
+        ),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QB3xIQ7f2?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -99,6 +100,7 @@ class EstimatorAidSource1d(_cdr.Message):
         innovation_rejected: bool = False,
         fused: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.estimator_instance = estimator_instance
@@ -133,20 +135,21 @@ class EstimatorAidSource1d(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 66 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.estimator_instance,
                 message.device_id, message.time_last_fuse, message.observation, message.observation_variance,
                 message.innovation, message.innovation_filtered, message.innovation_variance,
                 message.test_ratio, message.test_ratio_filtered, message.innovation_rejected, message.fused,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EstimatorAidSource1d, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (66, 67, 68, 69):
+        if header != _USUAL:
             return _cdr.decode_other(EstimatorAidSource1d, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorAidSource1d",
         ros_type="px4_msgs/msg/EstimatorAidSource1d",
         dds_type="px4_msgs::msg::dds_::EstimatorAidSource1d_",
@@ -177,4 +180,6 @@ class EstimatorAidSource1d(_cdr.Message):
             info.Field("innovation_rejected", "bool", 60, 1),
             info.Field("fused", "bool", 61, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

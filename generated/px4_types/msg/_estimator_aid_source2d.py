@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QB3xIQ2d12f2?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -99,6 +100,7 @@ class EstimatorAidSource2d(_cdr.Message):
         innovation_rejected: bool = False,
         fused: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.estimator_instance = estimator_instance
@@ -142,6 +144,7 @@ class EstimatorAidSource2d(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 102 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.estimator_instance,
                 message.device_id, message.time_last_fuse, observation_0, observation_1,
@@ -149,10 +152,10 @@ class EstimatorAidSource2d(_cdr.Message):
                 innovation_filtered_0, innovation_filtered_1, innovation_variance_0, innovation_variance_1,
                 test_ratio_0, test_ratio_1, test_ratio_filtered_0, test_ratio_filtered_1,
                 message.innovation_rejected, message.fused,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EstimatorAidSource2d, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (102, 103, 104, 105):
+        if header != _USUAL:
             return _cdr.decode_other(EstimatorAidSource2d, cls, data, allow_surplus)
         message.observation = (observation_0, observation_1)
         message.observation_variance = (observation_variance_0, observation_variance_1)
@@ -164,7 +167,7 @@ class EstimatorAidSource2d(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorAidSource2d",
         ros_type="px4_msgs/msg/EstimatorAidSource2d",
         dds_type="px4_msgs::msg::dds_::EstimatorAidSource2d_",
@@ -194,4 +197,6 @@ class EstimatorAidSource2d(_cdr.Message):
             info.Field("innovation_rejected", "bool", 96, 1),
             info.Field("fused", "bool", 97, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -68,6 +68,7 @@ class EstimatorBias(_cdr.Message):
         innov_var: float = 0.0,
         innov_test_ratio: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -103,7 +104,7 @@ class EstimatorBias(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorBias",
         ros_type="px4_msgs/msg/EstimatorBias",
         dds_type="px4_msgs::msg::dds_::EstimatorBias_",
@@ -123,4 +124,6 @@ class EstimatorBias(_cdr.Message):
             info.Field("innov_var", "float32", 32, 4, unit="m^2"),
             info.Field("innov_test_ratio", "float32", 36, 4, unit="-"),
         ),
+        constants=(),
+        cls=cls,
     ))

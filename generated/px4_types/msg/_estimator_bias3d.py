@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -69,6 +69,7 @@ class EstimatorBias3d(_cdr.Message):
         innov_var: tuple[float, float, float] = (0.0, 0.0, 0.0),
         innov_test_ratio: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -116,7 +117,7 @@ class EstimatorBias3d(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorBias3d",
         ros_type="px4_msgs/msg/EstimatorBias3d",
         dds_type="px4_msgs::msg::dds_::EstimatorBias3d_",
@@ -136,4 +137,6 @@ class EstimatorBias3d(_cdr.Message):
             info.Field("innov_var", "float32[3]", 56, 12, unit="m^2"),
             info.Field("innov_test_ratio", "float32[3]", 68, 12, unit="-"),
         ),
+        constants=(),
+        cls=cls,
     ))

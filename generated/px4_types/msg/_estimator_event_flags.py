@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI17?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -126,6 +127,7 @@ class EstimatorEventFlags(_cdr.Message):
         reset_hgt_to_rng: bool = False,
         reset_hgt_to_ev: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.information_event_changes = information_event_changes
@@ -176,6 +178,7 @@ class EstimatorEventFlags(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 41 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.information_event_changes,
                 message.gps_checks_passed, message.reset_vel_to_gps, message.reset_vel_to_flow,
@@ -184,15 +187,15 @@ class EstimatorEventFlags(_cdr.Message):
                 message.starting_vision_pos_fusion, message.starting_vision_vel_fusion,
                 message.starting_vision_yaw_fusion, message.yaw_aligned_to_imu_gps, message.reset_hgt_to_baro,
                 message.reset_hgt_to_gps, message.reset_hgt_to_rng, message.reset_hgt_to_ev,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EstimatorEventFlags, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (41, 42, 43, 44):
+        if header != _USUAL:
             return _cdr.decode_other(EstimatorEventFlags, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorEventFlags",
         ros_type="px4_msgs/msg/EstimatorEventFlags",
         dds_type="px4_msgs::msg::dds_::EstimatorEventFlags_",
@@ -224,4 +227,6 @@ class EstimatorEventFlags(_cdr.Message):
             info.Field("reset_hgt_to_rng", "bool", 35, 1),
             info.Field("reset_hgt_to_ev", "bool", 36, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q26?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -116,6 +117,7 @@ class EstimatorFusionControl(_cdr.Message):
         aspd_active: bool = False,
         rngbcn_active: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.gps_intended = gps_intended
         self.of_intended = of_intended
@@ -168,6 +170,7 @@ class EstimatorFusionControl(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 38 else _unpack_padded
             (
                 header, message.timestamp, gps_intended_0, gps_intended_1, message.of_intended,
                 message.ev_intended, agp_intended_0, agp_intended_1, agp_intended_2, agp_intended_3,
@@ -175,10 +178,10 @@ class EstimatorFusionControl(_cdr.Message):
                 message.rngbcn_intended, gps_active_0, gps_active_1, message.of_active, message.ev_active,
                 agp_active_0, agp_active_1, agp_active_2, agp_active_3, message.baro_active,
                 message.rng_active, message.mag_active, message.aspd_active, message.rngbcn_active,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EstimatorFusionControl, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (38, 39, 40, 41):
+        if header != _USUAL:
             return _cdr.decode_other(EstimatorFusionControl, cls, data, allow_surplus)
         message.gps_intended = (gps_intended_0, gps_intended_1)
         message.agp_intended = (agp_intended_0, agp_intended_1, agp_intended_2, agp_intended_3)
@@ -187,7 +190,7 @@ class EstimatorFusionControl(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorFusionControl",
         ros_type="px4_msgs/msg/EstimatorFusionControl",
         dds_type="px4_msgs::msg::dds_::EstimatorFusionControl_",
@@ -218,4 +221,6 @@ class EstimatorFusionControl(_cdr.Message):
             info.Field("aspd_active", "bool", 32, 1),
             info.Field("rngbcn_active", "bool", 33, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

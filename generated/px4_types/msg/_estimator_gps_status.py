@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -114,6 +114,7 @@ class EstimatorGpsStatus(_cdr.Message):
         position_drift_rate_vertical_m_s: float = 0.0,
         filtered_horizontal_speed_m_s: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.checks_passed = checks_passed
@@ -177,7 +178,7 @@ class EstimatorGpsStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorGpsStatus",
         ros_type="px4_msgs/msg/EstimatorGpsStatus",
         dds_type="px4_msgs::msg::dds_::EstimatorGpsStatus_",
@@ -206,4 +207,6 @@ class EstimatorGpsStatus(_cdr.Message):
             info.Field("position_drift_rate_vertical_m_s", "float32", 32, 4, unit="m/s"),
             info.Field("filtered_horizontal_speed_m_s", "float32", 36, 4, unit="m/s"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -131,6 +131,7 @@ class EstimatorInnovations(_cdr.Message):
         hagl: float = 0.0,
         hagl_rate: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.gps_hvel = gps_hvel
@@ -204,7 +205,7 @@ class EstimatorInnovations(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorInnovations",
         ros_type="px4_msgs/msg/EstimatorInnovations",
         dds_type="px4_msgs::msg::dds_::EstimatorInnovations_",
@@ -240,4 +241,6 @@ class EstimatorInnovations(_cdr.Message):
             info.Field("hagl", "float32", 132, 4, unit="m"),
             info.Field("hagl_rate", "float32", 136, 4, unit="m/s"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2B2xIQ4I18f9?3x8f2?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -107,6 +108,7 @@ class EstimatorSelectorStatus(_cdr.Message):
         gyro_fault_detected: bool = False,
         accel_fault_detected: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.primary_instance = primary_instance
         self.instances_available = instances_available
@@ -176,6 +178,7 @@ class EstimatorSelectorStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 162 else _unpack_padded
             (
                 header, message.timestamp, message.primary_instance, message.instances_available,
                 message.instance_changed_count, message.last_instance_change, message.accel_device_id,
@@ -189,10 +192,10 @@ class EstimatorSelectorStatus(_cdr.Message):
                 accumulated_gyro_error_2, accumulated_gyro_error_3, accumulated_accel_error_0,
                 accumulated_accel_error_1, accumulated_accel_error_2, accumulated_accel_error_3,
                 message.gyro_fault_detected, message.accel_fault_detected,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EstimatorSelectorStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (162, 163, 164, 165):
+        if header != _USUAL:
             return _cdr.decode_other(EstimatorSelectorStatus, cls, data, allow_surplus)
         message.combined_test_ratio = (
             combined_test_ratio_0, combined_test_ratio_1, combined_test_ratio_2, combined_test_ratio_3,
@@ -218,7 +221,7 @@ class EstimatorSelectorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorSelectorStatus",
         ros_type="px4_msgs/msg/EstimatorSelectorStatus",
         dds_type="px4_msgs::msg::dds_::EstimatorSelectorStatus_",
@@ -248,4 +251,6 @@ class EstimatorSelectorStatus(_cdr.Message):
             info.Field("gyro_fault_detected", "bool", 156, 1),
             info.Field("accel_fault_detected", "bool", 157, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI7f2?2xI7f2?2xI7f2?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -124,6 +125,7 @@ class EstimatorSensorBias(_cdr.Message):
         mag_bias_valid: bool = False,
         mag_bias_stable: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.gyro_device_id = gyro_device_id
@@ -177,6 +179,7 @@ class EstimatorSensorBias(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 126 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.gyro_device_id, gyro_bias_0,
                 gyro_bias_1, gyro_bias_2, message.gyro_bias_limit, gyro_bias_variance_0, gyro_bias_variance_1,
@@ -186,10 +189,10 @@ class EstimatorSensorBias(_cdr.Message):
                 message.accel_bias_stable, message.mag_device_id, mag_bias_0, mag_bias_1, mag_bias_2,
                 message.mag_bias_limit, mag_bias_variance_0, mag_bias_variance_1, mag_bias_variance_2,
                 message.mag_bias_valid, message.mag_bias_stable,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EstimatorSensorBias, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (126, 127, 128, 129):
+        if header != _USUAL:
             return _cdr.decode_other(EstimatorSensorBias, cls, data, allow_surplus)
         message.gyro_bias = (gyro_bias_0, gyro_bias_1, gyro_bias_2)
         message.gyro_bias_variance = (gyro_bias_variance_0, gyro_bias_variance_1, gyro_bias_variance_2)
@@ -200,7 +203,7 @@ class EstimatorSensorBias(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorSensorBias",
         ros_type="px4_msgs/msg/EstimatorSensorBias",
         dds_type="px4_msgs::msg::dds_::EstimatorSensorBias_",
@@ -232,4 +235,6 @@ class EstimatorSensorBias(_cdr.Message):
             info.Field("mag_bias_valid", "bool", 120, 1),
             info.Field("mag_bias_stable", "bool", 121, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

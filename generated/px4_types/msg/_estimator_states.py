@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import arrays as _arrays
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -51,6 +51,7 @@ class EstimatorStates(_cdr.Message):
         n_states: int = 0,
         covariances: _arrays.Sequence[float] | None = None,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.states = _arrays.zeros("f", 25) if states is None else states
@@ -85,7 +86,7 @@ class EstimatorStates(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorStates",
         ros_type="px4_msgs/msg/EstimatorStates",
         dds_type="px4_msgs::msg::dds_::EstimatorStates_",
@@ -102,4 +103,6 @@ class EstimatorStates(_cdr.Message):
             info.Field("n_states", "uint8", 116, 1),
             info.Field("covariances", "float32[24]", 120, 96),
         ),
+        constants=(),
+        cls=cls,
     ))

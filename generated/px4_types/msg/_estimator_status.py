@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -311,6 +311,7 @@ class EstimatorStatus(_cdr.Message):
         mag_strength_gs: float = 0.0,
         mag_strength_ref_gs: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.output_tracking_error = output_tracking_error
@@ -408,7 +409,7 @@ class EstimatorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorStatus",
         ros_type="px4_msgs/msg/EstimatorStatus",
         dds_type="px4_msgs::msg::dds_::EstimatorStatus_",
@@ -458,4 +459,9 @@ class EstimatorStatus(_cdr.Message):
             info.Field("mag_strength_gs", "float32", 128, 4, unit="Gs"),
             info.Field("mag_strength_ref_gs", "float32", 132, 4, unit="Gs"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 GPS_CHECK_FAIL_GPS_FIX GPS_CHECK_FAIL_MIN_SAT_COUNT GPS_CHECK_FAIL_MAX_PDOP GPS_CHECK_FAIL_MAX_HORZ_ERR GPS_CHECK_FAIL_MAX_VERT_ERR GPS_CHECK_FAIL_MAX_SPD_ERR GPS_CHECK_FAIL_MAX_HORZ_DRIFT GPS_CHECK_FAIL_MAX_VERT_DRIFT GPS_CHECK_FAIL_MAX_HORZ_SPD_ERR GPS_CHECK_FAIL_MAX_VERT_SPD_ERR GPS_CHECK_FAIL_SPOOFED GPS_CHECK_FAIL_JAMMED CS_TILT_ALIGN CS_YAW_ALIGN CS_GNSS_POS CS_OPT_FLOW CS_MAG_HDG CS_MAG_3D CS_MAG_DEC CS_IN_AIR CS_WIND CS_BARO_HGT CS_RNG_HGT CS_GPS_HGT CS_EV_POS CS_EV_YAW CS_EV_HGT CS_BETA CS_MAG_FIELD CS_FIXED_WING CS_MAG_FAULT CS_ASPD CS_GND_EFFECT CS_RNG_STUCK CS_GPS_YAW CS_MAG_ALIGNED CS_EV_VEL CS_SYNTHETIC_MAG_Z CS_VEHICLE_AT_REST CS_GPS_YAW_FAULT CS_RNG_FAULT CS_GNSS_VEL CS_GNSS_FAULT CS_YAW_MANUAL",
+        ),
+        cls=cls,
     ))

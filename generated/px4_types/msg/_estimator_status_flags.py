@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI50?2xI11?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -334,6 +335,7 @@ class EstimatorStatusFlags(_cdr.Message):
         fs_bad_acc_vertical: bool = False,
         fs_bad_acc_clipping: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.control_status_changes = control_status_changes
@@ -450,6 +452,7 @@ class EstimatorStatusFlags(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 91 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.control_status_changes,
                 message.cs_tilt_align, message.cs_yaw_align, message.cs_gnss_pos, message.cs_opt_flow,
@@ -470,15 +473,15 @@ class EstimatorStatusFlags(_cdr.Message):
                 message.fs_bad_mag_z, message.fs_bad_hdg, message.fs_bad_mag_decl, message.fs_bad_airspeed,
                 message.fs_bad_sideslip, message.fs_bad_optflow_x, message.fs_bad_optflow_y,
                 message.fs_bad_acc_vertical, message.fs_bad_acc_clipping,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(EstimatorStatusFlags, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (91, 92, 93, 94):
+        if header != _USUAL:
             return _cdr.decode_other(EstimatorStatusFlags, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="EstimatorStatusFlags",
         ros_type="px4_msgs/msg/EstimatorStatusFlags",
         dds_type="px4_msgs::msg::dds_::EstimatorStatusFlags_",
@@ -555,4 +558,6 @@ class EstimatorStatusFlags(_cdr.Message):
             info.Field("fs_bad_acc_vertical", "bool", 85, 1),
             info.Field("fs_bad_acc_clipping", "bool", 86, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -57,6 +57,7 @@ class Event(_cdr.Message):
         arguments: bytes = bytes(25),
         log_levels: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.id = id
         self.event_sequence = event_sequence
@@ -90,7 +91,7 @@ class Event(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="Event",
         ros_type="px4_msgs/msg/Event",
         dds_type="px4_msgs::msg::dds_::Event_",
@@ -107,4 +108,6 @@ class Event(_cdr.Message):
             info.Field("arguments", "uint8[25]", 14, 25),
             info.Field("log_levels", "uint8", 39, 1),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

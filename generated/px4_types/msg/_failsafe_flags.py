@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q14I13?B17?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -257,6 +258,7 @@ class FailsafeFlags(_cdr.Message):
         remote_id_unhealthy: bool = False,
         gnss_lost: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.mode_req_angular_velocity = mode_req_angular_velocity
         self.mode_req_attitude = mode_req_attitude
@@ -347,6 +349,7 @@ class FailsafeFlags(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 99 else _unpack_padded
             (
                 header, message.timestamp, message.mode_req_angular_velocity, message.mode_req_attitude,
                 message.mode_req_local_alt, message.mode_req_local_position,
@@ -367,15 +370,15 @@ class FailsafeFlags(_cdr.Message):
                 message.wind_limit_exceeded, message.flight_time_limit_exceeded,
                 message.position_accuracy_low, message.navigator_failure, message.parachute_unhealthy,
                 message.remote_id_unhealthy, message.gnss_lost,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(FailsafeFlags, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (99, 100, 101, 102):
+        if header != _USUAL:
             return _cdr.decode_other(FailsafeFlags, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FailsafeFlags",
         ros_type="px4_msgs/msg/FailsafeFlags",
         dds_type="px4_msgs::msg::dds_::FailsafeFlags_",
@@ -433,4 +436,6 @@ class FailsafeFlags(_cdr.Message):
             info.Field("remote_id_unhealthy", "bool", 93, 1),
             info.Field("gnss_lost", "bool", 94, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

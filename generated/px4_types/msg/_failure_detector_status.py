@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -85,6 +85,7 @@ class FailureDetectorStatus(_cdr.Message):
         motor_failure_mask: int = 0,
         motor_stop_mask: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.fd_roll = fd_roll
         self.fd_pitch = fd_pitch
@@ -131,7 +132,7 @@ class FailureDetectorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FailureDetectorStatus",
         ros_type="px4_msgs/msg/FailureDetectorStatus",
         dds_type="px4_msgs::msg::dds_::FailureDetectorStatus_",
@@ -155,4 +156,6 @@ class FailureDetectorStatus(_cdr.Message):
             info.Field("motor_failure_mask", "uint16", 20, 2),
             info.Field("motor_stop_mask", "uint16", 22, 2),
         ),
+        constants=(),
+        cls=cls,
     ))

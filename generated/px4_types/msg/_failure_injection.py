@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB4sx4H4s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -95,6 +96,7 @@ class FailureInjection(_cdr.Message):
         instance_mask: tuple[int, int, int, int] = (0, 0, 0, 0),
         failure_type: bytes = bytes(4),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.count = count
         self.unit = unit
@@ -121,19 +123,20 @@ class FailureInjection(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 30 else _unpack_padded
             (
                 header, message.timestamp, message.count, message.unit, instance_mask_0, instance_mask_1,
                 instance_mask_2, instance_mask_3, message.failure_type,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(FailureInjection, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (30, 31, 32, 33):
+        if header != _USUAL:
             return _cdr.decode_other(FailureInjection, cls, data, allow_surplus)
         message.instance_mask = (instance_mask_0, instance_mask_1, instance_mask_2, instance_mask_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FailureInjection",
         ros_type="px4_msgs/msg/FailureInjection",
         dds_type="px4_msgs::msg::dds_::FailureInjection_",
@@ -150,4 +153,9 @@ class FailureInjection(_cdr.Message):
             info.Field("instance_mask", "uint16[4]", 14, 8),
             info.Field("failure_type", "uint8[4]", 22, 4, enum="FAILURE_TYPE"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 MAX_FAILURES FAILURE_UNIT_SENSOR_GYRO FAILURE_UNIT_SENSOR_ACCEL FAILURE_UNIT_SENSOR_MAG FAILURE_UNIT_SENSOR_BARO FAILURE_UNIT_SENSOR_GPS FAILURE_UNIT_SENSOR_OPTICAL_FLOW FAILURE_UNIT_SENSOR_VIO FAILURE_UNIT_SENSOR_DISTANCE_SENSOR FAILURE_UNIT_SENSOR_AIRSPEED FAILURE_UNIT_SYSTEM_BATTERY FAILURE_UNIT_SYSTEM_MOTOR FAILURE_UNIT_SYSTEM_SERVO FAILURE_UNIT_SYSTEM_AVOIDANCE FAILURE_UNIT_SYSTEM_RC_SIGNAL FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL FAILURE_TYPE_OK FAILURE_TYPE_OFF FAILURE_TYPE_STUCK FAILURE_TYPE_GARBAGE FAILURE_TYPE_WRONG FAILURE_TYPE_SLOW FAILURE_TYPE_DELAYED FAILURE_TYPE_INTERMITTENT",
+        ),
+        cls=cls,
     ))

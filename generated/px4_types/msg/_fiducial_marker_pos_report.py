@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -50,6 +50,7 @@ class FiducialMarkerPosReport(_cdr.Message):
         cov_rel_pos: tuple[float, float, float] = (0.0, 0.0, 0.0),
         q: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.rel_pos = rel_pos
@@ -88,7 +89,7 @@ class FiducialMarkerPosReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FiducialMarkerPosReport",
         ros_type="px4_msgs/msg/FiducialMarkerPosReport",
         dds_type="px4_msgs::msg::dds_::FiducialMarkerPosReport_",
@@ -105,4 +106,6 @@ class FiducialMarkerPosReport(_cdr.Message):
             info.Field("cov_rel_pos", "float32[3]", 28, 12, unit="m^2"),
             info.Field("q", "float32[4]", 40, 16, unit="-"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -46,6 +46,7 @@ class FiducialMarkerYawReport(_cdr.Message):
         yaw_ned: float = 0.0,
         yaw_var_ned: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.yaw_ned = yaw_ned
@@ -75,7 +76,7 @@ class FiducialMarkerYawReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FiducialMarkerYawReport",
         ros_type="px4_msgs/msg/FiducialMarkerYawReport",
         dds_type="px4_msgs::msg::dds_::FiducialMarkerYawReport_",
@@ -91,4 +92,6 @@ class FiducialMarkerYawReport(_cdr.Message):
             info.Field("yaw_ned", "float32", 16, 4, unit="rad", frame="NED"),
             info.Field("yaw_var_ned", "float32", 20, 4, unit="rad^2"),
         ),
+        constants=(),
+        cls=cls,
     ))

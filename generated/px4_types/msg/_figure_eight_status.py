@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -62,6 +62,7 @@ class FigureEightStatus(_cdr.Message):
         y: int = 0,
         z: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.major_radius = major_radius
         self.minor_radius = minor_radius
@@ -97,7 +98,7 @@ class FigureEightStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FigureEightStatus",
         ros_type="px4_msgs/msg/FigureEightStatus",
         dds_type="px4_msgs::msg::dds_::FigureEightStatus_",
@@ -117,4 +118,6 @@ class FigureEightStatus(_cdr.Message):
             info.Field("y", "int32", 28, 4),
             info.Field("z", "float32", 32, 4, unit="m"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q8fB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -80,6 +81,7 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
         adapted_period: float = 0.0,
         wind_est_valid: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.course_setpoint = course_setpoint
         self.lateral_acceleration_ff = lateral_acceleration_ff
@@ -107,20 +109,21 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 45 else _unpack_padded
             (
                 header, message.timestamp, message.course_setpoint, message.lateral_acceleration_ff,
                 message.bearing_feas, message.bearing_feas_on_track, message.signed_track_error,
                 message.track_error_bound, message.switch_distance, message.adapted_period,
                 message.wind_est_valid,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(FixedWingLateralGuidanceStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (45, 46, 47, 48):
+        if header != _USUAL:
             return _cdr.decode_other(FixedWingLateralGuidanceStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FixedWingLateralGuidanceStatus",
         ros_type="px4_msgs/msg/FixedWingLateralGuidanceStatus",
         dds_type="px4_msgs::msg::dds_::FixedWingLateralGuidanceStatus_",
@@ -144,4 +147,6 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
             info.Field("adapted_period", "float32", 36, 4, unit="s"),
             info.Field("wind_est_valid", "uint8", 40, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

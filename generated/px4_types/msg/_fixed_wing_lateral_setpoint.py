@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -57,6 +57,7 @@ class FixedWingLateralSetpoint(_cdr.Message):
         airspeed_direction: float = 0.0,
         lateral_acceleration: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.course = course
         self.airspeed_direction = airspeed_direction
@@ -87,7 +88,7 @@ class FixedWingLateralSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FixedWingLateralSetpoint",
         ros_type="px4_msgs/msg/FixedWingLateralSetpoint",
         dds_type="px4_msgs::msg::dds_::FixedWingLateralSetpoint_",
@@ -107,4 +108,6 @@ class FixedWingLateralSetpoint(_cdr.Message):
                 "lateral_acceleration", "float32", 16, 4, unit="m/s^2", invalid="NaN", frame="FRD",
             ),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

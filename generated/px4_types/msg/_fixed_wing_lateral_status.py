@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -42,6 +42,7 @@ class FixedWingLateralStatus(_cdr.Message):
         lateral_acceleration_setpoint: float = 0.0,
         can_run_factor: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.lateral_acceleration_setpoint = lateral_acceleration_setpoint
         self.can_run_factor = can_run_factor
@@ -70,7 +71,7 @@ class FixedWingLateralStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FixedWingLateralStatus",
         ros_type="px4_msgs/msg/FixedWingLateralStatus",
         dds_type="px4_msgs::msg::dds_::FixedWingLateralStatus_",
@@ -87,4 +88,6 @@ class FixedWingLateralStatus(_cdr.Message):
             ),
             info.Field("can_run_factor", "float32", 12, 4, unit="norm", range="0, 1"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -70,6 +70,7 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
         pitch_direct: float = 0.0,
         throttle_direct: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.altitude = altitude
         self.height_rate = height_rate
@@ -103,7 +104,7 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FixedWingLongitudinalSetpoint",
         ros_type="px4_msgs/msg/FixedWingLongitudinalSetpoint",
         dds_type="px4_msgs::msg::dds_::FixedWingLongitudinalSetpoint_",
@@ -127,4 +128,6 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
                 "throttle_direct", "float32", 24, 4, unit="norm", range="0,1", invalid="NaN",
             ),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

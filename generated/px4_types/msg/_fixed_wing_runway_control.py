@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -67,6 +67,7 @@ class FixedWingRunwayControl(_cdr.Message):
         wheel_steering_enabled: bool = False,
         wheel_steering_nudging_rate: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.runway_takeoff_state = runway_takeoff_state
         self.wheel_steering_enabled = wheel_steering_enabled
@@ -100,7 +101,7 @@ class FixedWingRunwayControl(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FixedWingRunwayControl",
         ros_type="px4_msgs/msg/FixedWingRunwayControl",
         dds_type="px4_msgs::msg::dds_::FixedWingRunwayControl_",
@@ -119,4 +120,8 @@ class FixedWingRunwayControl(_cdr.Message):
                 frame="FRD",
             ),
         ),
+        constants=info.constants(
+            cls, "uint8 STATE_THROTTLE_RAMP STATE_CLAMPED_TO_RUNWAY STATE_CLIMBOUT STATE_FLYING",
+        ),
+        cls=cls,
     ))

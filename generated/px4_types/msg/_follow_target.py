@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2d4fB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -62,6 +63,7 @@ class FollowTarget(_cdr.Message):
         vz: float = 0.0,
         est_cap: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.lat = lat
         self.lon = lon
@@ -85,18 +87,19 @@ class FollowTarget(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 45 else _unpack_padded
             (
                 header, message.timestamp, message.lat, message.lon, message.alt, message.vy, message.vx,
                 message.vz, message.est_cap,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(FollowTarget, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (45, 46, 47, 48):
+        if header != _USUAL:
             return _cdr.decode_other(FollowTarget, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FollowTarget",
         ros_type="px4_msgs/msg/FollowTarget",
         dds_type="px4_msgs::msg::dds_::FollowTarget_",
@@ -116,4 +119,6 @@ class FollowTarget(_cdr.Message):
             info.Field("vz", "float32", 36, 4, unit="m/s", frame="NED"),
             info.Field("est_cap", "uint8", 40, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -84,6 +84,7 @@ class FollowTargetEstimator(_cdr.Message):
         prediction_count: int = 0,
         fusion_count: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.last_filter_reset_timestamp = last_filter_reset_timestamp
         self.valid = valid
@@ -135,7 +136,7 @@ class FollowTargetEstimator(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FollowTargetEstimator",
         ros_type="px4_msgs/msg/FollowTargetEstimator",
         dds_type="px4_msgs::msg::dds_::FollowTargetEstimator_",
@@ -159,4 +160,6 @@ class FollowTargetEstimator(_cdr.Message):
             info.Field("prediction_count", "uint64", 80, 8),
             info.Field("fusion_count", "uint64", 88, 8),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -69,6 +69,7 @@ class FollowTargetStatus(_cdr.Message):
         in_emergency_ascent: bool = False,
         gimbal_pitch: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.tracked_target_course = tracked_target_course
         self.follow_angle = follow_angle
@@ -111,7 +112,7 @@ class FollowTargetStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FollowTargetStatus",
         ros_type="px4_msgs/msg/FollowTargetStatus",
         dds_type="px4_msgs::msg::dds_::FollowTargetStatus_",
@@ -131,4 +132,6 @@ class FollowTargetStatus(_cdr.Message):
             info.Field("in_emergency_ascent", "bool", 36, 1),
             info.Field("gimbal_pitch", "float32", 40, 4, unit="rad"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -84,6 +84,7 @@ class FuelTankStatus(_cdr.Message):
         fuel_type: int = 0,
         temperature: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.maximum_fuel_capacity = maximum_fuel_capacity
         self.consumed_fuel = consumed_fuel
@@ -122,7 +123,7 @@ class FuelTankStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="FuelTankStatus",
         ros_type="px4_msgs/msg/FuelTankStatus",
         dds_type="px4_msgs::msg::dds_::FuelTankStatus_",
@@ -145,4 +146,6 @@ class FuelTankStatus(_cdr.Message):
             info.Field("fuel_type", "uint32", 32, 4, enum="MAV_FUEL_TYPE"),
             info.Field("temperature", "float32", 36, 4, unit="K", invalid="NaN"),
         ),
+        constants=info.constants(cls, "uint8 MAV_FUEL_TYPE_UNKNOWN MAV_FUEL_TYPE_LIQUID MAV_FUEL_TYPE_GAS"),
+        cls=cls,
     ))

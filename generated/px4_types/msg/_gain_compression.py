@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -48,6 +48,7 @@ class GainCompression(_cdr.Message):
         spectral_damper_hpf: tuple[float, float, float] = (0.0, 0.0, 0.0),
         spectral_damper_out: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.compression_gains = compression_gains
         self.spectral_damper_hpf = spectral_damper_hpf
@@ -87,7 +88,7 @@ class GainCompression(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GainCompression",
         ros_type="px4_msgs/msg/GainCompression",
         dds_type="px4_msgs::msg::dds_::GainCompression_",
@@ -105,4 +106,6 @@ class GainCompression(_cdr.Message):
             info.Field("spectral_damper_hpf", "float32[3]", 20, 12, unit="-", frame="FRD"),
             info.Field("spectral_damper_out", "float32[3]", 32, 12, unit="-", frame="FRD"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q5fIiH2h")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -132,6 +133,7 @@ class GeneratorStatus(_cdr.Message):
         rectifier_temperature: int = 0,
         generator_temperature: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.status = status
         self.battery_current = battery_current
@@ -162,20 +164,21 @@ class GeneratorStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 54 else _unpack_padded
             (
                 header, message.timestamp, message.status, message.battery_current, message.load_current,
                 message.power_generated, message.bus_voltage, message.bat_current_setpoint, message.runtime,
                 message.time_until_maintenance, message.generator_speed, message.rectifier_temperature,
                 message.generator_temperature,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(GeneratorStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (54, 55, 56, 57):
+        if header != _USUAL:
             return _cdr.decode_other(GeneratorStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GeneratorStatus",
         ros_type="px4_msgs/msg/GeneratorStatus",
         dds_type="px4_msgs::msg::dds_::GeneratorStatus_",
@@ -199,4 +202,9 @@ class GeneratorStatus(_cdr.Message):
             info.Field("rectifier_temperature", "int16", 46, 2, unit="degC", invalid="INT16_MAX"),
             info.Field("generator_temperature", "int16", 48, 2, unit="degC", invalid="INT16_MAX"),
         ),
+        constants=info.constants(
+            cls,
+            "uint64 STATUS_FLAG_OFF STATUS_FLAG_READY STATUS_FLAG_GENERATING STATUS_FLAG_CHARGING STATUS_FLAG_REDUCED_POWER STATUS_FLAG_MAXPOWER STATUS_FLAG_OVERTEMP_WARNING STATUS_FLAG_OVERTEMP_FAULT STATUS_FLAG_ELECTRONICS_OVERTEMP_WARNING STATUS_FLAG_ELECTRONICS_OVERTEMP_FAULT STATUS_FLAG_ELECTRONICS_FAULT STATUS_FLAG_POWERSOURCE_FAULT STATUS_FLAG_COMMUNICATION_WARNING STATUS_FLAG_COOLING_WARNING STATUS_FLAG_POWER_RAIL_FAULT STATUS_FLAG_OVERCURRENT_FAULT STATUS_FLAG_BATTERY_OVERCHARGE_CURRENT_FAULT STATUS_FLAG_OVERVOLTAGE_FAULT STATUS_FLAG_BATTERY_UNDERVOLT_FAULT STATUS_FLAG_START_INHIBITED STATUS_FLAG_MAINTENANCE_REQUIRED STATUS_FLAG_WARMING_UP STATUS_FLAG_IDLE",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -75,6 +75,7 @@ class GeofenceResult(_cdr.Message):
         geofence_custom_fence_triggered: bool = False,
         geofence_action: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.geofence_max_dist_triggered = geofence_max_dist_triggered
         self.geofence_max_alt_triggered = geofence_max_alt_triggered
@@ -113,7 +114,7 @@ class GeofenceResult(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GeofenceResult",
         ros_type="px4_msgs/msg/GeofenceResult",
         dds_type="px4_msgs::msg::dds_::GeofenceResult_",
@@ -130,4 +131,9 @@ class GeofenceResult(_cdr.Message):
             info.Field("geofence_custom_fence_triggered", "bool", 10, 1),
             info.Field("geofence_action", "uint8", 11, 1, enum="GF_ACTION"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 GF_ACTION_NONE GF_ACTION_WARN GF_ACTION_LOITER GF_ACTION_RTL GF_ACTION_TERMINATE GF_ACTION_LAND",
+        ),
+        cls=cls,
     ))

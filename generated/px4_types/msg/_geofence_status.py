@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -47,6 +48,7 @@ class GeofenceStatus(_cdr.Message):
         geofence_id: int = 0,
         status: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.geofence_id = geofence_id
         self.status = status
@@ -63,15 +65,16 @@ class GeofenceStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.geofence_id, message.status) = _unpack(data)
+            unpack = _unpack if len(data) == 17 else _unpack_padded
+            (header, message.timestamp, message.geofence_id, message.status) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(GeofenceStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (17, 18, 19, 20):
+        if header != _USUAL:
             return _cdr.decode_other(GeofenceStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GeofenceStatus",
         ros_type="px4_msgs/msg/GeofenceStatus",
         dds_type="px4_msgs::msg::dds_::GeofenceStatus_",
@@ -86,4 +89,6 @@ class GeofenceStatus(_cdr.Message):
             info.Field("geofence_id", "uint32", 8, 4),
             info.Field("status", "uint8", 12, 1, enum="GF_STATUS"),
         ),
+        constants=info.constants(cls, "uint8 GF_STATUS_LOADING GF_STATUS_READY"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -48,6 +48,7 @@ class GimbalControls(_cdr.Message):
         timestamp_sample: int = 0,
         control: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.control = control
@@ -78,7 +79,7 @@ class GimbalControls(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GimbalControls",
         ros_type="px4_msgs/msg/GimbalControls",
         dds_type="px4_msgs::msg::dds_::GimbalControls_",
@@ -93,4 +94,6 @@ class GimbalControls(_cdr.Message):
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
             info.Field("control", "float32[3]", 16, 12, range="-1, 1"),
         ),
+        constants=info.constants(cls, "uint8 INDEX_ROLL INDEX_PITCH INDEX_YAW"),
+        cls=cls,
     ))

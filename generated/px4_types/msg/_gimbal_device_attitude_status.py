@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2BH7fI2fB?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -117,6 +118,7 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
         gimbal_device_id: int = 0,
         received_from_mavlink: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.target_system = target_system
         self.target_component = target_component
@@ -151,22 +153,23 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 58 else _unpack_padded
             (
                 header, message.timestamp, message.target_system, message.target_component,
                 message.device_flags, q_0, q_1, q_2, q_3, message.angular_velocity_x,
                 message.angular_velocity_y, message.angular_velocity_z, message.failure_flags,
                 message.delta_yaw, message.delta_yaw_velocity, message.gimbal_device_id,
                 message.received_from_mavlink,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(GimbalDeviceAttitudeStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (58, 59, 60, 61):
+        if header != _USUAL:
             return _cdr.decode_other(GimbalDeviceAttitudeStatus, cls, data, allow_surplus)
         message.q = (q_0, q_1, q_2, q_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GimbalDeviceAttitudeStatus",
         ros_type="px4_msgs/msg/GimbalDeviceAttitudeStatus",
         dds_type="px4_msgs::msg::dds_::GimbalDeviceAttitudeStatus_",
@@ -191,4 +194,9 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
             info.Field("gimbal_device_id", "uint8", 52, 1),
             info.Field("received_from_mavlink", "bool", 53, 1),
         ),
+        constants=info.constants(
+            cls,
+            "uint16 DEVICE_FLAGS_RETRACT DEVICE_FLAGS_NEUTRAL DEVICE_FLAGS_ROLL_LOCK DEVICE_FLAGS_PITCH_LOCK DEVICE_FLAGS_YAW_LOCK DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME DEVICE_FLAGS_YAW_IN_EARTH_FRAME",
+        ),
+        cls=cls,
     ))

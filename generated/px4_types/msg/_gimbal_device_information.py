@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q32s32s32s2IQ2H6fB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -119,6 +120,7 @@ class GimbalDeviceInformation(_cdr.Message):
         yaw_max: float = 0.0,
         gimbal_device_id: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.vendor_name = vendor_name
         self.model_name = model_name
@@ -159,20 +161,21 @@ class GimbalDeviceInformation(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 153 else _unpack_padded
             (
                 header, message.timestamp, message.vendor_name, message.model_name, message.custom_name,
                 message.firmware_version, message.hardware_version, message.uid, message.cap_flags,
                 message.custom_cap_flags, message.roll_min, message.roll_max, message.pitch_min,
                 message.pitch_max, message.yaw_min, message.yaw_max, message.gimbal_device_id,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(GimbalDeviceInformation, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (153, 154, 155, 156):
+        if header != _USUAL:
             return _cdr.decode_other(GimbalDeviceInformation, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GimbalDeviceInformation",
         ros_type="px4_msgs/msg/GimbalDeviceInformation",
         dds_type="px4_msgs::msg::dds_::GimbalDeviceInformation_",
@@ -200,4 +203,9 @@ class GimbalDeviceInformation(_cdr.Message):
             info.Field("yaw_max", "float32", 144, 4, unit="rad"),
             info.Field("gimbal_device_id", "uint8", 148, 1),
         ),
+        constants=info.constants(
+            cls,
+            "uint32 GIMBAL_DEVICE_CAP_FLAGS_HAS_RETRACT GIMBAL_DEVICE_CAP_FLAGS_HAS_NEUTRAL GIMBAL_DEVICE_CAP_FLAGS_HAS_ROLL_AXIS GIMBAL_DEVICE_CAP_FLAGS_HAS_ROLL_FOLLOW GIMBAL_DEVICE_CAP_FLAGS_HAS_ROLL_LOCK GIMBAL_DEVICE_CAP_FLAGS_HAS_PITCH_AXIS GIMBAL_DEVICE_CAP_FLAGS_HAS_PITCH_FOLLOW GIMBAL_DEVICE_CAP_FLAGS_HAS_PITCH_LOCK GIMBAL_DEVICE_CAP_FLAGS_HAS_YAW_AXIS GIMBAL_DEVICE_CAP_FLAGS_HAS_YAW_FOLLOW GIMBAL_DEVICE_CAP_FLAGS_HAS_YAW_LOCK GIMBAL_DEVICE_CAP_FLAGS_SUPPORTS_INFINITE_YAW",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -83,6 +83,7 @@ class GimbalDeviceSetAttitude(_cdr.Message):
         angular_velocity_y: float = 0.0,
         angular_velocity_z: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.target_system = target_system
         self.target_component = target_component
@@ -121,7 +122,7 @@ class GimbalDeviceSetAttitude(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GimbalDeviceSetAttitude",
         ros_type="px4_msgs/msg/GimbalDeviceSetAttitude",
         dds_type="px4_msgs::msg::dds_::GimbalDeviceSetAttitude_",
@@ -141,4 +142,9 @@ class GimbalDeviceSetAttitude(_cdr.Message):
             info.Field("angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN"),
             info.Field("angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN"),
         ),
+        constants=info.constants(
+            cls,
+            "uint32 GIMBAL_DEVICE_FLAGS_RETRACT GIMBAL_DEVICE_FLAGS_NEUTRAL GIMBAL_DEVICE_FLAGS_ROLL_LOCK GIMBAL_DEVICE_FLAGS_PITCH_LOCK GIMBAL_DEVICE_FLAGS_YAW_LOCK GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -94,6 +94,7 @@ class GimbalManagerSetAttitude(_cdr.Message):
         angular_velocity_y: float = 0.0,
         angular_velocity_z: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.origin_sysid = origin_sysid
         self.origin_compid = origin_compid
@@ -136,7 +137,7 @@ class GimbalManagerSetAttitude(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GimbalManagerSetAttitude",
         ros_type="px4_msgs/msg/GimbalManagerSetAttitude",
         dds_type="px4_msgs::msg::dds_::GimbalManagerSetAttitude_",
@@ -159,4 +160,10 @@ class GimbalManagerSetAttitude(_cdr.Message):
             info.Field("angular_velocity_y", "float32", 40, 4, unit="rad/s", invalid="NaN"),
             info.Field("angular_velocity_z", "float32", 44, 4, unit="rad/s", invalid="NaN"),
         ),
+        constants=info.constants(
+            cls,
+            "uint32 GIMBAL_MANAGER_FLAGS_RETRACT GIMBAL_MANAGER_FLAGS_NEUTRAL GIMBAL_MANAGER_FLAGS_ROLL_LOCK GIMBAL_MANAGER_FLAGS_PITCH_LOCK GIMBAL_MANAGER_FLAGS_YAW_LOCK",
+            "uint8 ORB_QUEUE_LENGTH",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -89,6 +89,7 @@ class GimbalManagerSetManualControl(_cdr.Message):
         pitch_rate: float = 0.0,
         yaw_rate: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.origin_sysid = origin_sysid
         self.origin_compid = origin_compid
@@ -129,7 +130,7 @@ class GimbalManagerSetManualControl(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GimbalManagerSetManualControl",
         ros_type="px4_msgs/msg/GimbalManagerSetManualControl",
         dds_type="px4_msgs::msg::dds_::GimbalManagerSetManualControl_",
@@ -152,4 +153,9 @@ class GimbalManagerSetManualControl(_cdr.Message):
             info.Field("pitch_rate", "float32", 28, 4, unit="-", range="-1, 1", invalid="NaN"),
             info.Field("yaw_rate", "float32", 32, 4, unit="-", range="-1, 1", invalid="NaN"),
         ),
+        constants=info.constants(
+            cls,
+            "uint32 GIMBAL_MANAGER_FLAGS_RETRACT GIMBAL_MANAGER_FLAGS_NEUTRAL GIMBAL_MANAGER_FLAGS_ROLL_LOCK GIMBAL_MANAGER_FLAGS_PITCH_LOCK GIMBAL_MANAGER_FLAGS_YAW_LOCK",
+        ),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI5B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -65,6 +66,7 @@ class GimbalManagerStatus(_cdr.Message):
         secondary_control_sysid: int = 0,
         secondary_control_compid: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.flags = flags
         self.gimbal_device_id = gimbal_device_id
@@ -88,19 +90,20 @@ class GimbalManagerStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 21 else _unpack_padded
             (
                 header, message.timestamp, message.flags, message.gimbal_device_id,
                 message.primary_control_sysid, message.primary_control_compid,
                 message.secondary_control_sysid, message.secondary_control_compid,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(GimbalManagerStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (21, 22, 23, 24):
+        if header != _USUAL:
             return _cdr.decode_other(GimbalManagerStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GimbalManagerStatus",
         ros_type="px4_msgs/msg/GimbalManagerStatus",
         dds_type="px4_msgs::msg::dds_::GimbalManagerStatus_",
@@ -119,4 +122,6 @@ class GimbalManagerStatus(_cdr.Message):
             info.Field("secondary_control_sysid", "uint8", 15, 1),
             info.Field("secondary_control_compid", "uint8", 16, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

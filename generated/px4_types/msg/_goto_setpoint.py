@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -86,6 +86,7 @@ class GotoSetpoint(_cdr.Message):
         flag_set_max_heading_rate: bool = False,
         max_heading_rate: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.position = position
         self.flag_control_heading = flag_control_heading
@@ -134,7 +135,7 @@ class GotoSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GotoSetpoint",
         ros_type="px4_msgs/msg/GotoSetpoint",
         dds_type="px4_msgs::msg::dds_::GotoSetpoint_",
@@ -156,4 +157,6 @@ class GotoSetpoint(_cdr.Message):
             info.Field("flag_set_max_heading_rate", "bool", 44, 1),
             info.Field("max_heading_rate", "float32", 48, 4, unit="rad/s"),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

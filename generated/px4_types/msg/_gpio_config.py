@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -64,6 +64,7 @@ class GpioConfig(_cdr.Message):
         state: int = 0,
         config: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id = device_id
         self.mask = mask
@@ -92,7 +93,7 @@ class GpioConfig(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GpioConfig",
         ros_type="px4_msgs/msg/GpioConfig",
         dds_type="px4_msgs::msg::dds_::GpioConfig_",
@@ -109,4 +110,9 @@ class GpioConfig(_cdr.Message):
             info.Field("state", "uint32", 16, 4),
             info.Field("config", "uint32", 20, 4),
         ),
+        constants=info.constants(
+            cls,
+            "uint32 INPUT OUTPUT PULLUP PULLDOWN OPENDRAIN INPUT_FLOATING INPUT_PULLUP INPUT_PULLDOWN OUTPUT_PUSHPULL OUTPUT_OPENDRAIN OUTPUT_OPENDRAIN_PULLUP",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -46,6 +46,7 @@ class GpioIn(_cdr.Message):
         device_id: int = 0,
         state: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id = device_id
         self.state = state
@@ -70,7 +71,7 @@ class GpioIn(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GpioIn",
         ros_type="px4_msgs/msg/GpioIn",
         dds_type="px4_msgs::msg::dds_::GpioIn_",
@@ -85,4 +86,6 @@ class GpioIn(_cdr.Message):
             info.Field("device_id", "uint32", 8, 4),
             info.Field("state", "uint32", 12, 4),
         ),
+        constants=info.constants(cls, "uint8 MAX_INSTANCES"),
+        cls=cls,
     ))

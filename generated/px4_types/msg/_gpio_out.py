@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -45,6 +45,7 @@ class GpioOut(_cdr.Message):
         mask: int = 0,
         state: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id = device_id
         self.mask = mask
@@ -70,7 +71,7 @@ class GpioOut(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GpioOut",
         ros_type="px4_msgs/msg/GpioOut",
         dds_type="px4_msgs::msg::dds_::GpioOut_",
@@ -86,4 +87,6 @@ class GpioOut(_cdr.Message):
             info.Field("mask", "uint32", 12, 4),
             info.Field("state", "uint32", 16, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -37,6 +37,7 @@ class GpioRequest(_cdr.Message):
         timestamp: int = 0,
         device_id: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id = device_id
 
@@ -60,7 +61,7 @@ class GpioRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GpioRequest",
         ros_type="px4_msgs/msg/GpioRequest",
         dds_type="px4_msgs::msg::dds_::GpioRequest_",
@@ -74,4 +75,6 @@ class GpioRequest(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("device_id", "uint32", 8, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -62,6 +62,7 @@ class GpsDump(_cdr.Message):
         len: int = 0,
         data: bytes = bytes(79),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.instance = instance
         self.device_id = device_id
@@ -92,7 +93,7 @@ class GpsDump(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="GpsDump",
         ros_type="px4_msgs/msg/GpsDump",
         dds_type="px4_msgs::msg::dds_::GpsDump_",
@@ -109,4 +110,6 @@ class GpsDump(_cdr.Message):
             info.Field("len", "uint8", 16, 1),
             info.Field("data", "uint8[79]", 17, 79),
         ),
+        constants=info.constants(cls, "uint8 INSTANCE_MAIN INSTANCE_SECONDARY ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

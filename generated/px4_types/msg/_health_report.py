@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -72,6 +72,7 @@ class HealthReport(_cdr.Message):
         arming_check_warning_flags: int = 0,
         arming_check_error_flags: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.can_arm_mode_flags = can_arm_mode_flags
         self.can_run_mode_flags = can_run_mode_flags
@@ -109,7 +110,7 @@ class HealthReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="HealthReport",
         ros_type="px4_msgs/msg/HealthReport",
         dds_type="px4_msgs::msg::dds_::HealthReport_",
@@ -129,4 +130,6 @@ class HealthReport(_cdr.Message):
             info.Field("arming_check_warning_flags", "uint64", 48, 8),
             info.Field("arming_check_error_flags", "uint64", 56, 8),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI2?2x2f2I6f2B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -117,6 +118,7 @@ class HeaterStatus(_cdr.Message):
         mode: int = 0,
         temperature_source: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id = device_id
         self.heater_on = heater_on
@@ -154,21 +156,22 @@ class HeaterStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 62 else _unpack_padded
             (
                 header, message.timestamp, message.device_id, message.heater_on,
                 message.temperature_target_met, message.temperature_sensor, message.temperature_target,
                 message.controller_period_usec, message.controller_time_on_usec, message.proportional_value,
                 message.integrator_value, message.feed_forward_value, message.supply_voltage,
                 message.heater_current, message.nominal_multiplier, message.mode, message.temperature_source,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(HeaterStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (62, 63, 64, 65):
+        if header != _USUAL:
             return _cdr.decode_other(HeaterStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="HeaterStatus",
         ros_type="px4_msgs/msg/HeaterStatus",
         dds_type="px4_msgs::msg::dds_::HeaterStatus_",
@@ -196,4 +199,8 @@ class HeaterStatus(_cdr.Message):
             info.Field("mode", "uint8", 56, 1, enum="MODE"),
             info.Field("temperature_source", "uint8", 57, 1, enum="TEMPERATURE_SOURCE"),
         ),
+        constants=info.constants(
+            cls, "uint8 MODE_GPIO MODE_PX4IO TEMPERATURE_SOURCE_IMU TEMPERATURE_SOURCE_HYGRO",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -103,6 +103,7 @@ class HomePosition(_cdr.Message):
         manual_home: bool = False,
         update_count: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.lat = lat
         self.lon = lon
@@ -149,7 +150,7 @@ class HomePosition(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="HomePosition",
         ros_type="px4_msgs/msg/HomePosition",
         dds_type="px4_msgs::msg::dds_::HomePosition_",
@@ -176,4 +177,6 @@ class HomePosition(_cdr.Message):
             info.Field("manual_home", "bool", 55, 1),
             info.Field("update_count", "uint32", 56, 4),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

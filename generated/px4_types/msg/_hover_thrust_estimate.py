@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q6f?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -74,6 +75,7 @@ class HoverThrustEstimate(_cdr.Message):
         accel_noise_var: float = 0.0,
         valid: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.hover_thrust = hover_thrust
@@ -102,19 +104,20 @@ class HoverThrustEstimate(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 45 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.hover_thrust,
                 message.hover_thrust_var, message.accel_innov, message.accel_innov_var,
                 message.accel_innov_test_ratio, message.accel_noise_var, message.valid,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(HoverThrustEstimate, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (45, 46, 47, 48):
+        if header != _USUAL:
             return _cdr.decode_other(HoverThrustEstimate, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="HoverThrustEstimate",
         ros_type="px4_msgs/msg/HoverThrustEstimate",
         dds_type="px4_msgs::msg::dds_::HoverThrustEstimate_",
@@ -135,4 +138,6 @@ class HoverThrustEstimate(_cdr.Message):
             info.Field("accel_noise_var", "float32", 36, 4, unit="(m/s^2)^2"),
             info.Field("valid", "bool", 40, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import arrays as _arrays
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -14,7 +14,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QB3xi2?4HBx36sb3xfb", words="2QB3xI2B4HBx18HB3xIB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 _from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
@@ -126,6 +127,7 @@ class InputRc(_cdr.Message):
         rssi_dbm: float = 0.0,
         link_snr: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_last_signal = timestamp_last_signal
         self.channel_count = channel_count
@@ -161,21 +163,22 @@ class InputRc(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 85 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_last_signal, message.channel_count, message.rssi,
                 message.rc_failsafe, message.rc_lost, message.rc_lost_frame_count,
                 message.rc_total_frame_count, message.rc_ppm_frame_length, message.rc_frame_rate,
                 message.input_source, values_raw, message.link_quality, message.rssi_dbm, message.link_snr,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(InputRc, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (85, 86, 87, 88):
+        if header != _USUAL:
             return _cdr.decode_other(InputRc, cls, data, allow_surplus)
         message.values = _from_raw("H", values_raw)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="InputRc",
         ros_type="px4_msgs/msg/InputRc",
         dds_type="px4_msgs::msg::dds_::InputRc_",
@@ -202,4 +205,10 @@ class InputRc(_cdr.Message):
             info.Field("rssi_dbm", "float32", 76, 4, unit="dBm", invalid="NaN"),
             info.Field("link_snr", "int8", 80, 1, unit="dB"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 RC_INPUT_SOURCE_UNKNOWN RC_INPUT_SOURCE_PX4FMU_PPM RC_INPUT_SOURCE_PX4IO_PPM RC_INPUT_SOURCE_PX4IO_SPEKTRUM RC_INPUT_SOURCE_PX4IO_SBUS RC_INPUT_SOURCE_PX4IO_ST24 RC_INPUT_SOURCE_MAVLINK RC_INPUT_SOURCE_QURT RC_INPUT_SOURCE_PX4FMU_SPEKTRUM RC_INPUT_SOURCE_PX4FMU_SBUS RC_INPUT_SOURCE_PX4FMU_ST24 RC_INPUT_SOURCE_PX4FMU_SUMD RC_INPUT_SOURCE_PX4FMU_DSM RC_INPUT_SOURCE_PX4IO_SUMD RC_INPUT_SOURCE_PX4FMU_CRSF RC_INPUT_SOURCE_PX4FMU_GHST RC_INPUT_MAX_CHANNELS",
+            "int8 RSSI_MAX",
+        ),
+        cls=cls,
     ))

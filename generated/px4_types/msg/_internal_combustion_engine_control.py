@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q?3x3fB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -63,6 +64,7 @@ class InternalCombustionEngineControl(_cdr.Message):
         starter_engine_control: float = 0.0,
         user_request: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.ignition_on = ignition_on
         self.throttle_control = throttle_control
@@ -87,18 +89,19 @@ class InternalCombustionEngineControl(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 29 else _unpack_padded
             (
                 header, message.timestamp, message.ignition_on, message.throttle_control,
                 message.choke_control, message.starter_engine_control, message.user_request,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(InternalCombustionEngineControl, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (29, 30, 31, 32):
+        if header != _USUAL:
             return _cdr.decode_other(InternalCombustionEngineControl, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="InternalCombustionEngineControl",
         ros_type="px4_msgs/msg/InternalCombustionEngineControl",
         dds_type="px4_msgs::msg::dds_::InternalCombustionEngineControl_",
@@ -116,4 +119,6 @@ class InternalCombustionEngineControl(_cdr.Message):
             info.Field("starter_engine_control", "float32", 20, 4, unit="norm", range="0,1"),
             info.Field("user_request", "uint8", 24, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -201,6 +201,7 @@ class InternalCombustionEngineStatus(_cdr.Message):
         lambda_coefficient: float = 0.0,
         pid_idle_rpm_integral: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.state = state
         self.substate = substate
@@ -266,7 +267,7 @@ class InternalCombustionEngineStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="InternalCombustionEngineStatus",
         ros_type="px4_msgs/msg/InternalCombustionEngineStatus",
         dds_type="px4_msgs::msg::dds_::InternalCombustionEngineStatus_",
@@ -309,4 +310,11 @@ class InternalCombustionEngineStatus(_cdr.Message):
             info.Field("lambda_coefficient", "float32", 84, 4, unit="-", range="0, inf"),
             info.Field("pid_idle_rpm_integral", "float32", 88, 4, unit="-", range="-1, 1"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 STATE_STOPPED STATE_STARTING STATE_RUNNING STATE_FAULT SUBSTATE_RUN SUBSTATE_IDLE SUBSTATE_REST",
+            "uint32 FLAG_GENERAL_ERROR FLAG_CRANKSHAFT_SENSOR_ERROR_SUPPORTED FLAG_CRANKSHAFT_SENSOR_ERROR FLAG_TEMPERATURE_SUPPORTED FLAG_TEMPERATURE_BELOW_NOMINAL FLAG_TEMPERATURE_ABOVE_NOMINAL FLAG_TEMPERATURE_OVERHEATING FLAG_TEMPERATURE_EGT_ABOVE_NOMINAL FLAG_FUEL_PRESSURE_SUPPORTED FLAG_FUEL_PRESSURE_BELOW_NOMINAL FLAG_FUEL_PRESSURE_ABOVE_NOMINAL FLAG_DETONATION_SUPPORTED FLAG_DETONATION_OBSERVED FLAG_MISFIRE_SUPPORTED FLAG_MISFIRE_OBSERVED FLAG_OIL_PRESSURE_SUPPORTED FLAG_OIL_PRESSURE_BELOW_NOMINAL FLAG_OIL_PRESSURE_ABOVE_NOMINAL FLAG_DEBRIS_SUPPORTED FLAG_DEBRIS_DETECTED",
+            "uint8 SPARK_PLUG_SINGLE SPARK_PLUG_FIRST_ACTIVE SPARK_PLUG_SECOND_ACTIVE SPARK_PLUG_BOTH_ACTIVE",
+        ),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q6H2B5?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -101,6 +102,7 @@ class IridiumsbdStatus(_cdr.Message):
         rx_read_pending: bool = False,
         rx_session_pending: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.last_at_ok_timestamp = last_at_ok_timestamp
         self.tx_buf_write_index = tx_buf_write_index
@@ -140,21 +142,22 @@ class IridiumsbdStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 39 else _unpack_padded
             (
                 header, message.timestamp, message.last_at_ok_timestamp, message.tx_buf_write_index,
                 message.rx_buf_read_index, message.rx_buf_end_index, message.failed_sbd_sessions,
                 message.successful_sbd_sessions, message.num_tx_buf_reset, message.signal_quality,
                 message.state, message.ring_pending, message.tx_buf_write_pending, message.tx_session_pending,
                 message.rx_read_pending, message.rx_session_pending,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(IridiumsbdStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (39, 40, 41, 42):
+        if header != _USUAL:
             return _cdr.decode_other(IridiumsbdStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="IridiumsbdStatus",
         ros_type="px4_msgs/msg/IridiumsbdStatus",
         dds_type="px4_msgs::msg::dds_::IridiumsbdStatus_",
@@ -181,4 +184,6 @@ class IridiumsbdStatus(_cdr.Message):
             info.Field("rx_read_pending", "bool", 33, 1),
             info.Field("rx_session_pending", "bool", 34, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

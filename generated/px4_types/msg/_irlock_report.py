@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -54,6 +54,7 @@ class IrlockReport(_cdr.Message):
         size_x: float = 0.0,
         size_y: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.signature = signature
         self.pos_x = pos_x
@@ -86,7 +87,7 @@ class IrlockReport(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="IrlockReport",
         ros_type="px4_msgs/msg/IrlockReport",
         dds_type="px4_msgs::msg::dds_::IrlockReport_",
@@ -104,4 +105,6 @@ class IrlockReport(_cdr.Message):
             info.Field("size_x", "float32", 20, 4, unit="-"),
             info.Field("size_y", "float32", 24, 4, unit="-"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -38,6 +38,7 @@ class LandingGearWheel(_cdr.Message):
         timestamp: int = 0,
         normalized_wheel_setpoint: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.normalized_wheel_setpoint = normalized_wheel_setpoint
 
@@ -61,7 +62,7 @@ class LandingGearWheel(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="LandingGearWheel",
         ros_type="px4_msgs/msg/LandingGearWheel",
         dds_type="px4_msgs::msg::dds_::LandingGearWheel_",
@@ -75,4 +76,6 @@ class LandingGearWheel(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("normalized_wheel_setpoint", "float32", 8, 4, range="-1, 1"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -49,6 +49,7 @@ class LandingTargetInnovations(_cdr.Message):
         innov_cov_x: float = 0.0,
         innov_cov_y: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.innov_x = innov_x
         self.innov_y = innov_y
@@ -80,7 +81,7 @@ class LandingTargetInnovations(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="LandingTargetInnovations",
         ros_type="px4_msgs/msg/LandingTargetInnovations",
         dds_type="px4_msgs::msg::dds_::LandingTargetInnovations_",
@@ -97,4 +98,6 @@ class LandingTargetInnovations(_cdr.Message):
             info.Field("innov_cov_x", "float32", 16, 4, unit="m^2"),
             info.Field("innov_cov_y", "float32", 20, 4, unit="m^2"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -125,6 +125,7 @@ class LandingTargetPose(_cdr.Message):
         y_abs: float = 0.0,
         z_abs: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.is_static = is_static
         self.rel_pos_valid = rel_pos_valid
@@ -183,7 +184,7 @@ class LandingTargetPose(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="LandingTargetPose",
         ros_type="px4_msgs/msg/LandingTargetPose",
         dds_type="px4_msgs::msg::dds_::LandingTargetPose_",
@@ -216,4 +217,6 @@ class LandingTargetPose(_cdr.Message):
             info.Field("y_abs", "float32", 68, 4, unit="m", frame="NED"),
             info.Field("z_abs", "float32", 72, 4, unit="m", frame="NED"),
         ),
+        constants=(),
+        cls=cls,
     ))

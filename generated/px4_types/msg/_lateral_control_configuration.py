@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -44,6 +44,7 @@ class LateralControlConfiguration(_cdr.Message):
         timestamp: int = 0,
         lateral_accel_max: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.lateral_accel_max = lateral_accel_max
 
@@ -67,7 +68,7 @@ class LateralControlConfiguration(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="LateralControlConfiguration",
         ros_type="px4_msgs/msg/LateralControlConfiguration",
         dds_type="px4_msgs::msg::dds_::LateralControlConfiguration_",
@@ -81,4 +82,6 @@ class LateralControlConfiguration(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("lateral_accel_max", "float32", 8, 4, unit="m/s^2", invalid="NaN"),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -51,6 +52,7 @@ class LaunchDetectionStatus(_cdr.Message):
         launch_detection_state: int = 0,
         selected_control_surface_disarmed: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.launch_detection_state = launch_detection_state
         self.selected_control_surface_disarmed = selected_control_surface_disarmed
@@ -71,18 +73,19 @@ class LaunchDetectionStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 14 else _unpack_padded
             (
                 header, message.timestamp, message.launch_detection_state,
                 message.selected_control_surface_disarmed,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(LaunchDetectionStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (14, 15, 16, 17):
+        if header != _USUAL:
             return _cdr.decode_other(LaunchDetectionStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="LaunchDetectionStatus",
         ros_type="px4_msgs/msg/LaunchDetectionStatus",
         dds_type="px4_msgs::msg::dds_::LaunchDetectionStatus_",
@@ -97,4 +100,8 @@ class LaunchDetectionStatus(_cdr.Message):
             info.Field("launch_detection_state", "uint8", 8, 1, enum="STATE"),
             info.Field("selected_control_surface_disarmed", "bool", 9, 1, unit="-"),
         ),
+        constants=info.constants(
+            cls, "uint8 STATE_WAITING_FOR_LAUNCH STATE_LAUNCH_DETECTED_DISABLED_MOTOR STATE_FLYING",
+        ),
+        cls=cls,
     ))

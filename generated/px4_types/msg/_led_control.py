@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q5B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -89,6 +90,7 @@ class LedControl(_cdr.Message):
         num_blinks: int = 0,
         priority: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.led_mask = led_mask
         self.color = color
@@ -110,18 +112,19 @@ class LedControl(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 17 else _unpack_padded
             (
                 header, message.timestamp, message.led_mask, message.color, message.mode, message.num_blinks,
                 message.priority,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(LedControl, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (17, 18, 19, 20):
+        if header != _USUAL:
             return _cdr.decode_other(LedControl, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="LedControl",
         ros_type="px4_msgs/msg/LedControl",
         dds_type="px4_msgs::msg::dds_::LedControl_",
@@ -139,4 +142,9 @@ class LedControl(_cdr.Message):
             info.Field("num_blinks", "uint8", 11, 1),
             info.Field("priority", "uint8", 12, 1, range="0, 2"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 COLOR_OFF COLOR_RED COLOR_GREEN COLOR_BLUE COLOR_YELLOW COLOR_PURPLE COLOR_AMBER COLOR_CYAN COLOR_WHITE MODE_OFF MODE_ON MODE_DISABLED MODE_BLINK_SLOW MODE_BLINK_NORMAL MODE_BLINK_FAST MODE_BREATHE MODE_FLASH MAX_PRIORITY ORB_QUEUE_LENGTH",
+        ),
+        cls=cls,
     ))

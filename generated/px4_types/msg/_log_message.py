@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -45,6 +45,7 @@ class LogMessage(_cdr.Message):
         severity: int = 0,
         text: bytes = bytes(127),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.severity = severity
         self.text = text
@@ -71,7 +72,7 @@ class LogMessage(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="LogMessage",
         ros_type="px4_msgs/msg/LogMessage",
         dds_type="px4_msgs::msg::dds_::LogMessage_",
@@ -86,4 +87,6 @@ class LogMessage(_cdr.Message):
             info.Field("severity", "uint8", 8, 1, range="0, 7"),
             info.Field("text", "char[127]", 9, 127),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

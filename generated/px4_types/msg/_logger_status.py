@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B?x2f4IB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -91,6 +92,7 @@ class LoggerStatus(_cdr.Message):
         buffer_size_bytes: int = 0,
         num_messages: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.type = type
         self.backend = backend
@@ -121,19 +123,20 @@ class LoggerStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 41 else _unpack_padded
             (
                 header, message.timestamp, message.type, message.backend, message.is_logging,
                 message.total_written_kb, message.write_rate_kb_s, message.dropouts, message.message_gaps,
                 message.buffer_used_bytes, message.buffer_size_bytes, message.num_messages,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(LoggerStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (41, 42, 43, 44):
+        if header != _USUAL:
             return _cdr.decode_other(LoggerStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="LoggerStatus",
         ros_type="px4_msgs/msg/LoggerStatus",
         dds_type="px4_msgs::msg::dds_::LoggerStatus_",
@@ -156,4 +159,8 @@ class LoggerStatus(_cdr.Message):
             info.Field("buffer_size_bytes", "uint32", 32, 4, unit="bytes"),
             info.Field("num_messages", "uint8", 36, 1),
         ),
+        constants=info.constants(
+            cls, "uint8 LOGGER_TYPE_FULL LOGGER_TYPE_MISSION BACKEND_FILE BACKEND_MAVLINK BACKEND_ALL",
+        ),
+        cls=cls,
     ))

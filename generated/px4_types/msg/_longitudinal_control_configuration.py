@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q7f2?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -89,6 +90,7 @@ class LongitudinalControlConfiguration(_cdr.Message):
         enforce_low_height_condition: bool = False,
         disable_underspeed_protection: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.pitch_min = pitch_min
         self.pitch_max = pitch_max
@@ -118,20 +120,21 @@ class LongitudinalControlConfiguration(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 42 else _unpack_padded
             (
                 header, message.timestamp, message.pitch_min, message.pitch_max, message.throttle_min,
                 message.throttle_max, message.climb_rate_target, message.sink_rate_target,
                 message.speed_weight, message.enforce_low_height_condition,
                 message.disable_underspeed_protection,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(LongitudinalControlConfiguration, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (42, 43, 44, 45):
+        if header != _USUAL:
             return _cdr.decode_other(LongitudinalControlConfiguration, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="LongitudinalControlConfiguration",
         ros_type="px4_msgs/msg/LongitudinalControlConfiguration",
         dds_type="px4_msgs::msg::dds_::LongitudinalControlConfiguration_",
@@ -167,4 +170,6 @@ class LongitudinalControlConfiguration(_cdr.Message):
             info.Field("enforce_low_height_condition", "bool", 36, 1),
             info.Field("disable_underspeed_protection", "bool", 37, 1),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

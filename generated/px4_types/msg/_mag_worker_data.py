@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -82,6 +82,7 @@ class MagWorkerData(_cdr.Message):
         y: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
         z: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.done_count = done_count
@@ -152,7 +153,7 @@ class MagWorkerData(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="MagWorkerData",
         ros_type="px4_msgs/msg/MagWorkerData",
         dds_type="px4_msgs::msg::dds_::MagWorkerData_",
@@ -174,4 +175,6 @@ class MagWorkerData(_cdr.Message):
             info.Field("y", "float32[4]", 68, 16, unit="Gs"),
             info.Field("z", "float32[4]", 84, 16, unit="Gs"),
         ),
+        constants=info.constants(cls, "uint8 MAX_MAGS"),
+        cls=cls,
     ))

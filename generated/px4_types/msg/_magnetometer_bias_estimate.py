@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -55,6 +55,7 @@ class MagnetometerBiasEstimate(_cdr.Message):
         valid: tuple[bool, bool, bool, bool] = (False, False, False, False),
         stable: tuple[bool, bool, bool, bool] = (False, False, False, False),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.bias_x = bias_x
         self.bias_y = bias_y
@@ -102,7 +103,7 @@ class MagnetometerBiasEstimate(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="MagnetometerBiasEstimate",
         ros_type="px4_msgs/msg/MagnetometerBiasEstimate",
         dds_type="px4_msgs::msg::dds_::MagnetometerBiasEstimate_",
@@ -120,4 +121,6 @@ class MagnetometerBiasEstimate(_cdr.Message):
             info.Field("valid", "bool[4]", 56, 4),
             info.Field("stable", "bool[4]", 60, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

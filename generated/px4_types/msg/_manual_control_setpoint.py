@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -134,6 +134,7 @@ class ManualControlSetpoint(_cdr.Message):
         sticks_moving: bool = False,
         buttons: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.valid = valid
@@ -183,7 +184,7 @@ class ManualControlSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ManualControlSetpoint",
         ros_type="px4_msgs/msg/ManualControlSetpoint",
         dds_type="px4_msgs::msg::dds_::ManualControlSetpoint_",
@@ -212,4 +213,9 @@ class ManualControlSetpoint(_cdr.Message):
             info.Field("sticks_moving", "bool", 64, 1),
             info.Field("buttons", "uint16", 66, 2),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "uint8 SOURCE_UNKNOWN SOURCE_RC SOURCE_MAVLINK_0 SOURCE_MAVLINK_1 SOURCE_MAVLINK_2 SOURCE_MAVLINK_3 SOURCE_MAVLINK_4 SOURCE_MAVLINK_5",
+        ),
+        cls=cls,
     ))

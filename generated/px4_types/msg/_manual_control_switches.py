@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -126,6 +126,7 @@ class ManualControlSwitches(_cdr.Message):
         payload_power_switch: int = 0,
         switch_changes: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.mode_slot = mode_slot
@@ -175,7 +176,7 @@ class ManualControlSwitches(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ManualControlSwitches",
         ros_type="px4_msgs/msg/ManualControlSwitches",
         dds_type="px4_msgs::msg::dds_::ManualControlSwitches_",
@@ -203,4 +204,9 @@ class ManualControlSwitches(_cdr.Message):
             info.Field("payload_power_switch", "uint8", 28, 1, enum="SWITCH_POS"),
             info.Field("switch_changes", "uint32", 32, 4),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 SWITCH_POS_NONE SWITCH_POS_ON SWITCH_POS_MIDDLE SWITCH_POS_OFF MODE_SLOT_NONE MODE_SLOT_1 MODE_SLOT_2 MODE_SLOT_3 MODE_SLOT_4 MODE_SLOT_5 MODE_SLOT_6 MODE_SLOT_NUM",
+        ),
+        cls=cls,
     ))

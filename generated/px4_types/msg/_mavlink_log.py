@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -45,6 +45,7 @@ class MavlinkLog(_cdr.Message):
         text: bytes = bytes(127),
         severity: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.text = text
         self.severity = severity
@@ -71,7 +72,7 @@ class MavlinkLog(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="MavlinkLog",
         ros_type="px4_msgs/msg/MavlinkLog",
         dds_type="px4_msgs::msg::dds_::MavlinkLog_",
@@ -86,4 +87,6 @@ class MavlinkLog(_cdr.Message):
             info.Field("text", "char[127]", 8, 127),
             info.Field("severity", "uint8", 135, 1, range="0, 7"),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

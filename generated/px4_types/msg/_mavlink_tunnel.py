@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH3B128s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -75,6 +76,7 @@ class MavlinkTunnel(_cdr.Message):
         payload_length: int = 0,
         payload: bytes = bytes(128),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.payload_type = payload_type
         self.target_system = target_system
@@ -99,18 +101,19 @@ class MavlinkTunnel(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 145 else _unpack_padded
             (
                 header, message.timestamp, message.payload_type, message.target_system,
                 message.target_component, message.payload_length, message.payload,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(MavlinkTunnel, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (145, 146, 147, 148):
+        if header != _USUAL:
             return _cdr.decode_other(MavlinkTunnel, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="MavlinkTunnel",
         ros_type="px4_msgs/msg/MavlinkTunnel",
         dds_type="px4_msgs::msg::dds_::MavlinkTunnel_",
@@ -128,4 +131,9 @@ class MavlinkTunnel(_cdr.Message):
             info.Field("payload_length", "uint8", 12, 1, unit="bytes"),
             info.Field("payload", "uint8[128]", 13, 128),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED0 MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED1 MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED2 MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED3 MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED4 MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED5 MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED6 MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED7 MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED8 MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED9",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -49,6 +49,7 @@ class MessageFormatRequest(_cdr.Message):
         protocol_version: int = 0,
         topic_name: bytes = bytes(50),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.protocol_version = protocol_version
         self.topic_name = topic_name
@@ -75,7 +76,7 @@ class MessageFormatRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="MessageFormatRequest",
         ros_type="px4_msgs/msg/MessageFormatRequest",
         dds_type="px4_msgs::msg::dds_::MessageFormatRequest_",
@@ -90,4 +91,6 @@ class MessageFormatRequest(_cdr.Message):
             info.Field("protocol_version", "uint16", 8, 2),
             info.Field("topic_name", "char[50]", 10, 50),
         ),
+        constants=info.constants(cls, "uint16 LATEST_PROTOCOL_VERSION"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -50,6 +50,7 @@ class MessageFormatResponse(_cdr.Message):
         success: bool = False,
         message_hash: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.protocol_version = protocol_version
         self.topic_name = topic_name
@@ -86,7 +87,7 @@ class MessageFormatResponse(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="MessageFormatResponse",
         ros_type="px4_msgs/msg/MessageFormatResponse",
         dds_type="px4_msgs::msg::dds_::MessageFormatResponse_",
@@ -103,4 +104,6 @@ class MessageFormatResponse(_cdr.Message):
             info.Field("success", "bool", 60, 1),
             info.Field("message_hash", "uint32", 64, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -81,6 +81,7 @@ class Mission(_cdr.Message):
         geofence_id: int = 0,
         safe_points_id: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.mission_dataman_id = mission_dataman_id
         self.fence_dataman_id = fence_dataman_id
@@ -121,7 +122,7 @@ class Mission(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="Mission",
         ros_type="px4_msgs/msg/Mission",
         dds_type="px4_msgs::msg::dds_::Mission_",
@@ -144,4 +145,6 @@ class Mission(_cdr.Message):
             info.Field("geofence_id", "uint32", 32, 4),
             info.Field("safe_points_id", "uint32", 36, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q3Ii2H5?x2HB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -99,6 +100,7 @@ class MissionResult(_cdr.Message):
         item_do_jump_remaining: int = 0,
         execution_mode: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.mission_id = mission_id
         self.geofence_id = geofence_id
@@ -134,21 +136,22 @@ class MissionResult(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 43 else _unpack_padded
             (
                 header, message.timestamp, message.mission_id, message.geofence_id,
                 message.home_position_counter, message.seq_reached, message.seq_current, message.seq_total,
                 message.valid, message.warning, message.finished, message.failure,
                 message.item_do_jump_changed, message.item_changed_index, message.item_do_jump_remaining,
                 message.execution_mode,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(MissionResult, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (43, 44, 45, 46):
+        if header != _USUAL:
             return _cdr.decode_other(MissionResult, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="MissionResult",
         ros_type="px4_msgs/msg/MissionResult",
         dds_type="px4_msgs::msg::dds_::MissionResult_",
@@ -175,4 +178,6 @@ class MissionResult(_cdr.Message):
             info.Field("item_do_jump_remaining", "uint16", 36, 2),
             info.Field("execution_mode", "uint8", 38, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

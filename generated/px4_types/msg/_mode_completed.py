@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -50,6 +51,7 @@ class ModeCompleted(_cdr.Message):
         result: int = 0,
         nav_state: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.result = result
         self.nav_state = nav_state
@@ -66,15 +68,16 @@ class ModeCompleted(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.result, message.nav_state) = _unpack(data)
+            unpack = _unpack if len(data) == 14 else _unpack_padded
+            (header, message.timestamp, message.result, message.nav_state) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ModeCompleted, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (14, 15, 16, 17):
+        if header != _USUAL:
             return _cdr.decode_other(ModeCompleted, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ModeCompleted",
         ros_type="px4_msgs/msg/ModeCompleted",
         dds_type="px4_msgs::msg::dds_::ModeCompleted_",
@@ -89,4 +92,6 @@ class ModeCompleted(_cdr.Message):
             info.Field("result", "uint8", 8, 1, enum="RESULT"),
             info.Field("nav_state", "uint8", 9, 1),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 RESULT_SUCCESS RESULT_FAILURE_OTHER"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -37,6 +37,7 @@ class MountOrientation(_cdr.Message):
         timestamp: int = 0,
         attitude_euler_angle: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.attitude_euler_angle = attitude_euler_angle
 
@@ -68,7 +69,7 @@ class MountOrientation(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="MountOrientation",
         ros_type="px4_msgs/msg/MountOrientation",
         dds_type="px4_msgs::msg::dds_::MountOrientation_",
@@ -82,4 +83,6 @@ class MountOrientation(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("attitude_euler_angle", "float32[3]", 8, 12, unit="rad"),
         ),
+        constants=(),
+        cls=cls,
     ))

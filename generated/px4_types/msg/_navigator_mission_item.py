@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2H7f2B5?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -107,6 +108,7 @@ class NavigatorMissionItem(_cdr.Message):
         autocontinue: bool = False,
         vtol_back_transition: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.sequence_current = sequence_current
         self.nav_cmd = nav_cmd
@@ -147,21 +149,22 @@ class NavigatorMissionItem(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 51 else _unpack_padded
             (
                 header, message.timestamp, message.sequence_current, message.nav_cmd, message.latitude,
                 message.longitude, message.time_inside, message.acceptance_radius, message.loiter_radius,
                 message.yaw, message.altitude, message.frame, message.origin, message.loiter_exit_xtrack,
                 message.force_heading, message.altitude_is_relative, message.autocontinue,
                 message.vtol_back_transition,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(NavigatorMissionItem, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (51, 52, 53, 54):
+        if header != _USUAL:
             return _cdr.decode_other(NavigatorMissionItem, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="NavigatorMissionItem",
         ros_type="px4_msgs/msg/NavigatorMissionItem",
         dds_type="px4_msgs::msg::dds_::NavigatorMissionItem_",
@@ -192,4 +195,6 @@ class NavigatorMissionItem(_cdr.Message):
             info.Field("autocontinue", "bool", 45, 1),
             info.Field("vtol_back_transition", "bool", 46, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

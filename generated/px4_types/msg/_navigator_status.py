@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -48,6 +49,7 @@ class NavigatorStatus(_cdr.Message):
         nav_state: int = 0,
         failure: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.nav_state = nav_state
         self.failure = failure
@@ -64,15 +66,16 @@ class NavigatorStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.nav_state, message.failure) = _unpack(data)
+            unpack = _unpack if len(data) == 14 else _unpack_padded
+            (header, message.timestamp, message.nav_state, message.failure) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(NavigatorStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (14, 15, 16, 17):
+        if header != _USUAL:
             return _cdr.decode_other(NavigatorStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="NavigatorStatus",
         ros_type="px4_msgs/msg/NavigatorStatus",
         dds_type="px4_msgs::msg::dds_::NavigatorStatus_",
@@ -87,4 +90,6 @@ class NavigatorStatus(_cdr.Message):
             info.Field("nav_state", "uint8", 8, 1),
             info.Field("failure", "uint8", 9, 1, enum="FAILURE"),
         ),
+        constants=info.constants(cls, "uint8 FAILURE_NONE FAILURE_HAGL"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -49,6 +49,7 @@ class NeuralControl(_cdr.Message):
         controller_time: int = 0,
         inference_time: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.observation = observation
         self.network_output = network_output
@@ -99,7 +100,7 @@ class NeuralControl(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="NeuralControl",
         ros_type="px4_msgs/msg/NeuralControl",
         dds_type="px4_msgs::msg::dds_::NeuralControl_",
@@ -116,4 +117,6 @@ class NeuralControl(_cdr.Message):
             info.Field("controller_time", "int32", 84, 4, unit="us"),
             info.Field("inference_time", "int32", 88, 4, unit="us"),
         ),
+        constants=(),
+        cls=cls,
     ))

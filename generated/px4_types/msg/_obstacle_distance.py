@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import arrays as _arrays
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -84,6 +84,7 @@ class ObstacleDistance(_cdr.Message):
         max_distance: int = 0,
         angle_offset: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.frame = frame
         self.sensor_type = sensor_type
@@ -120,7 +121,7 @@ class ObstacleDistance(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ObstacleDistance",
         ros_type="px4_msgs/msg/ObstacleDistance",
         dds_type="px4_msgs::msg::dds_::ObstacleDistance_",
@@ -140,4 +141,9 @@ class ObstacleDistance(_cdr.Message):
             info.Field("max_distance", "uint16", 162, 2, unit="cm"),
             info.Field("angle_offset", "float32", 164, 4, unit="deg"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 MAV_FRAME_GLOBAL MAV_FRAME_LOCAL_NED MAV_FRAME_BODY_FRD MAV_DISTANCE_SENSOR_LASER MAV_DISTANCE_SENSOR_ULTRASOUND MAV_DISTANCE_SENSOR_INFRARED MAV_DISTANCE_SENSOR_RADAR",
+        ),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -71,6 +72,7 @@ class OffboardControlMode(_cdr.Message):
         thrust_and_torque: bool = False,
         direct_actuator: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.position = position
         self.velocity = velocity
@@ -100,18 +102,19 @@ class OffboardControlMode(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 19 else _unpack_padded
             (
                 header, message.timestamp, message.position, message.velocity, message.acceleration,
                 message.attitude, message.body_rate, message.thrust_and_torque, message.direct_actuator,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(OffboardControlMode, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (19, 20, 21, 22):
+        if header != _USUAL:
             return _cdr.decode_other(OffboardControlMode, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="OffboardControlMode",
         ros_type="px4_msgs/msg/OffboardControlMode",
         dds_type="px4_msgs::msg::dds_::OffboardControlMode_",
@@ -131,4 +134,6 @@ class OffboardControlMode(_cdr.Message):
             info.Field("thrust_and_torque", "bool", 13, 1),
             info.Field("direct_actuator", "bool", 14, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

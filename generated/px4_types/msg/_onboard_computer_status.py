@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -129,6 +129,7 @@ class OnboardComputerStatus(_cdr.Message):
         link_tx_max: tuple[int, ...] = (0,) * 6,
         link_rx_max: tuple[int, ...] = (0,) * 6,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.uptime = uptime
         self.type = type
@@ -250,7 +251,7 @@ class OnboardComputerStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="OnboardComputerStatus",
         ros_type="px4_msgs/msg/OnboardComputerStatus",
         dds_type="px4_msgs::msg::dds_::OnboardComputerStatus_",
@@ -282,4 +283,6 @@ class OnboardComputerStatus(_cdr.Message):
             info.Field("link_tx_max", "uint32[6]", 192, 24, unit="Kb/s"),
             info.Field("link_rx_max", "uint32[6]", 216, 24, unit="Kb/s"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QB50s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -42,6 +43,7 @@ class OpenDroneIdArmStatus(_cdr.Message):
         status: int = 0,
         error: bytes = bytes(50),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.status = status
         self.error = error
@@ -60,15 +62,16 @@ class OpenDroneIdArmStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.status, message.error) = _unpack(data)
+            unpack = _unpack if len(data) == 63 else _unpack_padded
+            (header, message.timestamp, message.status, message.error) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(OpenDroneIdArmStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (63, 64, 65, 66):
+        if header != _USUAL:
             return _cdr.decode_other(OpenDroneIdArmStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="OpenDroneIdArmStatus",
         ros_type="px4_msgs/msg/OpenDroneIdArmStatus",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdArmStatus_",
@@ -83,4 +86,6 @@ class OpenDroneIdArmStatus(_cdr.Message):
             info.Field("status", "uint8", 8, 1),
             info.Field("error", "char[50]", 9, 50),
         ),
+        constants=(),
+        cls=cls,
     ))

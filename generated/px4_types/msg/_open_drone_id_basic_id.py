@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q20s2B20s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -51,6 +52,7 @@ class OpenDroneIdBasicId(_cdr.Message):
         ua_type: int = 0,
         uas_id: bytes = bytes(20),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.id_or_mac = id_or_mac
         self.id_type = id_type
@@ -75,18 +77,19 @@ class OpenDroneIdBasicId(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 54 else _unpack_padded
             (
                 header, message.timestamp, message.id_or_mac, message.id_type, message.ua_type,
                 message.uas_id,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(OpenDroneIdBasicId, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (54, 55, 56, 57):
+        if header != _USUAL:
             return _cdr.decode_other(OpenDroneIdBasicId, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="OpenDroneIdBasicId",
         ros_type="px4_msgs/msg/OpenDroneIdBasicId",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdBasicId_",
@@ -103,4 +106,6 @@ class OpenDroneIdBasicId(_cdr.Message):
             info.Field("ua_type", "uint8", 29, 1),
             info.Field("uas_id", "uint8[20]", 30, 20),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q20sB20s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -46,6 +47,7 @@ class OpenDroneIdOperatorId(_cdr.Message):
         operator_id_type: int = 0,
         operator_id: bytes = bytes(20),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.id_or_mac = id_or_mac
         self.operator_id_type = operator_id_type
@@ -69,17 +71,18 @@ class OpenDroneIdOperatorId(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 53 else _unpack_padded
             (
                 header, message.timestamp, message.id_or_mac, message.operator_id_type, message.operator_id,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(OpenDroneIdOperatorId, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (53, 54, 55, 56):
+        if header != _USUAL:
             return _cdr.decode_other(OpenDroneIdOperatorId, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="OpenDroneIdOperatorId",
         ros_type="px4_msgs/msg/OpenDroneIdOperatorId",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdOperatorId_",
@@ -95,4 +98,6 @@ class OpenDroneIdOperatorId(_cdr.Message):
             info.Field("operator_id_type", "uint8", 28, 1),
             info.Field("operator_id", "char[20]", 29, 20),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -46,6 +46,7 @@ class OpenDroneIdSelfId(_cdr.Message):
         description_type: int = 0,
         description: bytes = bytes(23),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.id_or_mac = id_or_mac
         self.description_type = description_type
@@ -79,7 +80,7 @@ class OpenDroneIdSelfId(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="OpenDroneIdSelfId",
         ros_type="px4_msgs/msg/OpenDroneIdSelfId",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdSelfId_",
@@ -95,4 +96,6 @@ class OpenDroneIdSelfId(_cdr.Message):
             info.Field("description_type", "uint8", 28, 1),
             info.Field("description", "char[23]", 29, 23),
         ),
+        constants=(),
+        cls=cls,
     ))

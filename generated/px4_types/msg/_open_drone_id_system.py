@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -92,6 +92,7 @@ class OpenDroneIdSystem(_cdr.Message):
         class_eu: int = 0,
         operator_altitude_geo: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.id_or_mac = id_or_mac
         self.operator_location_type = operator_location_type
@@ -138,7 +139,7 @@ class OpenDroneIdSystem(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="OpenDroneIdSystem",
         ros_type="px4_msgs/msg/OpenDroneIdSystem",
         dds_type="px4_msgs::msg::dds_::OpenDroneIdSystem_",
@@ -163,4 +164,6 @@ class OpenDroneIdSystem(_cdr.Message):
             info.Field("class_eu", "uint8", 53, 1),
             info.Field("operator_altitude_geo", "float32", 56, 4, unit="m", invalid="-1000"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -37,6 +37,7 @@ class OrbTest(_cdr.Message):
         timestamp: int = 0,
         val: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.val = val
 
@@ -60,7 +61,7 @@ class OrbTest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="OrbTest",
         ros_type="px4_msgs/msg/OrbTest",
         dds_type="px4_msgs::msg::dds_::OrbTest_",
@@ -74,4 +75,6 @@ class OrbTest(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("val", "int32", 8, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -41,6 +41,7 @@ class OrbTestLarge(_cdr.Message):
         val: int = 0,
         junk: bytes = bytes(512),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.val = val
         self.junk = junk
@@ -67,7 +68,7 @@ class OrbTestLarge(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="OrbTestLarge",
         ros_type="px4_msgs/msg/OrbTestLarge",
         dds_type="px4_msgs::msg::dds_::OrbTestLarge_",
@@ -82,4 +83,6 @@ class OrbTestLarge(_cdr.Message):
             info.Field("val", "int32", 8, 4),
             info.Field("junk", "uint8[512]", 12, 512),
         ),
+        constants=(),
+        cls=cls,
     ))

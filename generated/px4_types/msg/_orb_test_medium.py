@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -46,6 +46,7 @@ class OrbTestMedium(_cdr.Message):
         val: int = 0,
         junk: bytes = bytes(64),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.val = val
         self.junk = junk
@@ -72,7 +73,7 @@ class OrbTestMedium(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="OrbTestMedium",
         ros_type="px4_msgs/msg/OrbTestMedium",
         dds_type="px4_msgs::msg::dds_::OrbTestMedium_",
@@ -90,4 +91,6 @@ class OrbTestMedium(_cdr.Message):
             info.Field("val", "int32", 8, 4),
             info.Field("junk", "uint8[64]", 12, 64),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

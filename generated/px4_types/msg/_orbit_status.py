@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QfB3x2dfB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -79,6 +80,7 @@ class OrbitStatus(_cdr.Message):
         z: float = 0.0,
         yaw_behaviour: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.radius = radius
         self.frame = frame
@@ -101,18 +103,19 @@ class OrbitStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 41 else _unpack_padded
             (
                 header, message.timestamp, message.radius, message.frame, message.x, message.y, message.z,
                 message.yaw_behaviour,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(OrbitStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (41, 42, 43, 44):
+        if header != _USUAL:
             return _cdr.decode_other(OrbitStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="OrbitStatus",
         ros_type="px4_msgs/msg/OrbitStatus",
         dds_type="px4_msgs::msg::dds_::OrbitStatus_",
@@ -131,4 +134,9 @@ class OrbitStatus(_cdr.Message):
             info.Field("z", "float32", 32, 4, unit="m"),
             info.Field("yaw_behaviour", "uint8", 36, 1, enum="ORBIT_YAW_BEHAVIOUR"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 FRAME_GLOBAL FRAME_LOCAL_NED FRAME_GLOBAL_RELATIVE_ALT FRAME_GLOBAL_TERRAIN_ALT ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TO_CIRCLE_CENTER ORBIT_YAW_BEHAVIOUR_HOLD_INITIAL_HEADING ORBIT_YAW_BEHAVIOUR_UNCONTROLLED ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE ORBIT_YAW_BEHAVIOUR_RC_CONTROLLED ORBIT_YAW_BEHAVIOUR_UNCHANGED",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -46,6 +47,7 @@ class ParameterResetRequest(_cdr.Message):
         parameter_index: int = 0,
         reset_all: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.parameter_index = parameter_index
         self.reset_all = reset_all
@@ -64,15 +66,16 @@ class ParameterResetRequest(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.parameter_index, message.reset_all) = _unpack(data)
+            unpack = _unpack if len(data) == 15 else _unpack_padded
+            (header, message.timestamp, message.parameter_index, message.reset_all) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ParameterResetRequest, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (15, 16, 17, 18):
+        if header != _USUAL:
             return _cdr.decode_other(ParameterResetRequest, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ParameterResetRequest",
         ros_type="px4_msgs/msg/ParameterResetRequest",
         dds_type="px4_msgs::msg::dds_::ParameterResetRequest_",
@@ -87,4 +90,6 @@ class ParameterResetRequest(_cdr.Message):
             info.Field("parameter_index", "uint16", 8, 2),
             info.Field("reset_all", "bool", 10, 1),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

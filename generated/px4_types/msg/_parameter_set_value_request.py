@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -50,6 +50,7 @@ class ParameterSetValueRequest(_cdr.Message):
         int_value: int = 0,
         float_value: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.parameter_index = parameter_index
         self.int_value = int_value
@@ -79,7 +80,7 @@ class ParameterSetValueRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ParameterSetValueRequest",
         ros_type="px4_msgs/msg/ParameterSetValueRequest",
         dds_type="px4_msgs::msg::dds_::ParameterSetValueRequest_",
@@ -98,4 +99,6 @@ class ParameterSetValueRequest(_cdr.Message):
             info.Field("int_value", "int32", 12, 4),
             info.Field("float_value", "float32", 16, 4),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QH")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -47,6 +48,7 @@ class ParameterSetValueResponse(_cdr.Message):
         request_timestamp: int = 0,
         parameter_index: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.request_timestamp = request_timestamp
         self.parameter_index = parameter_index
@@ -63,17 +65,18 @@ class ParameterSetValueResponse(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 22 else _unpack_padded
             (
                 header, message.timestamp, message.request_timestamp, message.parameter_index,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ParameterSetValueResponse, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (22, 23, 24, 25):
+        if header != _USUAL:
             return _cdr.decode_other(ParameterSetValueResponse, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ParameterSetValueResponse",
         ros_type="px4_msgs/msg/ParameterSetValueResponse",
         dds_type="px4_msgs::msg::dds_::ParameterSetValueResponse_",
@@ -91,4 +94,6 @@ class ParameterSetValueResponse(_cdr.Message):
             info.Field("request_timestamp", "uint64", 8, 8, unit="us"),
             info.Field("parameter_index", "uint16", 16, 2),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5I3H")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -73,6 +74,7 @@ class ParameterUpdate(_cdr.Message):
         changed: int = 0,
         custom_default: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.instance = instance
         self.get_count = get_count
@@ -98,19 +100,20 @@ class ParameterUpdate(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 38 else _unpack_padded
             (
                 header, message.timestamp, message.instance, message.get_count, message.set_count,
                 message.find_count, message.export_count, message.active, message.changed,
                 message.custom_default,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(ParameterUpdate, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (38, 39, 40, 41):
+        if header != _USUAL:
             return _cdr.decode_other(ParameterUpdate, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="ParameterUpdate",
         ros_type="px4_msgs/msg/ParameterUpdate",
         dds_type="px4_msgs::msg::dds_::ParameterUpdate_",
@@ -131,4 +134,6 @@ class ParameterUpdate(_cdr.Message):
             info.Field("changed", "uint16", 30, 2),
             info.Field("custom_default", "uint16", 32, 2),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q2If2B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -62,6 +63,7 @@ class Ping(_cdr.Message):
         system_id: int = 0,
         component_id: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.ping_time = ping_time
         self.ping_sequence = ping_sequence
@@ -85,18 +87,19 @@ class Ping(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 34 else _unpack_padded
             (
                 header, message.timestamp, message.ping_time, message.ping_sequence, message.dropped_packets,
                 message.rtt_ms, message.system_id, message.component_id,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(Ping, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (34, 35, 36, 37):
+        if header != _USUAL:
             return _cdr.decode_other(Ping, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="Ping",
         ros_type="px4_msgs/msg/Ping",
         dds_type="px4_msgs::msg::dds_::Ping_",
@@ -115,4 +118,6 @@ class Ping(_cdr.Message):
             info.Field("system_id", "uint8", 28, 1),
             info.Field("component_id", "uint8", 29, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Qf?B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -58,6 +59,7 @@ class PositionControllerLandingStatus(_cdr.Message):
         flaring: bool = False,
         abort_status: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.lateral_touchdown_offset = lateral_touchdown_offset
         self.flaring = flaring
@@ -79,18 +81,19 @@ class PositionControllerLandingStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 18 else _unpack_padded
             (
                 header, message.timestamp, message.lateral_touchdown_offset, message.flaring,
                 message.abort_status,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(PositionControllerLandingStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (18, 19, 20, 21):
+        if header != _USUAL:
             return _cdr.decode_other(PositionControllerLandingStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="PositionControllerLandingStatus",
         ros_type="px4_msgs/msg/PositionControllerLandingStatus",
         dds_type="px4_msgs::msg::dds_::PositionControllerLandingStatus_",
@@ -106,4 +109,9 @@ class PositionControllerLandingStatus(_cdr.Message):
             info.Field("flaring", "bool", 12, 1),
             info.Field("abort_status", "uint8", 13, 1),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 NOT_ABORTED ABORTED_BY_OPERATOR TERRAIN_NOT_FOUND TERRAIN_TIMEOUT UNKNOWN_ABORT_CRITERION",
+        ),
+        cls=cls,
     ))

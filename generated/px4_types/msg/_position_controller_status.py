@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q7fB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -73,6 +74,7 @@ class PositionControllerStatus(_cdr.Message):
         acceptance_radius: float = 0.0,
         type: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.nav_roll = nav_roll
         self.nav_pitch = nav_pitch
@@ -98,19 +100,20 @@ class PositionControllerStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 41 else _unpack_padded
             (
                 header, message.timestamp, message.nav_roll, message.nav_pitch, message.nav_bearing,
                 message.target_bearing, message.xtrack_error, message.wp_dist, message.acceptance_radius,
                 message.type,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(PositionControllerStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (41, 42, 43, 44):
+        if header != _USUAL:
             return _cdr.decode_other(PositionControllerStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="PositionControllerStatus",
         ros_type="px4_msgs/msg/PositionControllerStatus",
         dds_type="px4_msgs::msg::dds_::PositionControllerStatus_",
@@ -131,4 +134,6 @@ class PositionControllerStatus(_cdr.Message):
             info.Field("acceptance_radius", "float32", 32, 4, unit="m"),
             info.Field("type", "uint8", 36, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -158,6 +158,7 @@ class PositionSetpoint(_cdr.Message):
         gliding_enabled: bool = False,
         cruising_throttle: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.valid = valid
         self.type = type
@@ -215,7 +216,7 @@ class PositionSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="PositionSetpoint",
         ros_type="px4_msgs/msg/PositionSetpoint",
         dds_type="px4_msgs::msg::dds_::PositionSetpoint_",
@@ -252,4 +253,9 @@ class PositionSetpoint(_cdr.Message):
             info.Field("gliding_enabled", "bool", 84, 1),
             info.Field("cruising_throttle", "float32", 88, 4, unit="-"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 SETPOINT_TYPE_POSITION SETPOINT_TYPE_VELOCITY SETPOINT_TYPE_LOITER SETPOINT_TYPE_TAKEOFF SETPOINT_TYPE_LAND SETPOINT_TYPE_IDLE LOITER_TYPE_ORBIT LOITER_TYPE_FIGUREEIGHT",
+        ),
+        cls=cls,
     ))

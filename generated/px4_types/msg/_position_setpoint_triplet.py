@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import cdr as _cdr
 from ._position_setpoint import PositionSetpoint
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -50,6 +50,7 @@ class PositionSetpointTriplet(_cdr.Message):
         current: PositionSetpoint | None = None,
         next: PositionSetpoint | None = None,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.previous = PositionSetpoint() if previous is None else previous
         self.current = PositionSetpoint() if current is None else current
@@ -127,7 +128,7 @@ class PositionSetpointTriplet(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="PositionSetpointTriplet",
         ros_type="px4_msgs/msg/PositionSetpointTriplet",
         dds_type="px4_msgs::msg::dds_::PositionSetpointTriplet_",
@@ -143,4 +144,6 @@ class PositionSetpointTriplet(_cdr.Message):
             info.Field("current", "PositionSetpoint", 104, 92),
             info.Field("next", "PositionSetpoint", 200, 92),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -48,6 +49,7 @@ class PowerButtonState(_cdr.Message):
         timestamp: int = 0,
         event: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.event = event
 
@@ -63,15 +65,16 @@ class PowerButtonState(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.event) = _unpack(data)
+            unpack = _unpack if len(data) == 13 else _unpack_padded
+            (header, message.timestamp, message.event) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(PowerButtonState, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (13, 14, 15, 16):
+        if header != _USUAL:
             return _cdr.decode_other(PowerButtonState, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="PowerButtonState",
         ros_type="px4_msgs/msg/PowerButtonState",
         dds_type="px4_msgs::msg::dds_::PowerButtonState_",
@@ -85,4 +88,9 @@ class PowerButtonState(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("event", "uint8", 8, 1, enum="PWR_BUTTON_STATE"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 PWR_BUTTON_STATE_IDEL PWR_BUTTON_STATE_DOWN PWR_BUTTON_STATE_UP PWR_BUTTON_STATE_REQUEST_SHUTDOWN",
+        ),
+        cls=cls,
     ))

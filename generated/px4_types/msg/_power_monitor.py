@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -86,6 +86,7 @@ class PowerMonitor(_cdr.Message):
         me: int = 0,
         al: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.voltage_v = voltage_v
         self.current_a = current_a
@@ -126,7 +127,7 @@ class PowerMonitor(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="PowerMonitor",
         ros_type="px4_msgs/msg/PowerMonitor",
         dds_type="px4_msgs::msg::dds_::PowerMonitor_",
@@ -150,4 +151,6 @@ class PowerMonitor(_cdr.Message):
             info.Field("me", "int16", 32, 2),
             info.Field("al", "int16", 34, 2),
         ),
+        constants=(),
+        cls=cls,
     ))

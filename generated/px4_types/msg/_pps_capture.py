@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -42,6 +43,7 @@ class PpsCapture(_cdr.Message):
         rtc_timestamp: int = 0,
         pps_rate_exceeded_counter: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.rtc_timestamp = rtc_timestamp
         self.pps_rate_exceeded_counter = pps_rate_exceeded_counter
@@ -58,17 +60,18 @@ class PpsCapture(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 21 else _unpack_padded
             (
                 header, message.timestamp, message.rtc_timestamp, message.pps_rate_exceeded_counter,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(PpsCapture, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (21, 22, 23, 24):
+        if header != _USUAL:
             return _cdr.decode_other(PpsCapture, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="PpsCapture",
         ros_type="px4_msgs/msg/PpsCapture",
         dds_type="px4_msgs::msg::dds_::PpsCapture_",
@@ -83,4 +86,6 @@ class PpsCapture(_cdr.Message):
             info.Field("rtc_timestamp", "uint64", 8, 8, unit="us"),
             info.Field("pps_rate_exceeded_counter", "uint8", 16, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -63,6 +64,7 @@ class PrecLandStatus(_cdr.Message):
         timestamp: int = 0,
         state: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.state = state
 
@@ -78,15 +80,16 @@ class PrecLandStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.state) = _unpack(data)
+            unpack = _unpack if len(data) == 13 else _unpack_padded
+            (header, message.timestamp, message.state) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(PrecLandStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (13, 14, 15, 16):
+        if header != _USUAL:
             return _cdr.decode_other(PrecLandStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="PrecLandStatus",
         ros_type="px4_msgs/msg/PrecLandStatus",
         dds_type="px4_msgs::msg::dds_::PrecLandStatus_",
@@ -100,4 +103,9 @@ class PrecLandStatus(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("state", "uint8", 8, 1, enum="PREC_LAND_STATE"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 PREC_LAND_STATE_STOPPED PREC_LAND_STATE_START PREC_LAND_STATE_HORIZONTAL PREC_LAND_STATE_DESCEND PREC_LAND_STATE_FINAL PREC_LAND_STATE_SEARCH PREC_LAND_STATE_FALLBACK PREC_LAND_STATE_DONE",
+        ),
+        cls=cls,
     ))

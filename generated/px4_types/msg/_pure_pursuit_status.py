@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -63,6 +63,7 @@ class PurePursuitStatus(_cdr.Message):
         distance_to_waypoint: float = 0.0,
         bearing_to_waypoint: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.lookahead_distance = lookahead_distance
         self.target_bearing = target_bearing
@@ -96,7 +97,7 @@ class PurePursuitStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="PurePursuitStatus",
         ros_type="px4_msgs/msg/PurePursuitStatus",
         dds_type="px4_msgs::msg::dds_::PurePursuitStatus_",
@@ -121,4 +122,6 @@ class PurePursuitStatus(_cdr.Message):
                 "bearing_to_waypoint", "float32", 24, 4, unit="rad", range="-pi, pi", frame="NED",
             ),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -46,6 +46,7 @@ class PwmInput(_cdr.Message):
         pulse_width: int = 0,
         period: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.error_count = error_count
         self.pulse_width = pulse_width
@@ -73,7 +74,7 @@ class PwmInput(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="PwmInput",
         ros_type="px4_msgs/msg/PwmInput",
         dds_type="px4_msgs::msg::dds_::PwmInput_",
@@ -89,4 +90,6 @@ class PwmInput(_cdr.Message):
             info.Field("pulse_width", "uint32", 16, 4, unit="us"),
             info.Field("period", "uint32", 20, 4, unit="us"),
         ),
+        constants=(),
+        cls=cls,
     ))

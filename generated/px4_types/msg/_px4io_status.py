@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import arrays as _arrays
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -182,6 +182,7 @@ class Px4ioStatus(_cdr.Message):
         pwm_rate_hz: tuple[int, ...] = (0,) * 8,
         raw_inputs: _arrays.Sequence[int] | None = None,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.free_memory_bytes = free_memory_bytes
         self.voltage_v = voltage_v
@@ -301,7 +302,7 @@ class Px4ioStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="Px4ioStatus",
         ros_type="px4_msgs/msg/Px4ioStatus",
         dds_type="px4_msgs::msg::dds_::Px4ioStatus_",
@@ -345,4 +346,6 @@ class Px4ioStatus(_cdr.Message):
             info.Field("pwm_rate_hz", "uint16[8]", 92, 16, unit="Hz"),
             info.Field("raw_inputs", "uint16[18]", 108, 36, unit="us"),
         ),
+        constants=(),
+        cls=cls,
     ))

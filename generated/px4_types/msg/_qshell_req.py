@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -50,6 +50,7 @@ class QshellReq(_cdr.Message):
         strlen: int = 0,
         request_sequence: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.cmd = cmd
         self.strlen = strlen
@@ -79,7 +80,7 @@ class QshellReq(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="QshellReq",
         ros_type="px4_msgs/msg/QshellReq",
         dds_type="px4_msgs::msg::dds_::QshellReq_",
@@ -95,4 +96,6 @@ class QshellReq(_cdr.Message):
             info.Field("strlen", "uint32", 108, 4, unit="bytes"),
             info.Field("request_sequence", "uint32", 112, 4),
         ),
+        constants=info.constants(cls, "uint32 MAX_STRLEN"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -42,6 +42,7 @@ class QshellRetval(_cdr.Message):
         return_value: int = 0,
         return_sequence: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.return_value = return_value
         self.return_sequence = return_sequence
@@ -66,7 +67,7 @@ class QshellRetval(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="QshellRetval",
         ros_type="px4_msgs/msg/QshellRetval",
         dds_type="px4_msgs::msg::dds_::QshellRetval_",
@@ -81,4 +82,6 @@ class QshellRetval(_cdr.Message):
             info.Field("return_value", "int32", 8, 4),
             info.Field("return_sequence", "uint32", 12, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q5Bx2H")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -66,6 +67,7 @@ class RadioStatus(_cdr.Message):
         rxerrors: int = 0,
         fix: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.rssi = rssi
         self.remote_rssi = remote_rssi
@@ -90,18 +92,19 @@ class RadioStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 22 else _unpack_padded
             (
                 header, message.timestamp, message.rssi, message.remote_rssi, message.txbuf, message.noise,
                 message.remote_noise, message.rxerrors, message.fix,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(RadioStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (22, 23, 24, 25):
+        if header != _USUAL:
             return _cdr.decode_other(RadioStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RadioStatus",
         ros_type="px4_msgs/msg/RadioStatus",
         dds_type="px4_msgs::msg::dds_::RadioStatus_",
@@ -121,4 +124,6 @@ class RadioStatus(_cdr.Message):
             info.Field("rxerrors", "uint16", 14, 2),
             info.Field("fix", "uint16", 16, 2),
         ),
+        constants=(),
+        cls=cls,
     ))

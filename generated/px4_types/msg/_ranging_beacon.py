@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -101,6 +101,7 @@ class RangingBeacon(_cdr.Message):
         carrier_freq: int = 0,
         range_accuracy: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.beacon_id = beacon_id
@@ -144,7 +145,7 @@ class RangingBeacon(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RangingBeacon",
         ros_type="px4_msgs/msg/RangingBeacon",
         dds_type="px4_msgs::msg::dds_::RangingBeacon_",
@@ -170,4 +171,6 @@ class RangingBeacon(_cdr.Message):
             info.Field("carrier_freq", "uint16", 58, 2, unit="MHz"),
             info.Field("range_accuracy", "float32", 60, 4, unit="m"),
         ),
+        constants=info.constants(cls, "uint8 ALT_TYPE_WGS84 ALT_TYPE_MSL"),
+        cls=cls,
     ))

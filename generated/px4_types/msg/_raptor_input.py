@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -75,6 +75,7 @@ class RaptorInput(_cdr.Message):
         angular_velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
         previous_action: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.active = active
@@ -128,7 +129,7 @@ class RaptorInput(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RaptorInput",
         ros_type="px4_msgs/msg/RaptorInput",
         dds_type="px4_msgs::msg::dds_::RaptorInput_",
@@ -148,4 +149,6 @@ class RaptorInput(_cdr.Message):
             info.Field("angular_velocity", "float32[3]", 60, 12, unit="rad/s", frame="FLU"),
             info.Field("previous_action", "float32[4]", 72, 16, range="-1, 1"),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 ACTION_DIM"),
+        cls=cls,
     ))

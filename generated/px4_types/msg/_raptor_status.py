@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -181,6 +181,7 @@ class RaptorStatus(_cdr.Message):
         internal_reference_position: tuple[float, float, float] = (0.0, 0.0, 0.0),
         internal_reference_linear_velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.subscription_update_angular_velocity = subscription_update_angular_velocity
@@ -277,7 +278,7 @@ class RaptorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RaptorStatus",
         ros_type="px4_msgs/msg/RaptorStatus",
         dds_type="px4_msgs::msg::dds_::RaptorStatus_",
@@ -315,4 +316,9 @@ class RaptorStatus(_cdr.Message):
                 "internal_reference_linear_velocity", "float32[3]", 76, 12, unit="m/s", frame="FLU",
             ),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "uint8 EXIT_REASON_NONE EXIT_REASON_NO_ANGULAR_VELOCITY_UPDATE EXIT_REASON_NOT_ALL_OBSERVATIONS_SET EXIT_REASON_ANGULAR_VELOCITY_STALE EXIT_REASON_LOCAL_POSITION_STALE EXIT_REASON_ATTITUDE_STALE EXIT_REASON_EXECUTOR_STATUS_SOURCE_NOT_CONTROL",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -45,6 +45,7 @@ class RateCtrlStatus(_cdr.Message):
         pitchspeed_integ: float = 0.0,
         yawspeed_integ: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.rollspeed_integ = rollspeed_integ
         self.pitchspeed_integ = pitchspeed_integ
@@ -75,7 +76,7 @@ class RateCtrlStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RateCtrlStatus",
         ros_type="px4_msgs/msg/RateCtrlStatus",
         dds_type="px4_msgs::msg::dds_::RateCtrlStatus_",
@@ -91,4 +92,6 @@ class RateCtrlStatus(_cdr.Message):
             info.Field("pitchspeed_integ", "float32", 12, 4),
             info.Field("yawspeed_integ", "float32", 16, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

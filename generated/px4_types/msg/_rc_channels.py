@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import arrays as _arrays
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -105,6 +105,7 @@ class RcChannels(_cdr.Message):
         signal_lost: bool = False,
         frame_drop_count: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_last_valid = timestamp_last_valid
         self.channels = _arrays.zeros("f", 18) if channels is None else channels
@@ -145,7 +146,7 @@ class RcChannels(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RcChannels",
         ros_type="px4_msgs/msg/RcChannels",
         dds_type="px4_msgs::msg::dds_::RcChannels_",
@@ -165,4 +166,9 @@ class RcChannels(_cdr.Message):
             info.Field("signal_lost", "bool", 120, 1),
             info.Field("frame_drop_count", "uint32", 124, 4),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 FUNCTION_THROTTLE FUNCTION_ROLL FUNCTION_PITCH FUNCTION_YAW FUNCTION_RETURN FUNCTION_LOITER FUNCTION_OFFBOARD FUNCTION_FLAPS FUNCTION_AUX_1 FUNCTION_AUX_2 FUNCTION_AUX_3 FUNCTION_AUX_4 FUNCTION_AUX_5 FUNCTION_AUX_6 FUNCTION_PARAM_1 FUNCTION_PARAM_2 FUNCTION_PARAM_3_5 FUNCTION_KILLSWITCH FUNCTION_TRANSITION FUNCTION_GEAR FUNCTION_ARMSWITCH FUNCTION_FLTBTN_SLOT_1 FUNCTION_FLTBTN_SLOT_2 FUNCTION_FLTBTN_SLOT_3 FUNCTION_FLTBTN_SLOT_4 FUNCTION_FLTBTN_SLOT_5 FUNCTION_FLTBTN_SLOT_6 FUNCTION_ENGAGE_MAIN_MOTOR FUNCTION_PAYLOAD_POWER FUNCTION_TERMINATION FUNCTION_FLTBTN_SLOT_COUNT",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -71,6 +71,7 @@ class RcParameterMap(_cdr.Message):
         value_min: tuple[float, float, float] = (0.0, 0.0, 0.0),
         value_max: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.valid = valid
         self.param_index = param_index
@@ -124,7 +125,7 @@ class RcParameterMap(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RcParameterMap",
         ros_type="px4_msgs/msg/RcParameterMap",
         dds_type="px4_msgs::msg::dds_::RcParameterMap_",
@@ -144,4 +145,6 @@ class RcParameterMap(_cdr.Message):
             info.Field("value_min", "float32[3]", 100, 12),
             info.Field("value_max", "float32[3]", 112, 12),
         ),
+        constants=info.constants(cls, "uint8 RC_PARAM_MAP_NCHAN PARAM_ID_LEN"),
+        cls=cls,
     ))

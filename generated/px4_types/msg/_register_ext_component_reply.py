@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q25sxH?3b?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -80,6 +81,7 @@ class RegisterExtComponentReply(_cdr.Message):
         mode_executor_id: int = 0,
         not_user_selectable: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.request_id = request_id
         self.name = name
@@ -109,19 +111,20 @@ class RegisterExtComponentReply(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 53 else _unpack_padded
             (
                 header, message.timestamp, message.request_id, message.name, message.px4_ros2_api_version,
                 message.success, message.arming_check_id, message.mode_id, message.mode_executor_id,
                 message.not_user_selectable,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(RegisterExtComponentReply, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (53, 54, 55, 56):
+        if header != _USUAL:
             return _cdr.decode_other(RegisterExtComponentReply, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RegisterExtComponentReply",
         ros_type="px4_msgs/msg/RegisterExtComponentReply",
         dds_type="px4_msgs::msg::dds_::RegisterExtComponentReply_",
@@ -142,4 +145,6 @@ class RegisterExtComponentReply(_cdr.Message):
             info.Field("mode_executor_id", "int8", 47, 1, invalid="-1"),
             info.Field("not_user_selectable", "bool", 48, 1),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

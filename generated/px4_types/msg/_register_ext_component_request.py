@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -99,6 +99,7 @@ class RegisterExtComponentRequest(_cdr.Message):
         not_user_selectable: bool = False,
         request_offboard_setpoints: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.request_id = request_id
         self.name = name
@@ -151,7 +152,7 @@ class RegisterExtComponentRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RegisterExtComponentRequest",
         ros_type="px4_msgs/msg/RegisterExtComponentRequest",
         dds_type="px4_msgs::msg::dds_::RegisterExtComponentRequest_",
@@ -175,4 +176,8 @@ class RegisterExtComponentRequest(_cdr.Message):
             info.Field("not_user_selectable", "bool", 50, 1),
             info.Field("request_offboard_setpoints", "bool", 51, 1),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION", "uint16 LATEST_PX4_ROS2_API_VERSION", "uint8 ORB_QUEUE_LENGTH",
+        ),
+        cls=cls,
     ))

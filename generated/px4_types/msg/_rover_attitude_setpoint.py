@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -40,6 +40,7 @@ class RoverAttitudeSetpoint(_cdr.Message):
         timestamp: int = 0,
         yaw_setpoint: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.yaw_setpoint = yaw_setpoint
 
@@ -63,7 +64,7 @@ class RoverAttitudeSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RoverAttitudeSetpoint",
         ros_type="px4_msgs/msg/RoverAttitudeSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverAttitudeSetpoint_",
@@ -79,4 +80,6 @@ class RoverAttitudeSetpoint(_cdr.Message):
                 "yaw_setpoint", "float32", 8, 4, unit="rad", range="-inf, inf", frame="NED",
             ),
         ),
+        constants=(),
+        cls=cls,
     ))

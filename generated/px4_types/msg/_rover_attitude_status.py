@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -41,6 +41,7 @@ class RoverAttitudeStatus(_cdr.Message):
         measured_yaw: float = 0.0,
         adjusted_yaw_setpoint: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.measured_yaw = measured_yaw
         self.adjusted_yaw_setpoint = adjusted_yaw_setpoint
@@ -67,7 +68,7 @@ class RoverAttitudeStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RoverAttitudeStatus",
         ros_type="px4_msgs/msg/RoverAttitudeStatus",
         dds_type="px4_msgs::msg::dds_::RoverAttitudeStatus_",
@@ -84,4 +85,6 @@ class RoverAttitudeStatus(_cdr.Message):
                 "adjusted_yaw_setpoint", "float32", 12, 4, unit="rad", range="-pi, pi", frame="NED",
             ),
         ),
+        constants=(),
+        cls=cls,
     ))

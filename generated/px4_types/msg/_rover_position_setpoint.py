@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -59,6 +59,7 @@ class RoverPositionSetpoint(_cdr.Message):
         arrival_speed: float = 0.0,
         yaw: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.position_ned = position_ned
         self.start_ned = start_ned
@@ -96,7 +97,7 @@ class RoverPositionSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RoverPositionSetpoint",
         ros_type="px4_msgs/msg/RoverPositionSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverPositionSetpoint_",
@@ -127,4 +128,6 @@ class RoverPositionSetpoint(_cdr.Message):
                 frame="NED",
             ),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -38,6 +38,7 @@ class RoverRateSetpoint(_cdr.Message):
         timestamp: int = 0,
         yaw_rate_setpoint: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.yaw_rate_setpoint = yaw_rate_setpoint
 
@@ -61,7 +62,7 @@ class RoverRateSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RoverRateSetpoint",
         ros_type="px4_msgs/msg/RoverRateSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverRateSetpoint_",
@@ -77,4 +78,6 @@ class RoverRateSetpoint(_cdr.Message):
                 "yaw_rate_setpoint", "float32", 8, 4, unit="rad/s", range="-inf, inf", frame="NED",
             ),
         ),
+        constants=(),
+        cls=cls,
     ))

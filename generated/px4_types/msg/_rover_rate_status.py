@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -50,6 +50,7 @@ class RoverRateStatus(_cdr.Message):
         adjusted_yaw_rate_setpoint: float = 0.0,
         pid_yaw_rate_integral: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.measured_yaw_rate = measured_yaw_rate
         self.adjusted_yaw_rate_setpoint = adjusted_yaw_rate_setpoint
@@ -81,7 +82,7 @@ class RoverRateStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RoverRateStatus",
         ros_type="px4_msgs/msg/RoverRateStatus",
         dds_type="px4_msgs::msg::dds_::RoverRateStatus_",
@@ -101,4 +102,6 @@ class RoverRateStatus(_cdr.Message):
             ),
             info.Field("pid_yaw_rate_integral", "float32", 16, 4, unit="-", range="-1, 1"),
         ),
+        constants=(),
+        cls=cls,
     ))

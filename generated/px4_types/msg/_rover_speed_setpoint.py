@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -43,6 +43,7 @@ class RoverSpeedSetpoint(_cdr.Message):
         speed_body_x: float = 0.0,
         speed_body_y: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.speed_body_x = speed_body_x
         self.speed_body_y = speed_body_y
@@ -67,7 +68,7 @@ class RoverSpeedSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RoverSpeedSetpoint",
         ros_type="px4_msgs/msg/RoverSpeedSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverSpeedSetpoint_",
@@ -88,4 +89,6 @@ class RoverSpeedSetpoint(_cdr.Message):
                 invalid="NaN If not mecanum", frame="Body",
             ),
         ),
+        constants=(),
+        cls=cls,
     ))

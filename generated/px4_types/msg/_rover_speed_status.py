@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -69,6 +69,7 @@ class RoverSpeedStatus(_cdr.Message):
         adjusted_speed_body_y_setpoint: float = 0.0,
         pid_throttle_body_y_integral: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.measured_speed_body_x = measured_speed_body_x
         self.adjusted_speed_body_x_setpoint = adjusted_speed_body_x_setpoint
@@ -106,7 +107,7 @@ class RoverSpeedStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RoverSpeedStatus",
         ros_type="px4_msgs/msg/RoverSpeedStatus",
         dds_type="px4_msgs::msg::dds_::RoverSpeedStatus_",
@@ -140,4 +141,6 @@ class RoverSpeedStatus(_cdr.Message):
                 invalid="NaN If not mecanum",
             ),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -40,6 +40,7 @@ class RoverSteeringSetpoint(_cdr.Message):
         timestamp: int = 0,
         normalized_steering_setpoint: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.normalized_steering_setpoint = normalized_steering_setpoint
 
@@ -63,7 +64,7 @@ class RoverSteeringSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RoverSteeringSetpoint",
         ros_type="px4_msgs/msg/RoverSteeringSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverSteeringSetpoint_",
@@ -80,4 +81,6 @@ class RoverSteeringSetpoint(_cdr.Message):
                 frame="Body",
             ),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -44,6 +44,7 @@ class RoverThrottleSetpoint(_cdr.Message):
         throttle_body_x: float = 0.0,
         throttle_body_y: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.throttle_body_x = throttle_body_x
         self.throttle_body_y = throttle_body_y
@@ -70,7 +71,7 @@ class RoverThrottleSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RoverThrottleSetpoint",
         ros_type="px4_msgs/msg/RoverThrottleSetpoint",
         dds_type="px4_msgs::msg::dds_::RoverThrottleSetpoint_",
@@ -91,4 +92,6 @@ class RoverThrottleSetpoint(_cdr.Message):
                 invalid="NaN If not mecanum", frame="Body",
             ),
         ),
+        constants=(),
+        cls=cls,
     ))

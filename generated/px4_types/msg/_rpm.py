@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -42,6 +42,7 @@ class Rpm(_cdr.Message):
         rpm_estimate: float = 0.0,
         rpm_raw: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.rpm_estimate = rpm_estimate
         self.rpm_raw = rpm_raw
@@ -66,7 +67,7 @@ class Rpm(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="Rpm",
         ros_type="px4_msgs/msg/Rpm",
         dds_type="px4_msgs::msg::dds_::Rpm_",
@@ -81,4 +82,6 @@ class Rpm(_cdr.Message):
             info.Field("rpm_estimate", "float32", 8, 4, unit="rpm"),
             info.Field("rpm_raw", "float32", 12, 4, unit="rpm"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QIHB300s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -57,6 +58,7 @@ class RtcmData(_cdr.Message):
         flags: int = 0,
         data: bytes = bytes(300),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id = device_id
         self.len = len
@@ -77,17 +79,18 @@ class RtcmData(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 319 else _unpack_padded
             (
                 header, message.timestamp, message.device_id, message.len, message.flags, message.data,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(RtcmData, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (319, 320, 321, 322):
+        if header != _USUAL:
             return _cdr.decode_other(RtcmData, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RtcmData",
         ros_type="px4_msgs/msg/RtcmData",
         dds_type="px4_msgs::msg::dds_::RtcmData_",
@@ -104,4 +107,6 @@ class RtcmData(_cdr.Message):
             info.Field("flags", "uint8", 14, 1, unit="-"),
             info.Field("data", "uint8[300]", 15, 300),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH MAX_INSTANCES"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -78,6 +78,7 @@ class RtlStatus(_cdr.Message):
         rtl_type: int = 0,
         safe_point_index: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.safe_points_id = safe_points_id
         self.is_evaluation_pending = is_evaluation_pending
@@ -113,7 +114,7 @@ class RtlStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RtlStatus",
         ros_type="px4_msgs/msg/RtlStatus",
         dds_type="px4_msgs::msg::dds_::RtlStatus_",
@@ -131,4 +132,9 @@ class RtlStatus(_cdr.Message):
             info.Field("rtl_type", "uint8", 14, 1, enum="RTL_STATUS_TYPE"),
             info.Field("safe_point_index", "uint8", 15, 1),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 RTL_STATUS_TYPE_NONE RTL_STATUS_TYPE_DIRECT_SAFE_POINT RTL_STATUS_TYPE_DIRECT_MISSION_LAND RTL_STATUS_TYPE_FOLLOW_MISSION RTL_STATUS_TYPE_FOLLOW_MISSION_REVERSE",
+        ),
+        cls=cls,
     ))

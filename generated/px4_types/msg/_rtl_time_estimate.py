@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -46,6 +46,7 @@ class RtlTimeEstimate(_cdr.Message):
         time_estimate: float = 0.0,
         safe_time_estimate: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.valid = valid
         self.time_estimate = time_estimate
@@ -77,7 +78,7 @@ class RtlTimeEstimate(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="RtlTimeEstimate",
         ros_type="px4_msgs/msg/RtlTimeEstimate",
         dds_type="px4_msgs::msg::dds_::RtlTimeEstimate_",
@@ -93,4 +94,6 @@ class RtlTimeEstimate(_cdr.Message):
             info.Field("time_estimate", "float32", 12, 4, unit="s"),
             info.Field("safe_time_estimate", "float32", 16, 4, unit="s"),
         ),
+        constants=(),
+        cls=cls,
     ))

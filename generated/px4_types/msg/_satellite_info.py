@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB40s40s40s40s40s40s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -66,6 +67,7 @@ class SatelliteInfo(_cdr.Message):
         snr: bytes = bytes(40),
         prn: bytes = bytes(40),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.count = count
         self.svid = svid
@@ -102,18 +104,19 @@ class SatelliteInfo(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 253 else _unpack_padded
             (
                 header, message.timestamp, message.count, message.svid, message.used, message.elevation,
                 message.azimuth, message.snr, message.prn,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(SatelliteInfo, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (253, 254, 255, 256):
+        if header != _USUAL:
             return _cdr.decode_other(SatelliteInfo, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SatelliteInfo",
         ros_type="px4_msgs/msg/SatelliteInfo",
         dds_type="px4_msgs::msg::dds_::SatelliteInfo_",
@@ -133,4 +136,6 @@ class SatelliteInfo(_cdr.Message):
             info.Field("snr", "uint8[40]", 169, 40, unit="dBHz", range="0, 99", invalid="0"),
             info.Field("prn", "uint8[40]", 209, 40),
         ),
+        constants=info.constants(cls, "uint8 SAT_INFO_MAX_SATELLITES"),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI2fB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -49,6 +50,7 @@ class SensorAirflow(_cdr.Message):
         direction: float = 0.0,
         status: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id = device_id
         self.speed = speed
@@ -69,18 +71,19 @@ class SensorAirflow(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 25 else _unpack_padded
             (
                 header, message.timestamp, message.device_id, message.speed, message.direction,
                 message.status,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(SensorAirflow, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (25, 26, 27, 28):
+        if header != _USUAL:
             return _cdr.decode_other(SensorAirflow, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorAirflow",
         ros_type="px4_msgs/msg/SensorAirflow",
         dds_type="px4_msgs::msg::dds_::SensorAirflow_",
@@ -97,4 +100,6 @@ class SensorAirflow(_cdr.Message):
             info.Field("direction", "float32", 16, 4, unit="rad"),
             info.Field("status", "uint8", 20, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -63,6 +63,7 @@ class SensorBaro(_cdr.Message):
         temperature: float = 0.0,
         error_count: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -96,7 +97,7 @@ class SensorBaro(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorBaro",
         ros_type="px4_msgs/msg/SensorBaro",
         dds_type="px4_msgs::msg::dds_::SensorBaro_",
@@ -114,4 +115,6 @@ class SensorBaro(_cdr.Message):
             info.Field("temperature", "float32", 24, 4, unit="°C"),
             info.Field("error_count", "uint32", 28, 4, unit="-"),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

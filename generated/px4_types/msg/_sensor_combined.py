@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -93,6 +93,7 @@ class SensorCombined(_cdr.Message):
         accel_calibration_count: int = 0,
         gyro_calibration_count: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.gyro_rad = gyro_rad
         self.gyro_integral_dt = gyro_integral_dt
@@ -138,7 +139,7 @@ class SensorCombined(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorCombined",
         ros_type="px4_msgs/msg/SensorCombined",
         dds_type="px4_msgs::msg::dds_::SensorCombined_",
@@ -163,4 +164,8 @@ class SensorCombined(_cdr.Message):
             info.Field("accel_calibration_count", "uint8", 46, 1),
             info.Field("gyro_calibration_count", "uint8", 47, 1),
         ),
+        constants=info.constants(
+            cls, "int32 RELATIVE_TIMESTAMP_INVALID", "uint8 CLIPPING_X CLIPPING_Y CLIPPING_Z",
+        ),
+        cls=cls,
     ))

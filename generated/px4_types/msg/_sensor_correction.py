@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -148,6 +148,7 @@ class SensorCorrection(_cdr.Message):
         baro_offset_2: float = 0.0,
         baro_offset_3: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.accel_device_ids = accel_device_ids
         self.accel_temperature = accel_temperature
@@ -278,7 +279,7 @@ class SensorCorrection(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorCorrection",
         ros_type="px4_msgs/msg/SensorCorrection",
         dds_type="px4_msgs::msg::dds_::SensorCorrection_",
@@ -315,4 +316,6 @@ class SensorCorrection(_cdr.Message):
             info.Field("baro_offset_2", "float32", 288, 4, unit="Pa"),
             info.Field("baro_offset_3", "float32", 292, 4, unit="Pa"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI4xQH2x10f10?", xcdr2="2QIQH2x10I10B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -130,6 +131,7 @@ class SensorGnssRelative(_cdr.Message):
         heading_valid: bool = False,
         relative_position_normalized: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -181,6 +183,7 @@ class SensorGnssRelative(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 90 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.time_utc_usec,
                 message.reference_station_id, position_0, position_1, position_2, position_accuracy_0,
@@ -190,17 +193,17 @@ class SensorGnssRelative(_cdr.Message):
                 message.carrier_solution_floating, message.carrier_solution_fixed, message.moving_base_mode,
                 message.reference_position_miss, message.reference_observations_miss, message.heading_valid,
                 message.relative_position_normalized,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(SensorGnssRelative, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (90, 91, 92, 93):
+        if header != _USUAL:
             return _cdr.decode_other(SensorGnssRelative, cls, data, allow_surplus)
         message.position = (position_0, position_1, position_2)
         message.position_accuracy = (position_accuracy_0, position_accuracy_1, position_accuracy_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorGnssRelative",
         ros_type="px4_msgs/msg/SensorGnssRelative",
         dds_type="px4_msgs::msg::dds_::SensorGnssRelative_",
@@ -233,4 +236,6 @@ class SensorGnssRelative(_cdr.Message):
             info.Field("heading_valid", "bool", 84, 1),
             info.Field("relative_position_normalized", "bool", 85, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

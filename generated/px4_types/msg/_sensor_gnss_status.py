@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI?4B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -65,6 +66,7 @@ class SensorGnssStatus(_cdr.Message):
         quality_gnss_signals: int = 0,
         quality_post_processing: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id = device_id
         self.quality_available = quality_available
@@ -90,19 +92,20 @@ class SensorGnssStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 21 else _unpack_padded
             (
                 header, message.timestamp, message.device_id, message.quality_available,
                 message.quality_corrections, message.quality_receiver, message.quality_gnss_signals,
                 message.quality_post_processing,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(SensorGnssStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (21, 22, 23, 24):
+        if header != _USUAL:
             return _cdr.decode_other(SensorGnssStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorGnssStatus",
         ros_type="px4_msgs/msg/SensorGnssStatus",
         dds_type="px4_msgs::msg::dds_::SensorGnssStatus_",
@@ -121,4 +124,6 @@ class SensorGnssStatus(_cdr.Message):
             info.Field("quality_gnss_signals", "uint8", 15, 1, range="0, 10", invalid="255"),
             info.Field("quality_post_processing", "uint8", 16, 1, range="0, 10", invalid="255"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -273,6 +273,7 @@ class SensorGps(_cdr.Message):
         antenna_offset_y: float = 0.0,
         antenna_offset_z: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -359,7 +360,7 @@ class SensorGps(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorGps",
         ros_type="px4_msgs/msg/SensorGps",
         dds_type="px4_msgs::msg::dds_::SensorGps_",
@@ -415,4 +416,11 @@ class SensorGps(_cdr.Message):
             info.Field("antenna_offset_y", "float32", 168, 4, unit="m", frame="body frame FRD"),
             info.Field("antenna_offset_z", "float32", 172, 4, unit="m", frame="body frame FRD"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 FIX_TYPE_NONE FIX_TYPE_2D FIX_TYPE_3D FIX_TYPE_RTCM_CODE_DIFFERENTIAL FIX_TYPE_RTK_FLOAT FIX_TYPE_RTK_FIXED FIX_TYPE_EXTRAPOLATED JAMMING_STATE_UNKNOWN JAMMING_STATE_OK JAMMING_STATE_MITIGATED JAMMING_STATE_DETECTED SPOOFING_STATE_UNKNOWN SPOOFING_STATE_OK SPOOFING_STATE_MITIGATED SPOOFING_STATE_DETECTED AUTHENTICATION_STATE_UNKNOWN AUTHENTICATION_STATE_INITIALIZING AUTHENTICATION_STATE_ERROR AUTHENTICATION_STATE_OK AUTHENTICATION_STATE_DISABLED",
+            "uint32 SYSTEM_ERROR_OK SYSTEM_ERROR_INCOMING_CORRECTIONS SYSTEM_ERROR_CONFIGURATION SYSTEM_ERROR_SOFTWARE SYSTEM_ERROR_ANTENNA SYSTEM_ERROR_EVENT_CONGESTION SYSTEM_ERROR_CPU_OVERLOAD SYSTEM_ERROR_OUTPUT_CONGESTION",
+            "uint8 RTCM_MSG_USED_UNKNOWN RTCM_MSG_USED_NOT_USED RTCM_MSG_USED_USED",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -80,6 +80,7 @@ class SensorGyro(_cdr.Message):
         clip_counter: bytes = bytes(3),
         samples: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -119,7 +120,7 @@ class SensorGyro(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorGyro",
         ros_type="px4_msgs/msg/SensorGyro",
         dds_type="px4_msgs::msg::dds_::SensorGyro_",
@@ -141,4 +142,6 @@ class SensorGyro(_cdr.Message):
             info.Field("clip_counter", "uint8[3]", 40, 3),
             info.Field("samples", "uint8", 43, 1),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

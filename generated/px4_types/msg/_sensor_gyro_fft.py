@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -84,6 +84,7 @@ class SensorGyroFft(_cdr.Message):
         peak_snr_y: tuple[float, float, float] = (0.0, 0.0, 0.0),
         peak_snr_z: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -141,7 +142,7 @@ class SensorGyroFft(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorGyroFft",
         ros_type="px4_msgs/msg/SensorGyroFft",
         dds_type="px4_msgs::msg::dds_::SensorGyroFft_",
@@ -164,4 +165,6 @@ class SensorGyroFft(_cdr.Message):
             info.Field("peak_snr_y", "float32[3]", 76, 12, unit="dB", invalid="NaN"),
             info.Field("peak_snr_z", "float32[3]", 88, 12, unit="dB", invalid="NaN"),
         ),
+        constants=(),
+        cls=cls,
     ))

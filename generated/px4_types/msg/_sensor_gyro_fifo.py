@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import arrays as _arrays
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -14,7 +14,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI2fBx64s64s64s", words="2Q3IBx96H")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 _from_raw, _to_raw = _arrays.from_raw, _arrays.to_raw
 
@@ -76,6 +77,7 @@ class SensorGyroFifo(_cdr.Message):
         y: _arrays.Sequence[int] | None = None,
         z: _arrays.Sequence[int] | None = None,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -101,13 +103,14 @@ class SensorGyroFifo(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 226 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.device_id, message.dt,
                 message.scale, message.samples, x_raw, y_raw, z_raw,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(SensorGyroFifo, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (226, 227, 228, 229):
+        if header != _USUAL:
             return _cdr.decode_other(SensorGyroFifo, cls, data, allow_surplus)
         message.x = _from_raw("h", x_raw)
         message.y = _from_raw("h", y_raw)
@@ -115,7 +118,7 @@ class SensorGyroFifo(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorGyroFifo",
         ros_type="px4_msgs/msg/SensorGyroFifo",
         dds_type="px4_msgs::msg::dds_::SensorGyroFifo_",
@@ -136,4 +139,6 @@ class SensorGyroFifo(_cdr.Message):
             info.Field("y", "int16[32]", 94, 64, frame="FRD"),
             info.Field("z", "int16[32]", 158, 64, frame="FRD"),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -49,6 +49,7 @@ class SensorHygrometer(_cdr.Message):
         temperature: float = 0.0,
         humidity: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -81,7 +82,7 @@ class SensorHygrometer(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorHygrometer",
         ros_type="px4_msgs/msg/SensorHygrometer",
         dds_type="px4_msgs::msg::dds_::SensorHygrometer_",
@@ -98,4 +99,6 @@ class SensorHygrometer(_cdr.Message):
             info.Field("temperature", "float32", 20, 4, unit="degC"),
             info.Field("humidity", "float32", 24, 4, unit="%"),
         ),
+        constants=(),
+        cls=cls,
     ))

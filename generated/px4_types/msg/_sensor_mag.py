@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -71,6 +71,7 @@ class SensorMag(_cdr.Message):
         temperature: float = 0.0,
         error_count: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -106,7 +107,7 @@ class SensorMag(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorMag",
         ros_type="px4_msgs/msg/SensorMag",
         dds_type="px4_msgs::msg::dds_::SensorMag_",
@@ -126,4 +127,6 @@ class SensorMag(_cdr.Message):
             info.Field("temperature", "float32", 32, 4, unit="°C"),
             info.Field("error_count", "uint32", 36, 4),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QI5f?3xf?3xIB3xI3fB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -111,6 +112,7 @@ class SensorOpticalFlow(_cdr.Message):
         max_ground_distance: float = 0.0,
         mode: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -148,23 +150,24 @@ class SensorOpticalFlow(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 81 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.device_id, pixel_flow_0,
                 pixel_flow_1, delta_angle_0, delta_angle_1, delta_angle_2, message.delta_angle_available,
                 message.distance_m, message.distance_available, message.integration_timespan_us,
                 message.quality, message.error_count, message.max_flow_rate, message.min_ground_distance,
                 message.max_ground_distance, message.mode,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(SensorOpticalFlow, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (81, 82, 83, 84):
+        if header != _USUAL:
             return _cdr.decode_other(SensorOpticalFlow, cls, data, allow_surplus)
         message.pixel_flow = (pixel_flow_0, pixel_flow_1)
         message.delta_angle = (delta_angle_0, delta_angle_1, delta_angle_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorOpticalFlow",
         ros_type="px4_msgs/msg/SensorOpticalFlow",
         dds_type="px4_msgs::msg::dds_::SensorOpticalFlow_",
@@ -191,4 +194,6 @@ class SensorOpticalFlow(_cdr.Message):
             info.Field("max_ground_distance", "float32", 72, 4, unit="m"),
             info.Field("mode", "uint8", 76, 1, enum="MODE"),
         ),
+        constants=info.constants(cls, "uint8 MODE_UNKNOWN MODE_BRIGHT MODE_LOWLIGHT MODE_SUPER_LOWLIGHT"),
+        cls=cls,
     ))

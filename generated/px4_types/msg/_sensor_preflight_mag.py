@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -37,6 +37,7 @@ class SensorPreflightMag(_cdr.Message):
         timestamp: int = 0,
         mag_inconsistency_angle: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.mag_inconsistency_angle = mag_inconsistency_angle
 
@@ -60,7 +61,7 @@ class SensorPreflightMag(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorPreflightMag",
         ros_type="px4_msgs/msg/SensorPreflightMag",
         dds_type="px4_msgs::msg::dds_::SensorPreflightMag_",
@@ -74,4 +75,6 @@ class SensorPreflightMag(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("mag_inconsistency_angle", "float32", 8, 4, unit="rad"),
         ),
+        constants=(),
+        cls=cls,
     ))

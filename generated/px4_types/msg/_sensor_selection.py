@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -41,6 +41,7 @@ class SensorSelection(_cdr.Message):
         accel_device_id: int = 0,
         gyro_device_id: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.accel_device_id = accel_device_id
         self.gyro_device_id = gyro_device_id
@@ -65,7 +66,7 @@ class SensorSelection(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorSelection",
         ros_type="px4_msgs/msg/SensorSelection",
         dds_type="px4_msgs::msg::dds_::SensorSelection_",
@@ -80,4 +81,6 @@ class SensorSelection(_cdr.Message):
             info.Field("accel_device_id", "uint32", 8, 4),
             info.Field("gyro_device_id", "uint32", 12, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -42,6 +42,7 @@ class SensorTemp(_cdr.Message):
         device_id: int = 0,
         temperature: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id = device_id
         self.temperature = temperature
@@ -66,7 +67,7 @@ class SensorTemp(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorTemp",
         ros_type="px4_msgs/msg/SensorTemp",
         dds_type="px4_msgs::msg::dds_::SensorTemp_",
@@ -81,4 +82,6 @@ class SensorTemp(_cdr.Message):
             info.Field("device_id", "uint32", 8, 4),
             info.Field("temperature", "float32", 12, 4, unit="degC"),
         ),
+        constants=(),
+        cls=cls,
     ))

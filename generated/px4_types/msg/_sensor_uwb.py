@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -127,6 +127,7 @@ class SensorUwb(_cdr.Message):
         offset_y: float = 0.0,
         offset_z: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.sessionid = sessionid
         self.time_offset = time_offset
@@ -182,7 +183,7 @@ class SensorUwb(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorUwb",
         ros_type="px4_msgs/msg/SensorUwb",
         dds_type="px4_msgs::msg::dds_::SensorUwb_",
@@ -215,4 +216,6 @@ class SensorUwb(_cdr.Message):
             info.Field("offset_y", "float32", 60, 4, unit="m", frame="FRD"),
             info.Field("offset_z", "float32", 64, 4, unit="m", frame="FRD"),
         ),
+        constants=(),
+        cls=cls,
     ))

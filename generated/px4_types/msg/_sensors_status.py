@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -69,6 +69,7 @@ class SensorsStatus(_cdr.Message):
         enabled: tuple[bool, bool, bool, bool] = (False, False, False, False),
         external: tuple[bool, bool, bool, bool] = (False, False, False, False),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.device_id_primary = device_id_primary
         self.device_ids = device_ids
@@ -125,7 +126,7 @@ class SensorsStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorsStatus",
         ros_type="px4_msgs/msg/SensorsStatus",
         dds_type="px4_msgs::msg::dds_::SensorsStatus_",
@@ -145,4 +146,6 @@ class SensorsStatus(_cdr.Message):
             info.Field("enabled", "bool[4]", 52, 4),
             info.Field("external", "bool[4]", 56, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -84,6 +84,7 @@ class SensorsStatusImu(_cdr.Message):
         gyro_healthy: tuple[bool, bool, bool, bool] = (False, False, False, False),
         gyro_priority: bytes = bytes(4),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.accel_device_id_primary = accel_device_id_primary
         self.accel_device_ids = accel_device_ids
@@ -169,7 +170,7 @@ class SensorsStatusImu(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SensorsStatusImu",
         ros_type="px4_msgs/msg/SensorsStatusImu",
         dds_type="px4_msgs::msg::dds_::SensorsStatusImu_",
@@ -192,4 +193,6 @@ class SensorsStatusImu(_cdr.Message):
             info.Field("gyro_healthy", "bool[4]", 88, 4),
             info.Field("gyro_priority", "uint8[4]", 92, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

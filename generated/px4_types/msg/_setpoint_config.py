@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QHB?H")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -109,6 +110,7 @@ class SetpointConfig(_cdr.Message):
         should_apply: bool = False,
         timeout_ms: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.type = type
         self.source_id = source_id
@@ -131,18 +133,19 @@ class SetpointConfig(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 18 else _unpack_padded
             (
                 header, message.timestamp, message.type, message.source_id, message.should_apply,
                 message.timeout_ms,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(SetpointConfig, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (18, 19, 20, 21):
+        if header != _USUAL:
             return _cdr.decode_other(SetpointConfig, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SetpointConfig",
         ros_type="px4_msgs/msg/SetpointConfig",
         dds_type="px4_msgs::msg::dds_::SetpointConfig_",
@@ -159,4 +162,9 @@ class SetpointConfig(_cdr.Message):
             info.Field("should_apply", "bool", 11, 1),
             info.Field("timeout_ms", "uint16", 12, 2, unit="ms"),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "uint16 TYPE_INVALID TYPE_DIRECT_ACTUATORS TYPE_MULTICOPTER_GOTO TYPE_FIXEDWING_LATERAL_LONGITUDINAL TYPE_TRAJECTORY TYPE_RATES TYPE_ATTITUDE TYPE_ROVER_POSITION TYPE_ROVER_SPEED_ATTITUDE TYPE_ROVER_SPEED_RATE TYPE_ROVER_SPEED_STEERING TYPE_ROVER_THROTTLE_ATTITUDE TYPE_ROVER_THROTTLE_RATE TYPE_ROVER_THROTTLE_STEERING TYPE_TRAJECTORY_6DOF TYPE_THRUST_AND_TORQUE TYPE_POSITION_TRIPLET",
+        ),
+        cls=cls,
     ))

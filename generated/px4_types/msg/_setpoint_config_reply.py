@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -83,6 +83,7 @@ class SetpointConfigReply(_cdr.Message):
         mode_req_local_alt: bool = False,
         mode_req_local_position: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.type = type
         self.source_id = source_id
@@ -125,7 +126,7 @@ class SetpointConfigReply(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SetpointConfigReply",
         ros_type="px4_msgs/msg/SetpointConfigReply",
         dds_type="px4_msgs::msg::dds_::SetpointConfigReply_",
@@ -145,4 +146,9 @@ class SetpointConfigReply(_cdr.Message):
             info.Field("mode_req_local_alt", "bool", 14, 1),
             info.Field("mode_req_local_position", "bool", 15, 1),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "uint8 RESULT_SUCCESS RESULT_FAILURE_OTHER RESULT_UNSUPPORTED RESULT_UNKNOWN_SETPOINT_TYPE",
+        ),
+        cls=cls,
     ))

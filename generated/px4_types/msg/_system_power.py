@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q6f10B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -106,6 +107,7 @@ class SystemPower(_cdr.Message):
         can1_gps1_5v_valid: int = 0,
         payload_v_valid: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.voltage5v_v = voltage5v_v
         self.voltage_payload_v = voltage_payload_v
@@ -139,22 +141,23 @@ class SystemPower(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 46 else _unpack_padded
             (
                 header, message.timestamp, message.voltage5v_v, message.voltage_payload_v, sensors3v3_0,
                 sensors3v3_1, sensors3v3_2, sensors3v3_3, message.sensors3v3_valid, message.usb_connected,
                 message.brick_valid, message.usb_valid, message.servo_valid, message.periph_5v_oc,
                 message.hipower_5v_oc, message.comp_5v_valid, message.can1_gps1_5v_valid,
                 message.payload_v_valid,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(SystemPower, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (46, 47, 48, 49):
+        if header != _USUAL:
             return _cdr.decode_other(SystemPower, cls, data, allow_surplus)
         message.sensors3v3 = (sensors3v3_0, sensors3v3_1, sensors3v3_2, sensors3v3_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="SystemPower",
         ros_type="px4_msgs/msg/SystemPower",
         dds_type="px4_msgs::msg::dds_::SystemPower_",
@@ -180,4 +183,9 @@ class SystemPower(_cdr.Message):
             info.Field("can1_gps1_5v_valid", "uint8", 40, 1),
             info.Field("payload_v_valid", "uint8", 41, 1),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 BRICK1_VALID_SHIFTS BRICK1_VALID_MASK BRICK2_VALID_SHIFTS BRICK2_VALID_MASK BRICK3_VALID_SHIFTS BRICK3_VALID_MASK BRICK4_VALID_SHIFTS BRICK4_VALID_MASK",
+        ),
+        cls=cls,
     ))

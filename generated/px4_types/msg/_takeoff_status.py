@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -51,6 +51,7 @@ class TakeoffStatus(_cdr.Message):
         takeoff_state: int = 0,
         tilt_limit: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.takeoff_state = takeoff_state
         self.tilt_limit = tilt_limit
@@ -75,7 +76,7 @@ class TakeoffStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="TakeoffStatus",
         ros_type="px4_msgs/msg/TakeoffStatus",
         dds_type="px4_msgs::msg::dds_::TakeoffStatus_",
@@ -90,4 +91,9 @@ class TakeoffStatus(_cdr.Message):
             info.Field("takeoff_state", "uint8", 8, 1, enum="TAKEOFF_STATE"),
             info.Field("tilt_limit", "float32", 12, 4, unit="rad"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 TAKEOFF_STATE_UNINITIALIZED TAKEOFF_STATE_DISARMED TAKEOFF_STATE_SPOOLUP TAKEOFF_STATE_READY_FOR_TAKEOFF TAKEOFF_STATE_RAMPUP TAKEOFF_STATE_FLIGHT",
+        ),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2Q2d3f?3x4f?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -90,6 +91,7 @@ class TargetGnss(_cdr.Message):
         s_acc_m_s: float = 0.0,
         vel_ned_updated: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.latitude_deg = latitude_deg
@@ -122,20 +124,21 @@ class TargetGnss(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 69 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.latitude_deg,
                 message.longitude_deg, message.altitude_msl_m, message.eph, message.epv,
                 message.abs_pos_updated, message.vel_n_m_s, message.vel_e_m_s, message.vel_d_m_s,
                 message.s_acc_m_s, message.vel_ned_updated,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(TargetGnss, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (69, 70, 71, 72):
+        if header != _USUAL:
             return _cdr.decode_other(TargetGnss, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="TargetGnss",
         ros_type="px4_msgs/msg/TargetGnss",
         dds_type="px4_msgs::msg::dds_::TargetGnss_",
@@ -160,4 +163,6 @@ class TargetGnss(_cdr.Message):
             info.Field("s_acc_m_s", "float32", 60, 4, unit="m/s"),
             info.Field("vel_ned_updated", "bool", 64, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

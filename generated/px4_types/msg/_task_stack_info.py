@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH24s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -46,6 +47,7 @@ class TaskStackInfo(_cdr.Message):
         stack_free: int = 0,
         task_name: bytes = bytes(24),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.stack_free = stack_free
         self.task_name = task_name
@@ -64,15 +66,16 @@ class TaskStackInfo(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.stack_free, message.task_name) = _unpack(data)
+            unpack = _unpack if len(data) == 38 else _unpack_padded
+            (header, message.timestamp, message.stack_free, message.task_name) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(TaskStackInfo, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (38, 39, 40, 41):
+        if header != _USUAL:
             return _cdr.decode_other(TaskStackInfo, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="TaskStackInfo",
         ros_type="px4_msgs/msg/TaskStackInfo",
         dds_type="px4_msgs::msg::dds_::TaskStackInfo_",
@@ -87,4 +90,6 @@ class TaskStackInfo(_cdr.Message):
             info.Field("stack_free", "uint16", 8, 2, unit="bytes"),
             info.Field("task_name", "char[24]", 10, 24),
         ),
+        constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -152,6 +152,7 @@ class TecsStatus(_cdr.Message):
         underspeed_ratio: float = 0.0,
         fast_descend_ratio: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.altitude_sp = altitude_sp
         self.altitude_reference = altitude_reference
@@ -217,7 +218,7 @@ class TecsStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="TecsStatus",
         ros_type="px4_msgs/msg/TecsStatus",
         dds_type="px4_msgs::msg::dds_::TecsStatus_",
@@ -254,4 +255,6 @@ class TecsStatus(_cdr.Message):
             info.Field("underspeed_ratio", "float32", 96, 4, range="0, 1"),
             info.Field("fast_descend_ratio", "float32", 100, 4, range="0, 1"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2B4?Bx4f2If5If18?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -228,6 +229,7 @@ class TelemetryStatus(_cdr.Message):
         open_drone_id_system_healthy: bool = False,
         parachute_system_healthy: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.type = type
         self.mode = mode
@@ -307,6 +309,7 @@ class TelemetryStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 90 else _unpack_padded
             (
                 header, message.timestamp, message.type, message.mode, message.flow_control,
                 message.forwarding, message.mavlink_v2, message.ftp, message.streams, message.data_rate,
@@ -323,15 +326,15 @@ class TelemetryStatus(_cdr.Message):
                 message.heartbeat_component_pairing_manager, message.heartbeat_component_udp_bridge,
                 message.heartbeat_component_uart_bridge, message.open_drone_id_system_healthy,
                 message.parachute_system_healthy,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(TelemetryStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (90, 91, 92, 93):
+        if header != _USUAL:
             return _cdr.decode_other(TelemetryStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="TelemetryStatus",
         ros_type="px4_msgs/msg/TelemetryStatus",
         dds_type="px4_msgs::msg::dds_::TelemetryStatus_",
@@ -382,4 +385,10 @@ class TelemetryStatus(_cdr.Message):
             info.Field("open_drone_id_system_healthy", "bool", 84, 1),
             info.Field("parachute_system_healthy", "bool", 85, 1),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 LINK_TYPE_GENERIC LINK_TYPE_UBIQUITY_BULLET LINK_TYPE_WIRE LINK_TYPE_USB LINK_TYPE_IRIDIUM",
+            "uint64 HEARTBEAT_TIMEOUT_US",
+        ),
+        cls=cls,
     ))

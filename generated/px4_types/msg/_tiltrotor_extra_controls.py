@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -46,6 +46,7 @@ class TiltrotorExtraControls(_cdr.Message):
         collective_tilt_normalized_setpoint: float = 0.0,
         collective_thrust_normalized_setpoint: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.collective_tilt_normalized_setpoint = collective_tilt_normalized_setpoint
         self.collective_thrust_normalized_setpoint = collective_thrust_normalized_setpoint
@@ -76,7 +77,7 @@ class TiltrotorExtraControls(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="TiltrotorExtraControls",
         ros_type="px4_msgs/msg/TiltrotorExtraControls",
         dds_type="px4_msgs::msg::dds_::TiltrotorExtraControls_",
@@ -91,4 +92,6 @@ class TiltrotorExtraControls(_cdr.Message):
             info.Field("collective_tilt_normalized_setpoint", "float32", 8, 4, range="0, 1"),
             info.Field("collective_thrust_normalized_setpoint", "float32", 12, 4, range="0, 1"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -67,6 +67,7 @@ class TimesyncStatus(_cdr.Message):
         estimated_offset: int = 0,
         round_trip_time: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.source_protocol = source_protocol
         self.remote_timestamp = remote_timestamp
@@ -100,7 +101,7 @@ class TimesyncStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="TimesyncStatus",
         ros_type="px4_msgs/msg/TimesyncStatus",
         dds_type="px4_msgs::msg::dds_::TimesyncStatus_",
@@ -118,4 +119,8 @@ class TimesyncStatus(_cdr.Message):
             info.Field("estimated_offset", "int64", 32, 8, unit="us"),
             info.Field("round_trip_time", "uint32", 40, 4, unit="us"),
         ),
+        constants=info.constants(
+            cls, "uint8 SOURCE_PROTOCOL_UNKNOWN SOURCE_PROTOCOL_MAVLINK SOURCE_PROTOCOL_DDS",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -71,6 +71,7 @@ class TrajectorySetpoint(_cdr.Message):
         yaw: float = 0.0,
         yawspeed: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.position = position
         self.velocity = velocity
@@ -115,7 +116,7 @@ class TrajectorySetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="TrajectorySetpoint",
         ros_type="px4_msgs/msg/TrajectorySetpoint",
         dds_type="px4_msgs::msg::dds_::TrajectorySetpoint_",
@@ -136,4 +137,6 @@ class TrajectorySetpoint(_cdr.Message):
             info.Field("yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN"),
             info.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN", frame="NED"),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -63,6 +63,7 @@ class TrajectorySetpoint6dof(_cdr.Message):
         quaternion: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
         angular_velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.position = position
         self.velocity = velocity
@@ -113,7 +114,7 @@ class TrajectorySetpoint6dof(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="TrajectorySetpoint6dof",
         ros_type="px4_msgs/msg/TrajectorySetpoint6dof",
         dds_type="px4_msgs::msg::dds_::TrajectorySetpoint6dof_",
@@ -132,4 +133,6 @@ class TrajectorySetpoint6dof(_cdr.Message):
             info.Field("quaternion", "float32[4]", 56, 16, unit="-"),
             info.Field("angular_velocity", "float32[3]", 72, 12, unit="rad/s"),
         ),
+        constants=(),
+        cls=cls,
     ))

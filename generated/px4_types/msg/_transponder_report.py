@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI4x2dB3x4f9s2Bx2H18s", xcdr2="QI2QB3x4I9s2Bx2H18s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -139,6 +140,7 @@ class TransponderReport(_cdr.Message):
         squawk: int = 0,
         uas_id: bytes = bytes(18),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.icao_address = icao_address
         self.lat = lat
@@ -175,20 +177,21 @@ class TransponderReport(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 90 else _unpack_padded
             (
                 header, message.timestamp, message.icao_address, message.lat, message.lon,
                 message.altitude_type, message.altitude, message.heading, message.hor_velocity,
                 message.ver_velocity, message.callsign, message.emitter_type, message.tslc, message.flags,
                 message.squawk, message.uas_id,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(TransponderReport, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (90, 91, 92, 93):
+        if header != _USUAL:
             return _cdr.decode_other(TransponderReport, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="TransponderReport",
         ros_type="px4_msgs/msg/TransponderReport",
         dds_type="px4_msgs::msg::dds_::TransponderReport_",
@@ -215,4 +218,10 @@ class TransponderReport(_cdr.Message):
             info.Field("squawk", "uint16", 66, 2),
             info.Field("uas_id", "uint8[18]", 68, 18),
         ),
+        constants=info.constants(
+            cls,
+            "uint16 PX4_ADSB_FLAGS_VALID_COORDS PX4_ADSB_FLAGS_VALID_ALTITUDE PX4_ADSB_FLAGS_VALID_HEADING PX4_ADSB_FLAGS_VALID_VELOCITY PX4_ADSB_FLAGS_VALID_CALLSIGN PX4_ADSB_FLAGS_VALID_SQUAWK PX4_ADSB_FLAGS_RETRANSLATE ADSB_EMITTER_TYPE_NO_INFO ADSB_EMITTER_TYPE_LIGHT ADSB_EMITTER_TYPE_SMALL ADSB_EMITTER_TYPE_LARGE ADSB_EMITTER_TYPE_HIGH_VORTEX_LARGE ADSB_EMITTER_TYPE_HEAVY ADSB_EMITTER_TYPE_HIGHLY_MANUV ADSB_EMITTER_TYPE_ROTOCRAFT ADSB_EMITTER_TYPE_UNASSIGNED ADSB_EMITTER_TYPE_GLIDER ADSB_EMITTER_TYPE_LIGHTER_AIR ADSB_EMITTER_TYPE_PARACHUTE ADSB_EMITTER_TYPE_ULTRA_LIGHT ADSB_EMITTER_TYPE_UNASSIGNED2 ADSB_EMITTER_TYPE_UAV ADSB_EMITTER_TYPE_SPACE ADSB_EMITTER_TYPE_UNASSGINED3 ADSB_EMITTER_TYPE_EMERGENCY_SURFACE ADSB_EMITTER_TYPE_SERVICE_SURFACE ADSB_EMITTER_TYPE_POINT_OBSTACLE ADSB_EMITTER_TYPE_ENUM_END",
+            "uint8 ORB_QUEUE_LENGTH",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB?H2IB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -90,6 +91,7 @@ class TuneControl(_cdr.Message):
         silence: int = 0,
         volume: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.tune_id = tune_id
         self.tune_override = tune_override
@@ -115,18 +117,19 @@ class TuneControl(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 25 else _unpack_padded
             (
                 header, message.timestamp, message.tune_id, message.tune_override, message.frequency,
                 message.duration, message.silence, message.volume,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(TuneControl, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (25, 26, 27, 28):
+        if header != _USUAL:
             return _cdr.decode_other(TuneControl, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="TuneControl",
         ros_type="px4_msgs/msg/TuneControl",
         dds_type="px4_msgs::msg::dds_::TuneControl_",
@@ -145,4 +148,9 @@ class TuneControl(_cdr.Message):
             info.Field("silence", "uint32", 16, 4, unit="us"),
             info.Field("volume", "uint8", 20, 1, range="0, 100"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 TUNE_ID_STOP TUNE_ID_STARTUP TUNE_ID_ERROR TUNE_ID_NOTIFY_POSITIVE TUNE_ID_NOTIFY_NEUTRAL TUNE_ID_NOTIFY_NEGATIVE TUNE_ID_ARMING_WARNING TUNE_ID_BATTERY_WARNING_SLOW TUNE_ID_BATTERY_WARNING_FAST TUNE_ID_GPS_WARNING TUNE_ID_ARMING_FAILURE TUNE_ID_PARACHUTE_RELEASE TUNE_ID_SINGLE_BEEP TUNE_ID_HOME_SET TUNE_ID_SD_INIT TUNE_ID_SD_ERROR TUNE_ID_PROG_PX4IO TUNE_ID_PROG_PX4IO_OK TUNE_ID_PROG_PX4IO_ERR TUNE_ID_POWER_OFF NUMBER_OF_TUNES VOLUME_LEVEL_MIN VOLUME_LEVEL_DEFAULT VOLUME_LEVEL_MAX ORB_QUEUE_LENGTH",
+        ),
+        cls=cls,
     ))

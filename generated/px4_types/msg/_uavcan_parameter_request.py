@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -80,6 +80,7 @@ class UavcanParameterRequest(_cdr.Message):
         int_value: int = 0,
         real_value: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.message_type = message_type
         self.node_id = node_id
@@ -117,7 +118,7 @@ class UavcanParameterRequest(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="UavcanParameterRequest",
         ros_type="px4_msgs/msg/UavcanParameterRequest",
         dds_type="px4_msgs::msg::dds_::UavcanParameterRequest_",
@@ -137,4 +138,9 @@ class UavcanParameterRequest(_cdr.Message):
             info.Field("int_value", "int64", 32, 8),
             info.Field("real_value", "float32", 40, 4),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 MESSAGE_TYPE_PARAM_REQUEST_READ MESSAGE_TYPE_PARAM_REQUEST_LIST MESSAGE_TYPE_PARAM_SET NODE_ID_ALL PARAM_TYPE_UINT8 PARAM_TYPE_INT64 PARAM_TYPE_REAL32 ORB_QUEUE_LENGTH",
+        ),
+        cls=cls,
     ))

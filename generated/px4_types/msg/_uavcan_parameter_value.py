@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -69,6 +69,7 @@ class UavcanParameterValue(_cdr.Message):
         int_value: int = 0,
         real_value: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.node_id = node_id
         self.param_id = param_id
@@ -106,7 +107,7 @@ class UavcanParameterValue(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="UavcanParameterValue",
         ros_type="px4_msgs/msg/UavcanParameterValue",
         dds_type="px4_msgs::msg::dds_::UavcanParameterValue_",
@@ -126,4 +127,6 @@ class UavcanParameterValue(_cdr.Message):
             info.Field("int_value", "int64", 32, 8),
             info.Field("real_value", "float32", 40, 4),
         ),
+        constants=(),
+        cls=cls,
     ))

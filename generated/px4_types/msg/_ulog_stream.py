@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q2BHB249s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -61,6 +62,7 @@ class UlogStream(_cdr.Message):
         flags: int = 0,
         data: bytes = bytes(249),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.length = length
         self.first_message_offset = first_message_offset
@@ -85,18 +87,19 @@ class UlogStream(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 266 else _unpack_padded
             (
                 header, message.timestamp, message.length, message.first_message_offset, message.msg_sequence,
                 message.flags, message.data,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(UlogStream, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (266, 267, 268, 269):
+        if header != _USUAL:
             return _cdr.decode_other(UlogStream, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="UlogStream",
         ros_type="px4_msgs/msg/UlogStream",
         dds_type="px4_msgs::msg::dds_::UlogStream_",
@@ -114,4 +117,6 @@ class UlogStream(_cdr.Message):
             info.Field("flags", "uint8", 12, 1),
             info.Field("data", "uint8[249]", 13, 249),
         ),
+        constants=info.constants(cls, "uint8 FLAGS_NEED_ACK ORB_QUEUE_LENGTH"),
+        cls=cls,
     ))

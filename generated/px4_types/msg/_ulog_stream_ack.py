@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QH")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -46,6 +47,7 @@ class UlogStreamAck(_cdr.Message):
         timestamp: int = 0,
         msg_sequence: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.msg_sequence = msg_sequence
 
@@ -61,15 +63,16 @@ class UlogStreamAck(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
-            (header, message.timestamp, message.msg_sequence) = _unpack(data)
+            unpack = _unpack if len(data) == 14 else _unpack_padded
+            (header, message.timestamp, message.msg_sequence) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(UlogStreamAck, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (14, 15, 16, 17):
+        if header != _USUAL:
             return _cdr.decode_other(UlogStreamAck, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="UlogStreamAck",
         ros_type="px4_msgs/msg/UlogStreamAck",
         dds_type="px4_msgs::msg::dds_::UlogStreamAck_",
@@ -83,4 +86,6 @@ class UlogStreamAck(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("msg_sequence", "uint16", 8, 2),
         ),
+        constants=info.constants(cls, "int32 ACK_TIMEOUT ACK_MAX_TRIES"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -54,6 +54,7 @@ class UnregisterExtComponent(_cdr.Message):
         mode_id: int = 0,
         mode_executor_id: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.name = name
         self.arming_check_id = arming_check_id
@@ -87,7 +88,7 @@ class UnregisterExtComponent(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="UnregisterExtComponent",
         ros_type="px4_msgs/msg/UnregisterExtComponent",
         dds_type="px4_msgs::msg::dds_::UnregisterExtComponent_",
@@ -104,4 +105,6 @@ class UnregisterExtComponent(_cdr.Message):
             info.Field("mode_id", "int8", 34, 1, invalid="-1"),
             info.Field("mode_executor_id", "int8", 35, 1, invalid="-1"),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

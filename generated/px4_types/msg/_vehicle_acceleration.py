@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -42,6 +42,7 @@ class VehicleAcceleration(_cdr.Message):
         timestamp_sample: int = 0,
         xyz: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.xyz = xyz
@@ -68,7 +69,7 @@ class VehicleAcceleration(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleAcceleration",
         ros_type="px4_msgs/msg/VehicleAcceleration",
         dds_type="px4_msgs::msg::dds_::VehicleAcceleration_",
@@ -83,4 +84,6 @@ class VehicleAcceleration(_cdr.Message):
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
             info.Field("xyz", "float32[3]", 16, 12, unit="m/s^2", frame="FRD"),
         ),
+        constants=(),
+        cls=cls,
     ))

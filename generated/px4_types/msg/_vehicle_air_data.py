@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI3fB3xfB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -73,6 +74,7 @@ class VehicleAirData(_cdr.Message):
         rho: float = 0.0,
         calibration_count: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.baro_device_id = baro_device_id
@@ -99,19 +101,20 @@ class VehicleAirData(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 45 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.baro_device_id,
                 message.baro_alt_meter, message.baro_pressure_pa, message.ambient_temperature,
                 message.temperature_source, message.rho, message.calibration_count,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleAirData, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (45, 46, 47, 48):
+        if header != _USUAL:
             return _cdr.decode_other(VehicleAirData, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleAirData",
         ros_type="px4_msgs/msg/VehicleAirData",
         dds_type="px4_msgs::msg::dds_::VehicleAirData_",
@@ -132,4 +135,6 @@ class VehicleAirData(_cdr.Message):
             info.Field("rho", "float32", 36, 4, unit="kg/m^3"),
             info.Field("calibration_count", "uint8", 40, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

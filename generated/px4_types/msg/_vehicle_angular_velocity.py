@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -50,6 +50,7 @@ class VehicleAngularVelocity(_cdr.Message):
         xyz: tuple[float, float, float] = (0.0, 0.0, 0.0),
         xyz_derivative: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.xyz = xyz
@@ -85,7 +86,7 @@ class VehicleAngularVelocity(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleAngularVelocity",
         ros_type="px4_msgs/msg/VehicleAngularVelocity",
         dds_type="px4_msgs::msg::dds_::VehicleAngularVelocity_",
@@ -101,4 +102,6 @@ class VehicleAngularVelocity(_cdr.Message):
             info.Field("xyz", "float32[3]", 16, 12, unit="rad/s", frame="FRD"),
             info.Field("xyz_derivative", "float32[3]", 28, 12, unit="rad/s^2", frame="FRD"),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

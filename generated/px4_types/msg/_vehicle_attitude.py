@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q8fB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -55,6 +56,7 @@ class VehicleAttitude(_cdr.Message):
         delta_q_reset: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
         quat_reset_counter: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.q = q
@@ -78,20 +80,21 @@ class VehicleAttitude(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 53 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, q_0, q_1, q_2, q_3, delta_q_reset_0,
                 delta_q_reset_1, delta_q_reset_2, delta_q_reset_3, message.quat_reset_counter,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleAttitude, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (53, 54, 55, 56):
+        if header != _USUAL:
             return _cdr.decode_other(VehicleAttitude, cls, data, allow_surplus)
         message.q = (q_0, q_1, q_2, q_3)
         message.delta_q_reset = (delta_q_reset_0, delta_q_reset_1, delta_q_reset_2, delta_q_reset_3)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleAttitude",
         ros_type="px4_msgs/msg/VehicleAttitude",
         dds_type="px4_msgs::msg::dds_::VehicleAttitude_",
@@ -110,4 +113,6 @@ class VehicleAttitude(_cdr.Message):
             info.Field("delta_q_reset", "float32[4]", 32, 16),
             info.Field("quat_reset_counter", "uint8", 48, 1),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

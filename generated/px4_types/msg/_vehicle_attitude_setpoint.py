@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -54,6 +54,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
         q_d: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
         thrust_body: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.yaw_sp_move_rate = yaw_sp_move_rate
         self.q_d = q_d
@@ -89,7 +90,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleAttitudeSetpoint",
         ros_type="px4_msgs/msg/VehicleAttitudeSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleAttitudeSetpoint_",
@@ -107,4 +108,6 @@ class VehicleAttitudeSetpoint(_cdr.Message):
             info.Field("q_d", "float32[4]", 12, 16),
             info.Field("thrust_body", "float32[3]", 28, 12, range="-1, 1", frame="FRD"),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

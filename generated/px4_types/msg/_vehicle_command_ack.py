@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QI2B2xiBxH?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -113,6 +114,7 @@ class VehicleCommandAck(_cdr.Message):
         target_component: int = 0,
         from_external: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.command = command
         self.result = result
@@ -139,18 +141,19 @@ class VehicleCommandAck(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 29 else _unpack_padded
             (
                 header, message.timestamp, message.command, message.result, message.result_param1,
                 message.result_param2, message.target_system, message.target_component, message.from_external,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleCommandAck, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (29, 30, 31, 32):
+        if header != _USUAL:
             return _cdr.decode_other(VehicleCommandAck, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleCommandAck",
         ros_type="px4_msgs/msg/VehicleCommandAck",
         dds_type="px4_msgs::msg::dds_::VehicleCommandAck_",
@@ -170,4 +173,10 @@ class VehicleCommandAck(_cdr.Message):
             info.Field("target_component", "uint16", 22, 2),
             info.Field("from_external", "bool", 24, 1),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "uint8 ORB_QUEUE_LENGTH VEHICLE_CMD_RESULT_ACCEPTED VEHICLE_CMD_RESULT_TEMPORARILY_REJECTED VEHICLE_CMD_RESULT_DENIED VEHICLE_CMD_RESULT_UNSUPPORTED VEHICLE_CMD_RESULT_FAILED VEHICLE_CMD_RESULT_IN_PROGRESS VEHICLE_CMD_RESULT_CANCELLED VEHICLE_CMD_RESULT_COMMAND_LONG_ONLY VEHICLE_CMD_RESULT_COMMAND_INT_ONLY VEHICLE_CMD_RESULT_UNSUPPORTED_MAV_FRAME",
+            "uint16 ARM_AUTH_DENIED_REASON_GENERIC ARM_AUTH_DENIED_REASON_NONE ARM_AUTH_DENIED_REASON_INVALID_WAYPOINT ARM_AUTH_DENIED_REASON_TIMEOUT ARM_AUTH_DENIED_REASON_AIRSPACE_IN_USE ARM_AUTH_DENIED_REASON_BAD_WEATHER",
+        ),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("Q2f?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -46,6 +47,7 @@ class VehicleConstraints(_cdr.Message):
         speed_down: float = 0.0,
         want_takeoff: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.speed_up = speed_up
         self.speed_down = speed_down
@@ -65,17 +67,18 @@ class VehicleConstraints(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 21 else _unpack_padded
             (
                 header, message.timestamp, message.speed_up, message.speed_down, message.want_takeoff,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleConstraints, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (21, 22, 23, 24):
+        if header != _USUAL:
             return _cdr.decode_other(VehicleConstraints, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleConstraints",
         ros_type="px4_msgs/msg/VehicleConstraints",
         dds_type="px4_msgs::msg::dds_::VehicleConstraints_",
@@ -91,4 +94,6 @@ class VehicleConstraints(_cdr.Message):
             info.Field("speed_down", "float32", 12, 4, unit="m/s", invalid="NaN"),
             info.Field("want_takeoff", "bool", 16, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

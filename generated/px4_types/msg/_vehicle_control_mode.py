@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -95,6 +95,7 @@ class VehicleControlMode(_cdr.Message):
         flag_control_rates_enabled: bool = False,
         flag_control_allocation_enabled: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.flag_armed = flag_armed
         self.flag_multicopter_position_control_enabled = flag_multicopter_position_control_enabled
@@ -153,7 +154,7 @@ class VehicleControlMode(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleControlMode",
         ros_type="px4_msgs/msg/VehicleControlMode",
         dds_type="px4_msgs::msg::dds_::VehicleControlMode_",
@@ -178,4 +179,6 @@ class VehicleControlMode(_cdr.Message):
             info.Field("flag_control_rates_enabled", "bool", 18, 1),
             info.Field("flag_control_allocation_enabled", "bool", 19, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

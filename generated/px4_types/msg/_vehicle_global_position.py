@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2Q2d2f2?2x2f3Bx3f2?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -118,6 +119,7 @@ class VehicleGlobalPosition(_cdr.Message):
         terrain_alt_valid: bool = False,
         dead_reckoning: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.lat = lat
@@ -156,21 +158,22 @@ class VehicleGlobalPosition(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 74 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.lat, message.lon, message.alt,
                 message.alt_ellipsoid, message.lat_lon_valid, message.alt_valid, message.delta_alt,
                 message.delta_terrain, message.lat_lon_reset_counter, message.alt_reset_counter,
                 message.terrain_reset_counter, message.eph, message.epv, message.terrain_alt,
                 message.terrain_alt_valid, message.dead_reckoning,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleGlobalPosition, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (74, 75, 76, 77):
+        if header != _USUAL:
             return _cdr.decode_other(VehicleGlobalPosition, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleGlobalPosition",
         ros_type="px4_msgs/msg/VehicleGlobalPosition",
         dds_type="px4_msgs::msg::dds_::VehicleGlobalPosition_",
@@ -203,4 +206,6 @@ class VehicleGlobalPosition(_cdr.Message):
             info.Field("terrain_alt_valid", "bool", 68, 1),
             info.Field("dead_reckoning", "bool", 69, 1),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

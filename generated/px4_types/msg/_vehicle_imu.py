@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -94,6 +94,7 @@ class VehicleImu(_cdr.Message):
         accel_calibration_count: int = 0,
         gyro_calibration_count: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.accel_device_id = accel_device_id
@@ -142,7 +143,7 @@ class VehicleImu(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleImu",
         ros_type="px4_msgs/msg/VehicleImu",
         dds_type="px4_msgs::msg::dds_::VehicleImu_",
@@ -166,4 +167,6 @@ class VehicleImu(_cdr.Message):
             info.Field("accel_calibration_count", "uint8", 58, 1),
             info.Field("gyro_calibration_count", "uint8", 59, 1),
         ),
+        constants=info.constants(cls, "uint8 CLIPPING_X CLIPPING_Y CLIPPING_Z"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -124,6 +124,7 @@ class VehicleImuStatus(_cdr.Message):
         temperature_accel: float = 0.0,
         temperature_gyro: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.accel_device_id = accel_device_id
         self.gyro_device_id = gyro_device_id
@@ -194,7 +195,7 @@ class VehicleImuStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleImuStatus",
         ros_type="px4_msgs/msg/VehicleImuStatus",
         dds_type="px4_msgs::msg::dds_::VehicleImuStatus_",
@@ -226,4 +227,6 @@ class VehicleImuStatus(_cdr.Message):
             info.Field("temperature_accel", "float32", 124, 4, unit="degC"),
             info.Field("temperature_gyro", "float32", 128, 4, unit="degC"),
         ),
+        constants=(),
+        cls=cls,
     ))

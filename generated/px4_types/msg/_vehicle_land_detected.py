@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -98,6 +98,7 @@ class VehicleLandDetected(_cdr.Message):
         close_to_ground_or_skipped_check: bool = False,
         at_rest: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.freefall = freefall
         self.ground_contact = ground_contact
@@ -149,7 +150,7 @@ class VehicleLandDetected(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleLandDetected",
         ros_type="px4_msgs/msg/VehicleLandDetected",
         dds_type="px4_msgs::msg::dds_::VehicleLandDetected_",
@@ -174,4 +175,6 @@ class VehicleLandDetected(_cdr.Message):
             info.Field("close_to_ground_or_skipped_check", "bool", 18, 1),
             info.Field("at_rest", "bool", 19, 1),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -283,6 +283,7 @@ class VehicleLocalPosition(_cdr.Message):
         hagl_max_z: float = 0.0,
         hagl_max_xy: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.xy_valid = xy_valid
@@ -393,7 +394,7 @@ class VehicleLocalPosition(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleLocalPosition",
         ros_type="px4_msgs/msg/VehicleLocalPosition",
         dds_type="px4_msgs::msg::dds_::VehicleLocalPosition_",
@@ -463,4 +464,9 @@ class VehicleLocalPosition(_cdr.Message):
             info.Field("hagl_max_z", "float32", 208, 4, unit="m", invalid="INFINITY"),
             info.Field("hagl_max_xy", "float32", 212, 4, unit="m", invalid="INFINITY"),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "uint8 DIST_BOTTOM_SENSOR_NONE DIST_BOTTOM_SENSOR_RANGE DIST_BOTTOM_SENSOR_FLOW",
+        ),
+        cls=cls,
     ))

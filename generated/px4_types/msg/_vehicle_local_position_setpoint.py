@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -79,6 +79,7 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
         yaw: float = 0.0,
         yawspeed: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.x = x
         self.y = y
@@ -122,7 +123,7 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleLocalPositionSetpoint",
         ros_type="px4_msgs/msg/VehicleLocalPositionSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleLocalPositionSetpoint_",
@@ -149,4 +150,6 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
             ),
             info.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("2QI3fB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -54,6 +55,7 @@ class VehicleMagnetometer(_cdr.Message):
         magnetometer_ga: tuple[float, float, float] = (0.0, 0.0, 0.0),
         calibration_count: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -76,19 +78,20 @@ class VehicleMagnetometer(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 37 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.device_id, magnetometer_ga_0,
                 magnetometer_ga_1, magnetometer_ga_2, message.calibration_count,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleMagnetometer, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (37, 38, 39, 40):
+        if header != _USUAL:
             return _cdr.decode_other(VehicleMagnetometer, cls, data, allow_surplus)
         message.magnetometer_ga = (magnetometer_ga_0, magnetometer_ga_1, magnetometer_ga_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleMagnetometer",
         ros_type="px4_msgs/msg/VehicleMagnetometer",
         dds_type="px4_msgs::msg::dds_::VehicleMagnetometer_",
@@ -105,4 +108,6 @@ class VehicleMagnetometer(_cdr.Message):
             info.Field("magnetometer_ga", "float32[3]", 20, 12, unit="Gs", frame="FRD"),
             info.Field("calibration_count", "uint8", 32, 1),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("2QB3x7fB3x15fBb")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -130,6 +131,7 @@ class VehicleOdometry(_cdr.Message):
         reset_counter: int = 0,
         quality: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.pose_frame = pose_frame
@@ -170,6 +172,7 @@ class VehicleOdometry(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 118 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.pose_frame, position_0,
                 position_1, position_2, q_0, q_1, q_2, q_3, message.velocity_frame, velocity_0, velocity_1,
@@ -177,10 +180,10 @@ class VehicleOdometry(_cdr.Message):
                 position_variance_1, position_variance_2, orientation_variance_0, orientation_variance_1,
                 orientation_variance_2, velocity_variance_0, velocity_variance_1, velocity_variance_2,
                 message.reset_counter, message.quality,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleOdometry, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (118, 119, 120, 121):
+        if header != _USUAL:
             return _cdr.decode_other(VehicleOdometry, cls, data, allow_surplus)
         message.position = (position_0, position_1, position_2)
         message.q = (q_0, q_1, q_2, q_3)
@@ -192,7 +195,7 @@ class VehicleOdometry(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleOdometry",
         ros_type="px4_msgs/msg/VehicleOdometry",
         dds_type="px4_msgs::msg::dds_::VehicleOdometry_",
@@ -230,4 +233,9 @@ class VehicleOdometry(_cdr.Message):
             info.Field("reset_counter", "uint8", 112, 1, unit="-"),
             info.Field("quality", "int8", 113, 1, unit="-", invalid="0"),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "uint8 POSE_FRAME_UNKNOWN POSE_FRAME_NED POSE_FRAME_FRD VELOCITY_FRAME_UNKNOWN VELOCITY_FRAME_NED VELOCITY_FRAME_FRD VELOCITY_FRAME_BODY_FRD",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -82,6 +82,7 @@ class VehicleOpticalFlow(_cdr.Message):
         min_ground_distance: float = 0.0,
         max_ground_distance: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.device_id = device_id
@@ -127,7 +128,7 @@ class VehicleOpticalFlow(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleOpticalFlow",
         ros_type="px4_msgs/msg/VehicleOpticalFlow",
         dds_type="px4_msgs::msg::dds_::VehicleOpticalFlow_",
@@ -152,4 +153,6 @@ class VehicleOpticalFlow(_cdr.Message):
             info.Field("min_ground_distance", "float32", 56, 4, unit="m"),
             info.Field("max_ground_distance", "float32", 60, 4, unit="m"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -82,6 +82,7 @@ class VehicleOpticalFlowVel(_cdr.Message):
         gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0),
         ref_gyro: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.vel_body = vel_body
@@ -144,7 +145,7 @@ class VehicleOpticalFlowVel(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleOpticalFlowVel",
         ros_type="px4_msgs/msg/VehicleOpticalFlowVel",
         dds_type="px4_msgs::msg::dds_::VehicleOpticalFlowVel_",
@@ -167,4 +168,6 @@ class VehicleOpticalFlowVel(_cdr.Message):
             info.Field("gyro_bias", "float32[3]", 76, 12, unit="rad/s"),
             info.Field("ref_gyro", "float32[3]", 88, 12, unit="rad/s"),
         ),
+        constants=(),
+        cls=cls,
     ))

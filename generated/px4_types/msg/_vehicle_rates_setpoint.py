@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q6f?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -60,6 +61,7 @@ class VehicleRatesSetpoint(_cdr.Message):
         thrust_body: tuple[float, float, float] = (0.0, 0.0, 0.0),
         reset_integral: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.roll = roll
         self.pitch = pitch
@@ -85,19 +87,20 @@ class VehicleRatesSetpoint(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 37 else _unpack_padded
             (
                 header, message.timestamp, message.roll, message.pitch, message.yaw, thrust_body_0,
                 thrust_body_1, thrust_body_2, message.reset_integral,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleRatesSetpoint, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (37, 38, 39, 40):
+        if header != _USUAL:
             return _cdr.decode_other(VehicleRatesSetpoint, cls, data, allow_surplus)
         message.thrust_body = (thrust_body_0, thrust_body_1, thrust_body_2)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleRatesSetpoint",
         ros_type="px4_msgs/msg/VehicleRatesSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleRatesSetpoint_",
@@ -115,4 +118,6 @@ class VehicleRatesSetpoint(_cdr.Message):
             info.Field("thrust_body", "float32[3]", 20, 12, unit="-", range="-1, 1", frame="FRD"),
             info.Field("reset_integral", "bool", 32, 1),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

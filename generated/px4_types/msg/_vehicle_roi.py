@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -85,6 +85,7 @@ class VehicleRoi(_cdr.Message):
         pitch_offset: float = 0.0,
         yaw_offset: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.mode = mode
         self.lat = lat
@@ -120,7 +121,7 @@ class VehicleRoi(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleRoi",
         ros_type="px4_msgs/msg/VehicleRoi",
         dds_type="px4_msgs::msg::dds_::VehicleRoi_",
@@ -140,4 +141,8 @@ class VehicleRoi(_cdr.Message):
             info.Field("pitch_offset", "float32", 40, 4, unit="rad"),
             info.Field("yaw_offset", "float32", 44, 4, unit="rad"),
         ),
+        constants=info.constants(
+            cls, "uint8 ROI_NONE ROI_WPNEXT ROI_WPINDEX ROI_LOCATION ROI_TARGET ROI_ENUM_END",
+        ),
+        cls=cls,
     ))

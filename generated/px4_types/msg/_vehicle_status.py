@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("3Q3B5xQ4B?3x2I2B2?B?B5?3B12?", xcdr2="3Q3BxQ5B3x2I27B")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -334,6 +335,7 @@ class VehicleStatus(_cdr.Message):
         calibration_enabled: bool = False,
         pre_flight_checks_pass: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.armed_time = armed_time
         self.takeoff_time = takeoff_time
@@ -413,6 +415,7 @@ class VehicleStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 87 else _unpack_padded
             (
                 header, message.timestamp, message.armed_time, message.takeoff_time, message.arming_state,
                 message.latest_arming_reason, message.latest_disarming_reason, message.nav_state_timestamp,
@@ -429,15 +432,15 @@ class VehicleStatus(_cdr.Message):
                 message.parachute_system_healthy, message.traffic_avoidance_system_present,
                 message.rc_calibration_in_progress, message.calibration_enabled,
                 message.pre_flight_checks_pass,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (87, 88, 89, 90):
+        if header != _USUAL:
             return _cdr.decode_other(VehicleStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleStatus",
         ros_type="px4_msgs/msg/VehicleStatus",
         dds_type="px4_msgs::msg::dds_::VehicleStatus_",
@@ -490,4 +493,9 @@ class VehicleStatus(_cdr.Message):
             info.Field("calibration_enabled", "bool", 81, 1),
             info.Field("pre_flight_checks_pass", "bool", 82, 1),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "uint8 ARMING_STATE_DISARMED ARMING_STATE_ARMED ARM_DISARM_REASON_STICK_GESTURE ARM_DISARM_REASON_RC_SWITCH ARM_DISARM_REASON_COMMAND_INTERNAL ARM_DISARM_REASON_COMMAND_EXTERNAL ARM_DISARM_REASON_MISSION_START ARM_DISARM_REASON_LANDING ARM_DISARM_REASON_PREFLIGHT_INACTION ARM_DISARM_REASON_KILL_SWITCH ARM_DISARM_REASON_RC_BUTTON ARM_DISARM_REASON_FAILSAFE NAVIGATION_STATE_MANUAL NAVIGATION_STATE_ALTCTL NAVIGATION_STATE_POSCTL NAVIGATION_STATE_AUTO_MISSION NAVIGATION_STATE_AUTO_LOITER NAVIGATION_STATE_AUTO_RTL NAVIGATION_STATE_POSITION_SLOW NAVIGATION_STATE_GUIDED_COURSE NAVIGATION_STATE_ALTITUDE_CRUISE NAVIGATION_STATE_FREE3 NAVIGATION_STATE_ACRO NAVIGATION_STATE_FREE2 NAVIGATION_STATE_DESCEND NAVIGATION_STATE_TERMINATION NAVIGATION_STATE_OFFBOARD NAVIGATION_STATE_STAB NAVIGATION_STATE_FREE1 NAVIGATION_STATE_AUTO_TAKEOFF NAVIGATION_STATE_AUTO_LAND NAVIGATION_STATE_AUTO_FOLLOW_TARGET NAVIGATION_STATE_AUTO_PRECLAND NAVIGATION_STATE_ORBIT NAVIGATION_STATE_AUTO_VTOL_TAKEOFF NAVIGATION_STATE_EXTERNAL1 NAVIGATION_STATE_EXTERNAL2 NAVIGATION_STATE_EXTERNAL3 NAVIGATION_STATE_EXTERNAL4 NAVIGATION_STATE_EXTERNAL5 NAVIGATION_STATE_EXTERNAL6 NAVIGATION_STATE_EXTERNAL7 NAVIGATION_STATE_EXTERNAL8 NAVIGATION_STATE_MAX HIL_STATE_OFF HIL_STATE_ON VEHICLE_TYPE_UNSPECIFIED VEHICLE_TYPE_ROTARY_WING VEHICLE_TYPE_FIXED_WING VEHICLE_TYPE_ROVER FAILSAFE_DEFER_STATE_DISABLED FAILSAFE_DEFER_STATE_ENABLED FAILSAFE_DEFER_STATE_WOULD_FAILSAFE",
+        ),
+        cls=cls,
     ))

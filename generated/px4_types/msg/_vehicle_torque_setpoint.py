@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -44,6 +44,7 @@ class VehicleTorqueSetpoint(_cdr.Message):
         timestamp_sample: int = 0,
         xyz: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.xyz = xyz
@@ -70,7 +71,7 @@ class VehicleTorqueSetpoint(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleTorqueSetpoint",
         ros_type="px4_msgs/msg/VehicleTorqueSetpoint",
         dds_type="px4_msgs::msg::dds_::VehicleTorqueSetpoint_",
@@ -88,4 +89,6 @@ class VehicleTorqueSetpoint(_cdr.Message):
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
             info.Field("xyz", "float32[3]", 16, 12, unit="-", frame="FRD"),
         ),
+        constants=(),
+        cls=cls,
     ))

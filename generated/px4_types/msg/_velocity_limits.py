@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -45,6 +45,7 @@ class VelocityLimits(_cdr.Message):
         vertical_velocity: float = 0.0,
         yaw_rate: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.horizontal_velocity = horizontal_velocity
         self.vertical_velocity = vertical_velocity
@@ -75,7 +76,7 @@ class VelocityLimits(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VelocityLimits",
         ros_type="px4_msgs/msg/VelocityLimits",
         dds_type="px4_msgs::msg::dds_::VelocityLimits_",
@@ -91,4 +92,6 @@ class VelocityLimits(_cdr.Message):
             info.Field("vertical_velocity", "float32", 12, 4, unit="m/s", invalid="NaN"),
             info.Field("yaw_rate", "float32", 16, 4, unit="rad/s", invalid="NaN"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("3Q5fB3xfB")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -113,6 +114,7 @@ class VteAidSource1d(_cdr.Message):
         time_since_meas_ms: float = 0.0,
         history_steps: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.time_last_predict = time_last_predict
@@ -141,20 +143,21 @@ class VteAidSource1d(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 57 else _unpack_padded
             (
                 header, message.timestamp, message.timestamp_sample, message.time_last_predict,
                 message.observation, message.observation_variance, message.innovation,
                 message.innovation_variance, message.test_ratio, message.fusion_status,
                 message.time_since_meas_ms, message.history_steps,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VteAidSource1d, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (57, 58, 59, 60):
+        if header != _USUAL:
             return _cdr.decode_other(VteAidSource1d, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VteAidSource1d",
         ros_type="px4_msgs/msg/VteAidSource1d",
         dds_type="px4_msgs::msg::dds_::VteAidSource1d_",
@@ -177,4 +180,9 @@ class VteAidSource1d(_cdr.Message):
             info.Field("time_since_meas_ms", "float32", 48, 4, unit="ms"),
             info.Field("history_steps", "uint8", 52, 1, unit="-"),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 STATUS_IDLE STATUS_FUSED_CURRENT STATUS_FUSED_OOSM STATUS_REJECT_NIS STATUS_REJECT_COV STATUS_REJECT_TOO_OLD STATUS_REJECT_TOO_NEW STATUS_REJECT_STALE STATUS_REJECT_EMPTY",
+        ),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -46,6 +46,7 @@ class VteBiasInitStatus(_cdr.Message):
         filtered_bias: tuple[float, float, float] = (0.0, 0.0, 0.0),
         delta_norm: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.raw_bias = raw_bias
         self.filtered_bias = filtered_bias
@@ -81,7 +82,7 @@ class VteBiasInitStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VteBiasInitStatus",
         ros_type="px4_msgs/msg/VteBiasInitStatus",
         dds_type="px4_msgs::msg::dds_::VteBiasInitStatus_",
@@ -97,4 +98,6 @@ class VteBiasInitStatus(_cdr.Message):
             info.Field("filtered_bias", "float32[3]", 20, 12, unit="m", frame="NED"),
             info.Field("delta_norm", "float32", 32, 4, unit="m"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -51,6 +51,7 @@ class VteInput(_cdr.Message):
         q_att: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
         acc_sample_count: int = 0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.acc_xyz = acc_xyz
@@ -87,7 +88,7 @@ class VteInput(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VteInput",
         ros_type="px4_msgs/msg/VteInput",
         dds_type="px4_msgs::msg::dds_::VteInput_",
@@ -104,4 +105,6 @@ class VteInput(_cdr.Message):
             info.Field("q_att", "float32[4]", 28, 16, unit="-"),
             info.Field("acc_sample_count", "uint32", 44, 4, unit="-"),
         ),
+        constants=(),
+        cls=cls,
     ))

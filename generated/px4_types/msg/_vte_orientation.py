@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -55,6 +55,7 @@ class VteOrientation(_cdr.Message):
         yaw_rate: float = 0.0,
         cov_yaw_rate: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.orientation_valid = orientation_valid
         self.yaw = yaw
@@ -90,7 +91,7 @@ class VteOrientation(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VteOrientation",
         ros_type="px4_msgs/msg/VteOrientation",
         dds_type="px4_msgs::msg::dds_::VteOrientation_",
@@ -108,4 +109,6 @@ class VteOrientation(_cdr.Message):
             info.Field("yaw_rate", "float32", 20, 4, unit="rad/s", frame="NED"),
             info.Field("cov_yaw_rate", "float32", 24, 4, unit="(rad/s)^2"),
         ),
+        constants=(),
+        cls=cls,
     ))

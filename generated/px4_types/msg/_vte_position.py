@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -91,6 +91,7 @@ class VtePosition(_cdr.Message):
         cov_vel_target: tuple[float, float, float] = (0.0, 0.0, 0.0),
         cov_acc_target: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.rel_pos_valid = rel_pos_valid
         self.rel_vel_valid = rel_vel_valid
@@ -161,7 +162,7 @@ class VtePosition(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VtePosition",
         ros_type="px4_msgs/msg/VtePosition",
         dds_type="px4_msgs::msg::dds_::VtePosition_",
@@ -186,4 +187,6 @@ class VtePosition(_cdr.Message):
             info.Field("cov_vel_target", "float32[3]", 108, 12, unit="(m/s)^2", frame="NED"),
             info.Field("cov_acc_target", "float32[3]", 120, 12, unit="(m/s^2)^2", frame="NED"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("QB?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -63,6 +64,7 @@ class VtolVehicleStatus(_cdr.Message):
         vehicle_vtol_state: int = 0,
         fixed_wing_system_failure: bool = False,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.vehicle_vtol_state = vehicle_vtol_state
         self.fixed_wing_system_failure = fixed_wing_system_failure
@@ -83,17 +85,18 @@ class VtolVehicleStatus(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 14 else _unpack_padded
             (
                 header, message.timestamp, message.vehicle_vtol_state, message.fixed_wing_system_failure,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VtolVehicleStatus, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (14, 15, 16, 17):
+        if header != _USUAL:
             return _cdr.decode_other(VtolVehicleStatus, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VtolVehicleStatus",
         ros_type="px4_msgs/msg/VtolVehicleStatus",
         dds_type="px4_msgs::msg::dds_::VtolVehicleStatus_",
@@ -108,4 +111,9 @@ class VtolVehicleStatus(_cdr.Message):
             info.Field("vehicle_vtol_state", "uint8", 8, 1, enum="VEHICLE_VTOL_STATE"),
             info.Field("fixed_wing_system_failure", "bool", 9, 1),
         ),
+        constants=info.constants(
+            cls, "uint32 MESSAGE_VERSION",
+            "uint8 VEHICLE_VTOL_STATE_UNDEFINED VEHICLE_VTOL_STATE_TRANSITION_TO_FW VEHICLE_VTOL_STATE_TRANSITION_TO_MC VEHICLE_VTOL_STATE_MC VEHICLE_VTOL_STATE_FW",
+        ),
+        cls=cls,
     ))

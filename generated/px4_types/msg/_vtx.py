@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -13,7 +13,8 @@ else:
     Final = _cdr.Final
 
 _LAYOUT = _cdr.Layout("Q3B2bxHB12sb4s")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -106,6 +107,7 @@ class Vtx(_cdr.Message):
         power_level: int = 0,
         power_label: bytes = bytes(4),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.protocol = protocol
         self.device = device
@@ -137,19 +139,20 @@ class Vtx(_cdr.Message):
         """Return the message in a CDR sample. `allow_surplus` accepts any number of bytes after the last value."""
         message = _new(cls)
         try:
+            unpack = _unpack if len(data) == 38 else _unpack_padded
             (
                 header, message.timestamp, message.protocol, message.device, message.mode, message.band,
                 message.channel, message.frequency, message.band_letter, message.band_name,
                 message.power_level, message.power_label,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(Vtx, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (38, 39, 40, 41):
+        if header != _USUAL:
             return _cdr.decode_other(Vtx, cls, data, allow_surplus)
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="Vtx",
         ros_type="px4_msgs/msg/Vtx",
         dds_type="px4_msgs::msg::dds_::Vtx_",
@@ -172,4 +175,9 @@ class Vtx(_cdr.Message):
             info.Field("power_level", "int8", 29, 1, range="0, 15"),
             info.Field("power_label", "uint8[4]", 30, 4),
         ),
+        constants=info.constants(
+            cls,
+            "uint8 BAND_NAME_LENGTH POWER_LABEL_LENGTH PROTOCOL_NONE PROTOCOL_SMART_AUDIO_V1 PROTOCOL_SMART_AUDIO_V2 PROTOCOL_SMART_AUDIO_V2_1 PROTOCOL_TRAMP DEVICE_UNKNOWN DEVICE_PEAK_THOR_T67 DEVICE_RUSH_MAX_SOLO MODE_NORMAL MODE_PIT",
+        ),
+        cls=cls,
     ))

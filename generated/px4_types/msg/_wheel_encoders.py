@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -42,6 +42,7 @@ class WheelEncoders(_cdr.Message):
         wheel_speed: tuple[float, float] = (0.0, 0.0),
         wheel_angle: tuple[float, float] = (0.0, 0.0),
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.wheel_speed = wheel_speed
         self.wheel_angle = wheel_angle
@@ -74,7 +75,7 @@ class WheelEncoders(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="WheelEncoders",
         ros_type="px4_msgs/msg/WheelEncoders",
         dds_type="px4_msgs::msg::dds_::WheelEncoders_",
@@ -89,4 +90,6 @@ class WheelEncoders(_cdr.Message):
             info.Field("wheel_speed", "float32[2]", 8, 8, unit="rad/s"),
             info.Field("wheel_angle", "float32[2]", 16, 8, unit="rad"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
     from typing import Final
@@ -82,6 +82,7 @@ class Wind(_cdr.Message):
         beta_innov: float = 0.0,
         beta_innov_var: float = 0.0,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.windspeed_north = windspeed_north
@@ -121,7 +122,7 @@ class Wind(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="Wind",
         ros_type="px4_msgs/msg/Wind",
         dds_type="px4_msgs::msg::dds_::Wind_",
@@ -147,4 +148,6 @@ class Wind(_cdr.Message):
             info.Field("beta_innov", "float32", 40, 4, unit="rad"),
             info.Field("beta_innov_var", "float32", 44, 4, unit="rad^2"),
         ),
+        constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
+        cls=cls,
     ))

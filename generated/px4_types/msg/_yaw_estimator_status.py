@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import cdr as _cdr
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -73,6 +73,7 @@ class YawEstimatorStatus(_cdr.Message):
         innov_ve: tuple[float, ...] = (0.0,) * 5,
         weight: tuple[float, ...] = (0.0,) * 5,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.timestamp_sample = timestamp_sample
         self.yaw_composite = yaw_composite
@@ -123,7 +124,7 @@ class YawEstimatorStatus(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="YawEstimatorStatus",
         ros_type="px4_msgs/msg/YawEstimatorStatus",
         dds_type="px4_msgs::msg::dds_::YawEstimatorStatus_",
@@ -144,4 +145,6 @@ class YawEstimatorStatus(_cdr.Message):
             info.Field("innov_ve", "float32[5]", 68, 20, unit="m/s"),
             info.Field("weight", "float32[5]", 88, 20, unit="-", range="0, 1"),
         ),
+        constants=(),
+        cls=cls,
     ))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from .. import cdr as _cdr
 from ..msg._vehicle_command import VehicleCommand
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
@@ -34,6 +34,7 @@ class VehicleCommand_Request(_cdr.Message):
         self,
         request: VehicleCommand | None = None,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.request = VehicleCommand() if request is None else request
 
     def encode(self) -> bytes:
@@ -71,7 +72,7 @@ class VehicleCommand_Request(_cdr.Message):
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleCommand_Request",
         ros_type="px4_msgs/srv/VehicleCommand_Request",
         dds_type="px4_msgs::srv::dds_::VehicleCommand_Request_",
@@ -84,4 +85,6 @@ class VehicleCommand_Request(_cdr.Message):
         fields=(
             info.Field("request", "VehicleCommand", 0, 56),
         ),
+        constants=(),
+        cls=cls,
     ))

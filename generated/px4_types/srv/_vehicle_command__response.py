@@ -5,14 +5,15 @@ from __future__ import annotations
 from .. import cdr as _cdr
 from ..msg._vehicle_command_ack import VehicleCommandAck
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import ClassVar
 else:
     ClassVar = _cdr.ClassVar
 
 _LAYOUT = _cdr.Layout("QI2B2xiBxH?")
-_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack_from
+_pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
+_unpack_padded = _LAYOUT.unpack_padded
 _new, _USUAL = _cdr.new, _cdr.USUAL
 
 
@@ -34,6 +35,7 @@ class VehicleCommand_Response(_cdr.Message):
         self,
         reply: VehicleCommandAck | None = None,
     ) -> None:
+        self = self  # so that jedi shows the documentation above
         self.reply = VehicleCommandAck() if reply is None else reply
 
     def encode(self) -> bytes:
@@ -55,19 +57,20 @@ class VehicleCommand_Response(_cdr.Message):
         message = _new(cls)
         reply = _new(VehicleCommandAck)
         try:
+            unpack = _unpack if len(data) == 29 else _unpack_padded
             (
                 header, reply.timestamp, reply.command, reply.result, reply.result_param1,
                 reply.result_param2, reply.target_system, reply.target_component, reply.from_external,
-            ) = _unpack(data)
+            ) = unpack(data)
         except _cdr.DECODE_FAILURES:
             return _cdr.decode_other(VehicleCommand_Response, cls, data, allow_surplus)
-        if header != _USUAL or len(data) not in (29, 30, 31, 32):
+        if header != _USUAL:
             return _cdr.decode_other(VehicleCommand_Response, cls, data, allow_surplus)
         message.reply = reply
         return message
 
     __layout__: ClassVar[_cdr.Layout] = _LAYOUT
-    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info: info.MessageInfo(
+    __msg__: ClassVar[_cdr.MessageInfo] = _cdr.described(lambda info, cls: info.MessageInfo(
         name="VehicleCommand_Response",
         ros_type="px4_msgs/srv/VehicleCommand_Response",
         dds_type="px4_msgs::srv::dds_::VehicleCommand_Response_",
@@ -80,4 +83,6 @@ class VehicleCommand_Response(_cdr.Message):
         fields=(
             info.Field("reply", "VehicleCommandAck", 0, 25),
         ),
+        constants=(),
+        cls=cls,
     ))

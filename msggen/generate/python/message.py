@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
+from operator import attrgetter
 from typing import NamedTuple
 
 from msggen.generate.python.formatting import documentation, literal, wrapped
@@ -27,6 +28,8 @@ _SHADOWING = frozenset({"int", "float", "bool", "bytes", "list", "str", "tuple"}
 class ClassConstant(NamedTuple):
     """A constant of a class. `spaced` puts a blank line before it."""
 
+    name: str
+    type: FieldType
     attribute: str
     value: str
     documentation: str
@@ -118,19 +121,13 @@ class MessageClass(NamedTuple):
         return tuple(literal(field.attribute) for field in self.fields)
 
     @property
-    def unpack(self) -> str:
-        """The method that `decode` unpacks with.
+    def is_padded(self) -> bool:
+        """Whether padding to a multiple of 4 bytes changes the length of a sample.
 
-        `unpack` checks the length. It is not possible if padding to a multiple of 4 bytes can change the length.
+        `decode` then has an unpacking function for each of the two lengths. They check it in bytes: `len(data)` counts
+        items, such as four bytes each.
         """
-        return "unpack_from" if (self.cdr_size or 0) % 4 else "unpack"
-
-    @property
-    def unless_longer(self) -> str:
-        """The condition on the length in `decode`, or "" if `unpack` checks the length."""
-        size = self.cdr_size or 0
-        lengths = ", ".join(str(size + 4 + surplus) for surplus in range(4))
-        return f" or len(data) not in ({lengths})" if size % 4 else ""
+        return (self.cdr_size or 0) % 4 != 0
 
     @property
     def attributes(self) -> list[tuple[str, str, str]]:
@@ -151,6 +148,14 @@ class MessageClass(NamedTuple):
     def descriptions(self) -> list[str]:
         """The description of each field in `__msg__`."""
         return [field.description for field in self.fields]
+
+    @property
+    def constant_rows(self) -> list[str]:
+        """The constants in `__msg__`, as literals: `"uint8 LOW HIGH mro=mro_"` for consecutive ones of a type."""
+        return [
+            literal(" ".join([str(type_), *(_row_entry(constant) for constant in constants)]))
+            for type_, constants in itertools.groupby(self.constants, key=attrgetter("type"))
+        ]
 
     @property
     def underscore(self) -> str:
@@ -221,6 +226,10 @@ def message_class(catalog: Catalog, message: Message) -> MessageClass:
     )
 
 
+def _row_entry(constant: ClassConstant) -> str:
+    return constant.name if constant.attribute == constant.name else f"{constant.name}={constant.attribute}"
+
+
 _NO_EXTENT = (None, None)
 
 
@@ -238,7 +247,8 @@ def _constants(message: Message, attributes: Mapping[str, str]) -> Iterator[Clas
     apart = True
     for constant in message.constants:
         text = documentation(str(constant.comment), 4, closed=True)
-        yield ClassConstant(attributes[constant.name], literal(constant.value), text, apart or bool(text))
+        attribute = attributes[constant.name]
+        yield ClassConstant(constant.name, constant.type, attribute, literal(constant.value), text, apart or bool(text))
         apart = bool(text)
 
 

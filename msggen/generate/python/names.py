@@ -7,12 +7,13 @@ CamelCase, so that they do not clash with the names of fields.
 from __future__ import annotations
 
 import keyword
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
 from importlib.util import module_from_spec, spec_from_file_location
 from types import ModuleType
 
 from msggen.disk.resources import template_path
+from msggen.identity import Endpoint
 from msggen.model import Message, Service, snake_case
 
 _OF_TEMPLATE = ("classmethod", "downgrade", "self", "upgrade")
@@ -96,6 +97,17 @@ def member_names(topics: Collection[str]) -> Mapping[str, str]:
     for topic in topics:
         if topic in _OF_ENUMS or topic[0] == topic[-1] == "_":
             found[topic] = _free(topic, {*topics, *found.values(), *_OF_ENUMS})
+    return found
+
+
+def endpoint_attributes(endpoints: Sequence[Endpoint]) -> list[str]:
+    """Return the attribute of each of `endpoints`, of one direction: the uORB topic and the instance, if it has one."""
+    found: list[str] = []
+    for endpoint in endpoints:
+        instance = endpoint.entry.instance
+        found.append(
+            _free(f"{endpoint.entry.uorb_topic}{'' if instance is None else instance}", {*keyword.kwlist, *found})
+        )
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,12 +12,13 @@ from msggen.diagnostics import Diagnostic, InputError
 from msggen.disk.resources import template_text
 from msggen.generate.python.formatting import arguments, documentation, joined_by, literal, wrapped, wrapped_tuple
 from msggen.generate.python.message import message_class
-from msggen.generate.python.names import class_name, member_names, module_name
+from msggen.generate.python.names import class_name, endpoint_attributes, member_names, module_name
 from msggen.generate.python.versions import translation_table
-from msggen.identity import endpoint_versions, endpoints, uorb_topics
+from msggen.identity import Endpoint, endpoint_versions, endpoints, uorb_topics
 from msggen.layout import is_static
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
+from msggen.model import Direction as BridgeDirection
 from msggen.tags import ATTRIBUTES
 from msggen.text.environment import make_environment
 
@@ -177,6 +178,7 @@ def _init(package: _Package) -> str:
         "package",
         name=package.name,
         own=own,
+        homes=[f"{literal(part.package)}: {_home(part)}" for part in package.parts],
         classes=names,
         others=others,
         archived=package.catalog.archived,
@@ -185,9 +187,47 @@ def _init(package: _Package) -> str:
     )
 
 
+def _home(part: _Part) -> str:
+    """Return the expression of the name of a part's module, in the module of the package."""
+    return f'f"{{__name__}}.{part.package}"' if part.prefix else "__name__"
+
+
 def _topics(package: _Package) -> str:
     catalog = package.catalog
-    return _render("topics", topics=package.topics, endpoints=endpoints(catalog), versions=_versions(catalog))
+    found = endpoints(catalog)
+    return _render(
+        "topics",
+        topics=package.topics,
+        endpoints=found,
+        directions=_directions(found),
+        versions=_versions(catalog),
+    )
+
+
+class _Direction(NamedTuple):
+    """The endpoints of one direction, which are attributes of `topics.out` or `topics.in_`, from the index `start`."""
+
+    name: str
+    cls: str
+    start: int
+    endpoints: list[tuple[str, Endpoint]]
+
+
+def _directions(every: Sequence[Endpoint]) -> list[_Direction]:
+    """Return both directions. `every` starts with the endpoints out of PX4."""
+    out = [endpoint for endpoint in every if endpoint.entry.direction is BridgeDirection.OUT]
+    into = [endpoint for endpoint in every if endpoint.entry.direction is BridgeDirection.IN]
+    return [
+        _Direction(name, cls, start, list(zip(endpoint_attributes(found), found, strict=True)))
+        for name, cls, start, found in (("out", "_Out", 0, out), ("in_", "_In", len(out), into))
+    ]
+
+
+def endpoint_documentation(endpoint: Endpoint) -> str:
+    """Return the names and the rate of an endpoint, for its docstring."""
+    interval = endpoint.publish_interval_ms
+    rate = "" if interval is None else f", every {interval} ms at most" if interval else ", every sample"
+    return f"`{endpoint.ros_name}`, in DDS `{endpoint.dds_name}`{rate}."
 
 
 FILES = (
@@ -206,6 +246,7 @@ FILES = (
     _File("py.typed", lambda _: ""),
     _support("records.py"),
     _support("registry.py"),
+    _support("type_names.py"),
     _support("stream.py", _HAS_STREAMS),
     _File("topics.py", _topics),
     _File(
@@ -265,7 +306,9 @@ def _folder(part: _Part, folder: str) -> str:
 
 @lru_cache(maxsize=1)
 def _environment() -> jinja2.Environment:
-    return make_environment(arguments, class_name, documentation, joined_by, literal, wrapped, wrapped_tuple)
+    return make_environment(
+        arguments, class_name, documentation, endpoint_documentation, joined_by, literal, wrapped, wrapped_tuple
+    )
 
 
 def _render(template: str, **context: object) -> str:
@@ -278,7 +321,7 @@ def _stem(path: str) -> str:
 
 def _check_names(package: _Package) -> None:
     """Raise InputError if the name of a package is reserved, or if two messages would have the same class."""
-    taken = {*keyword.kwlist, *_FOLDERS, "annotations", *(_stem(file.path) for file in FILES)}
+    taken = {*keyword.kwlist, *_FOLDERS, "annotations", "by_type", *(_stem(file.path) for file in FILES)}
     errors = []
     for part in package.parts:
         if part.prefix and part.package in taken:

@@ -23,7 +23,7 @@ from msggen.primitives import PRIMITIVES
 ClassOf = Callable[[Message], str]
 """A function that returns the class name of a message in the module that nests it."""
 
-_TAKEN = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error", "len"})
+_TAKEN = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error", "len", "unpack"})
 _LARGEST_GROUP = 100
 """The largest number of operands in a chain, because the compiler of Python recurses for each operator."""
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import struct
 import sys
 from array import array as array
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from collections.abc import Sequence as Sequence
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import Any
 
@@ -32,11 +32,17 @@ from_raw: Callable[[str, bytes], array[Any]] = array if sys.byteorder == "little
 """Return the array that little-endian bytes hold."""
 
 
-def to_raw(code: str, length: int, values: Iterable[Any]) -> bytes:
+def to_raw(code: str, length: int, values: Collection[Any]) -> bytes:
     """Return `values` as little-endian bytes. Raises one of ENCODE_FAILURES."""
     if values.__class__ is array and sys.byteorder == "little":
         block: Any = values
         if block.typecode == code and len(block) == length:
             raw: bytes = block.tobytes()
             return raw
+    if values.__class__ is not list and values.__class__ is not tuple:
+        from .primitives import listed
+
+        values = listed(values, length)
+    elif len(values) != length:
+        raise ValueError("another number of values")  # before they are copied to the arguments
     return struct.pack(f"<{length}{code}", *values)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import re
 
-from .registry import NAMESPACE, Endpoint, UnknownEndpoint, in_namespace, renamed
+from .registry import NAMESPACE, Endpoint, UnknownName, in_namespace, renamed
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -27,7 +27,7 @@ def find(endpoints: Sequence[Endpoint], versions: Versions, name: str) -> Endpoi
     front = name[: len(name) - len(plain)]
     names = [f"'{front}{endpoint.ros_name}'" for endpoint in topic]
     hint = f", did you mean {names[0]}?" if len(names) == 1 else f": there are {', '.join(names)}"
-    raise UnknownEndpoint(f"no endpoint '{name}'{hint}")
+    raise UnknownName(f"no endpoint '{name}'{hint}")
 
 
 def find_versions(endpoints: Sequence[Endpoint], versions: Versions, name: str) -> tuple[Endpoint, ...]:
@@ -53,7 +53,7 @@ def _find_topic(endpoints: Sequence[Endpoint], versions: Versions, name: str) ->
 
     near = get_close_matches(name, ["rt" * is_dds + found for found in (*topics, *earlier)], n=1)
     hint = f", did you mean '{near[0]}'?" if near else ""
-    raise UnknownEndpoint(f"no endpoint '{name}'{hint}")
+    raise UnknownName(f"no endpoint '{name}'{hint}")
 
 
 def _in_all_versions(endpoint: Endpoint, versions: Versions) -> tuple[Endpoint, ...]:

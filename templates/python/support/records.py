@@ -10,7 +10,7 @@ from .encapsulation import ENCODINGS, words_of
 from .places import Part, Value, packed, parts_of, values_of
 from .primitives import PRIMITIVES
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import Any, TypeAlias
@@ -24,14 +24,21 @@ else:
 class Wire:
     """The offsets of the values of a sample in one encapsulation."""
 
+    values: tuple[Value, ...]
+    size: int
+    """The number of bytes of a sample, with its header."""
+    octets: Positions
+    """The position of every byte of the values, in little-endian order."""
+    bools: Positions
+    delimiters: list[tuple[int, int]]
+    order: str
+
     def __init__(self, cls: type[Message], encapsulation: bytes) -> None:
         order, version = ENCODINGS[encapsulation]
         layout = layout_of(cls)
         self.values = values_of(words_of(layout, version))
         self.size = self.values[-1].end
-        """The number of bytes of a sample, with its header."""
         self.octets = _positions(self.values, swapped=order == ">")
-        """The position of every byte of the values, in little-endian order."""
         self.bools = _bools(parts_of(cls, self.values))
         self.delimiters = [(len(HEADER) + offset, size) for offset, size in layout.delimiters if version == 2]
         self.order = order
@@ -44,10 +51,21 @@ class Record:
     Otherwise an element holds the values of the sample without padding.
     """
 
+    cls: type[Message]
+    name: str
+    wires: dict[bytes, Wire]
+    wire: Wire
+    in_place: bool
+    dtype: Any
+    octets: Positions
+    bools: Positions
+    bool_masks: list[tuple[int, int]]
+    mask: Positions
+
     def __init__(self, cls: type[Message]) -> None:
         self.cls = cls
         self.name = cls.__msg__.name
-        self.wires: dict[bytes, Wire] = {}
+        self.wires = {}
         self.wire = self.wire_of(HEADER)
         self.in_place = True
         try:

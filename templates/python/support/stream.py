@@ -25,10 +25,10 @@ from .cdr import (
     encode_error,
     new,
 )
-from .encapsulation import ENCODINGS, encapsulation_of
-from .primitives import NO_SEQUENCES
+from .encapsulation import ENCODINGS, encapsulation_of, sample_bytes
+from .primitives import OCTET_FORMATS, listed
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable
     from typing import Any, TypeVar
@@ -111,7 +111,7 @@ class Stream:
 
     def decode(self, cls: type[MessageType], data: BytesLike, allow_surplus: bool) -> MessageType:
         """Return the message in a sample in any encoding. Raises DecodeError."""
-        sample = data if isinstance(data, bytes) else memoryview(data).tobytes()
+        sample = sample_bytes(cls, data)
         wire = WIRES[encapsulation_of(cls, sample)]
         message = new(cls)
         try:
@@ -332,9 +332,9 @@ def _check_delimiter(data: bytes, start: int, end: int, wire: int, path: str) ->
 
 
 def elements(values: Collection[Element], wire: int, exactly: int = -1, most: int = 0) -> Collection[Element]:
-    """Check the number of values in a sequence and return it. Raises one of ENCODE_FAILURES."""
-    if isinstance(values, NO_SEQUENCES):
-        raise Refused
+    """Return a sequence as a list or a tuple, after a check of its length. Raises one of ENCODE_FAILURES."""
+    if values.__class__ is not tuple and values.__class__ is not list:
+        values = listed(values, exactly if exactly >= 0 else most or sys.maxsize)
     count = len(values)
     if (exactly >= 0 and count != exactly) or (most and count > most):
         raise Refused
@@ -345,10 +345,11 @@ def instances(
     values: Collection[Message], wire: int, cls: type[Message], exactly: int = -1, most: int = 0
 ) -> Collection[Message]:
     """Check the class and the number of messages and return them. Raises one of ENCODE_FAILURES."""
-    for value in elements(values, wire, exactly, most):
+    given = elements(values, wire, exactly, most)
+    for value in given:
         if not isinstance(value, cls):
             raise Refused
-    return values
+    return given
 
 
 def octets_bytes(value: BytesLike, wire: int, most: int = 0) -> bytes:
@@ -357,7 +358,7 @@ def octets_bytes(value: BytesLike, wire: int, most: int = 0) -> bytes:
         raw = value
     else:
         view = memoryview(value)
-        if view.itemsize != 1:
+        if view.format not in OCTET_FORMATS or view.ndim != 1 or (most and view.nbytes > most):
             raise Refused
         raw = view.tobytes()
     if most and len(raw) > most:
@@ -367,30 +368,39 @@ def octets_bytes(value: BytesLike, wire: int, most: int = 0) -> bytes:
 
 def bools_bytes(values: Collection[Any], wire: int, most: int = 0) -> bytes:
     """Return bools as bytes. Raises one of ENCODE_FAILURES."""
-    for value in elements(values, wire, most=most):
+    given = elements(values, wire, most=most)
+    for value in given:
         if (False | value) not in (0, 1):
             raise Refused
-    return bytes([1 if value else 0 for value in values])
+    return bytes([1 if value else 0 for value in given])
 
 
 def number_bytes(values: Collection[Any], wire: int, code: str, exactly: int = -1, most: int = 0) -> bytes:
     """Return numbers as bytes. Raises one of ENCODE_FAILURES."""
-    elements(values, wire, exactly, most)
-    if isinstance(values, array) and values.typecode == code and wire & BIG == _NATIVE:
-        return values.tobytes()
-    return struct.pack(f"{_order(wire)}{len(values)}{code}", *values)
+    if values.__class__ is array:
+        block: Any = values
+        count = len(block)
+        if (
+            block.typecode == code
+            and wire & BIG == _NATIVE
+            and (count == exactly if exactly >= 0 else not 0 < most < count)
+        ):
+            raw: bytes = block.tobytes()
+            return raw
+    given = elements(values, wire, exactly, most)
+    return struct.pack(f"{_order(wire)}{len(given)}{code}", *given)
 
 
 def text_bytes(value: str, wire: int, bound: int = -1) -> bytes:
     """Return a string as bytes, with its NUL. Raises one of ENCODE_FAILURES."""
-    if 0 <= bound < len(value):
+    if 0 <= bound < str.__len__(value):
         raise Refused
     return str.encode(value) + b"\0"
 
 
 def wide_text_bytes(value: str, wire: int, bound: int = -1) -> bytes:
     """Return a wstring as bytes. Raises one of ENCODE_FAILURES."""
-    if 0 <= bound < len(value):
+    if 0 <= bound < str.__len__(value):
         raise Refused
     units = str.encode(value, "utf-16-le")
     count = len(units) // 2
@@ -399,10 +409,10 @@ def wide_text_bytes(value: str, wire: int, bound: int = -1) -> bytes:
 
 def texts_bytes(values: Collection[str], wire: int, exactly: int = -1, most: int = 0, bound: int = -1) -> list[bytes]:
     """Return strings as bytes, each with its NUL. Raises one of ENCODE_FAILURES."""
-    values = elements(values, wire, exactly, most)
+    given = elements(values, wire, exactly, most)
     if bound < 0:
-        return [str.encode(value) + b"\0" for value in values]
-    return [text_bytes(value, wire, bound) for value in values]
+        return [str.encode(value) + b"\0" for value in given]
+    return [text_bytes(value, wire, bound) for value in given]
 
 
 def wide_texts_bytes(

@@ -14,7 +14,7 @@ from .cdr import Message
 from .info import Frozen, nested_class
 from .primitives import PRIMITIVES, STRINGS
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any

@@ -1,0 +1,138 @@
+"""`msggen completion`, and the completions that a shell asks for."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Iterable, Mapping
+
+from msggen.cli.options import DONE, Commands, add_command
+
+_SHELLS = ("bash", "zsh", "fish")
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "completion",
+        _completion,
+        help="print the script that completes commands in a shell",
+        description="Print the script with which a shell completes the commands of msggen, their options, and names of "
+        "messages, releases, rules and boards. docs/build.md shows how to install it.",
+    )
+    parser.add_argument("shell", choices=_SHELLS, metavar="SHELL", help=", ".join(_SHELLS))
+
+
+def _completion(options: argparse.Namespace) -> int:
+    from argcomplete.shell_integration import shellcode
+
+    print(shellcode(["msggen"], shell=options.shell))
+    return DONE
+
+
+def complete() -> None:
+    """Write the completions of the command line that argcomplete finds in the environment, and exit."""
+    import argcomplete
+    from argcomplete.completers import DirectoriesCompleter
+
+    from msggen.cli import parser_for
+
+    parser = parser_for([])
+    for command in _commands(parser):
+        for action in command._actions:  # noqa: SLF001 - argparse has no public name
+            if action.dest in _NAMES:
+                action.completer = _names_or_paths(_NAMES[action.dest])  # type: ignore[attr-defined]
+            elif action.metavar in ("DIR", "PKG"):
+                action.completer = DirectoriesCompleter()  # type: ignore[attr-defined]
+    argcomplete.autocomplete(parser, always_complete_options="long")
+
+
+def _commands(parser: argparse.ArgumentParser) -> Iterable[argparse.ArgumentParser]:
+    for action in parser._actions:  # noqa: SLF001 - argparse has no public name
+        if action.nargs == argparse.PARSER:
+            yield from dict(action.choices or {}).values()
+
+
+def _names_or_paths(names: Callable[[argparse.Namespace], Iterable[str]]) -> Callable[..., list[str]]:
+    """Return a completer of `names`, or of paths where a word looks like one. Without names, the shell reports none."""
+    from argcomplete.completers import FilesCompleter
+
+    from msggen.diagnostics import InputError
+
+    def completer(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
+        done, comma, word = prefix.rpartition(",")
+        try:
+            found = [f"{done}{comma}{name}" for name in names(parsed_args) if name.lower().startswith(word.lower())]
+        except (InputError, OSError):
+            found = []
+        return found or list(FilesCompleter()(prefix))
+
+    return completer
+
+
+def _sources(options: argparse.Namespace) -> str | None:
+    from msggen.settings import read_settings
+
+    return getattr(options, "px4", None) or read_settings(".").px4
+
+
+def _messages(options: argparse.Namespace) -> Iterable[str]:
+    from msggen.cli.sources import source_here
+    from msggen.firmware.sources import find_sources
+
+    return [file.stem for file in find_sources(_sources(options) or source_here()).messages]
+
+
+def _versioned(options: argparse.Namespace) -> Iterable[str]:
+    from msggen.firmware.tree import Folder
+
+    names = Folder(_sources(options) or os.curdir).names("msg/versioned/")
+    return [name.removesuffix(".msg") for name in names if name.endswith(".msg")]
+
+
+def _boards(options: argparse.Namespace) -> Iterable[str]:
+    from msggen.firmware.board import boards_of
+    from msggen.firmware.tree import Folder
+
+    return boards_of(Folder(_sources(options) or os.curdir))
+
+
+def _releases(_: argparse.Namespace) -> Iterable[str]:
+    from msggen.firmware.sources import RELEASES
+
+    return RELEASES
+
+
+def _embedded(_: argparse.Namespace) -> Iterable[str]:
+    from msggen.firmware.embedded import EMBEDDED
+
+    return EMBEDDED
+
+
+def _rules(_: argparse.Namespace) -> Iterable[str]:
+    from msggen.compare.finding import Category
+    from msggen.compare.rules import RULES
+
+    return [*Category.__members__, *(rule.id for rule in RULES)]
+
+
+def _explained(options: argparse.Namespace) -> Iterable[str]:
+    from msggen.diagnostics import CODES
+
+    return [*_rules(options), *CODES]
+
+
+_NAMES: Mapping[str, Callable[[argparse.Namespace], Iterable[str]]] = {
+    "px4": _embedded,
+    "side": _embedded,
+    "other": _embedded,
+    "release": _releases,
+    "board": _boards,
+    "message": _versioned,
+    "messages": _messages,
+    "rule": _explained,
+    "select": _rules,
+    "ignore": _rules,
+}
+"""The names that complete the value of an argument, by its name in argparse. Paths complete the others."""

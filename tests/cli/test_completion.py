@@ -1,0 +1,148 @@
+"""Tests of completion: what msggen proposes for a command line, and that bash, zsh and fish show it."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import select
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from support.catalogs import write_definitions
+from support.repository import ROOT
+
+FILES = {
+    "fw/msg/versioned/HomePosition.msg": "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\n",
+    "fw/msg/Bulb.msg": "uint64 timestamp\n",
+    "fw/boards/px4/sitl/default.px4board": "",
+    "fw/boards/px4/fmu-v6x/default.px4board": "",
+    "fw/src/modules/README": "",
+    "odd/msg/Bulb.msg": "\0",
+    "template.j2": "",
+}
+CASES = {
+    "msggen bre": ["breaking"],
+    "msggen build --px4 v1.": ["v1.18", "v1.17", "v1.16", "v1.15", "v1.14"],
+    "msggen build --px4 f": ["fw/"],
+    "msggen build --release ma": ["main"],
+    "msggen build --px4 fw --board px4_s": ["px4_sitl_default"],
+    "msggen bump --px4 fw ": ["HomePosition"],
+    "msggen bump --px4 nowhere Ho": [],
+    "msggen explain M30": ["M301", "M302", "M303", "M304", "M305", "M306"],
+    "msggen breaking --select WIRE,FIELD_MO": ["WIRE,FIELD_MOVED"],
+    "msggen check --output-format s": ["sarif"],
+    "msggen check f": ["fw/"],
+    "msggen render --each en": ["endpoint"],
+    "msggen render --template t": ["template.j2"],
+    "msggen render --px4 fw --message B": ["Bulb"],
+    "msggen render --message HomePosi": ["HomePosition"],
+    "msggen sync --creat": ["--create"],
+    "msggen completion z": ["zsh"],
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a firmware, and with a program `msggen` in `bin`."""
+    made = write_definitions(tmp_path_factory.mktemp("completion"), FILES)
+    program = made / "bin" / "msggen"
+    program.parent.mkdir()
+    start = f"import sys; sys.path.insert(0, {str(ROOT)!r})\nfrom msggen.__main__ import main\nsys.exit(main())\n"
+    program.write_text(f"#!{sys.executable}\n{start}")
+    program.chmod(0o755)
+    return made
+
+
+def environment(folder: Path) -> dict[str, str]:
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("_ARGCOMPLETE", "PYTHON"))}
+    path = f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    return {**kept, "PATH": path, "HOME": str(folder), "TERM": "xterm"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", CASES)
+def test_a_command_line_is_completed_with_the_names_that_it_can_have(line: str, folder: Path, tmp_path: Path) -> None:
+    answer = tmp_path / "answer"
+    asked = {
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+        "_ARGCOMPLETE_IFS": "\n",
+        "_ARGCOMPLETE_SUPPRESS_SPACE": "1",
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+        "COMP_TYPE": "",
+    }
+    command = [str(folder / "bin" / "msggen")]
+    done = subprocess.run(
+        command, cwd=folder, env={**environment(folder), **asked}, capture_output=True, check=False, timeout=60
+    )
+    assert (done.stdout, done.stderr) == (b"", b"")
+    names = answer.read_text().split("\n")
+    options = line.rpartition(" ")[2].startswith("--")
+    assert [name for name in names if name and (options or not name.startswith("--"))] == CASES[line]
+
+
+SHELLS = {
+    "bash": (["bash", "--norc", "--noprofile", "-i"], 'bind "set enable-bracketed-paste off"'),
+    "zsh": (["zsh", "-f", "-i"], "unset zle_bracketed_paste; autoload -U compinit; compinit -u -D"),
+}
+LINES = {
+    "msggen explain FIELD_MO": "msggen explain FIELD_MOVED",
+    "msggen bump --px4 fw Ho": "msggen bump --px4 fw HomePosition",
+    "msggen build --px4 f": "msggen build --px4 fw/",
+    "msggen bre": "msggen breaking",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shell", [pytest.param(name, marks=pytest.mark.tools(name)) for name in SHELLS])
+def test_a_shell_completes_with_tab(shell: str, folder: Path) -> None:
+    start, prepare = SHELLS[shell]
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        start,
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        cwd=folder,
+        env={**environment(folder), "PS1": "> "},
+        start_new_session=True,
+    )
+    os.close(theirs)
+    try:
+        type_in(ours, f'{prepare}; PS1="> "; source <(msggen completion {shell}); echo pre""pared\n', "\nprepared\r")
+        for line, completed in LINES.items():
+            # after the completion, the line becomes the argument of echo
+            shown = type_in(ours, f"{line}\t\x01echo '\x05' do\"\"ne\n", " done\r")
+            assert re.search(rf"\n(?:\x1b\[\w)*{re.escape(completed)} +done\r", shown), shown
+    finally:
+        process.kill()
+        process.wait()
+        os.close(ours)
+
+
+def type_in(terminal: int, text: str, mark: str) -> str:
+    """Write `text` to the terminal, and return what it shows until `mark`."""
+    os.write(terminal, text.encode())
+    shown = b""
+    end = time.monotonic() + 60
+    while mark.encode() not in shown and time.monotonic() < end:
+        if select.select([terminal], [], [], 1)[0]:
+            shown += os.read(terminal, 65536)
+    return shown.decode(errors="replace")
+
+
+@pytest.mark.slow
+@pytest.mark.tools("fish")
+@pytest.mark.parametrize("line", LINES)
+def test_fish_completes(line: str, folder: Path) -> None:
+    command = ["fish", "--no-config", "-c", f"msggen completion fish | source; complete -C '{line}'"]
+    done = subprocess.run(
+        command, cwd=folder, env=environment(folder), capture_output=True, text=True, check=True, timeout=60
+    )
+    assert [row.split("\t")[0] for row in done.stdout.splitlines()] == [LINES[line].split()[-1]]

@@ -1,0 +1,138 @@
+"""Tests of the source that a command takes from the current folder, and of folders that are not a whole source."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from msggen.cli import DONE, FAILED, main
+from support.catalogs import write_definitions
+from support.repository import ROOT
+
+STAMP = "uint64 timestamp\n"
+PACKAGE = "<package><name>{}</name></package>"
+TREE = {"msg/Lamp.msg": STAMP, "msg/versioned/Bulb.msg": STAMP, "src/modules/uxrce_dds_client/dds_topics.yaml": ""}
+ROS_PACKAGE = {"msg/Lamp.msg": STAMP, "package.xml": PACKAGE.format("px4_msgs")}
+OLD_TREE = {
+    "src/modules/micrortps_bridge/README": "",
+    "msg/tools/urtps_bridge_topics.yaml": "",
+    "msg/CMakeLists.txt": "set(msg_files vehicle_status.msg)\n",
+    **{f"msg/old_{number}.msg": "uint8 x\n# TOPICS  a  b\n" for number in range(100)},
+}
+
+
+@pytest.mark.parametrize(
+    ("files", "label"),
+    [
+        (TREE, "the PX4-Autopilot tree in the current folder"),
+        (ROS_PACKAGE, "the package px4_msgs in the current folder"),
+        ({**ROS_PACKAGE, "package.xml": PACKAGE.format("acme_msgs")}, "the package acme_msgs in the current folder"),
+        ({**TREE, "package.xml": PACKAGE.format("px4")}, "the PX4-Autopilot tree in the current folder"),
+        ({"msg/Lamp.msg": STAMP, "dds_topics.yaml": ""}, "the embedded PX4 v1.18"),  # as a clone of msggen
+        ({"Lamp.msg": STAMP}, "the embedded PX4 v1.18"),
+        ({"package.xml": PACKAGE.format("other")}, "the embedded PX4 v1.18"),
+    ],
+)
+def test_build_and_render_take_a_tree_or_a_package_and_name_it(
+    files: dict[str, str], label: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_definitions(working_folder, {**files, "name.txt.j2": "{{ message.name }}\n"})
+    assert main(["build"]) == DONE
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith(f"px4_types from {label}: ")
+    assert second.startswith("generated/px4_types: ")
+    assert main(["render", "--template", "name.txt.j2", "-o", "made"]) == DONE
+    assert capsys.readouterr().out.startswith(f"name.txt.j2 from {label}: ")
+    made = (working_folder / "generated" / "px4_types" / "msg" / "_lamp.py").exists()
+    assert made == (not label.startswith("the embedded"))
+
+
+def test_a_clone_of_msggen_builds_the_embedded_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(ROOT)
+    assert main(["build", "-o", str(tmp_path)]) == DONE
+    assert " from the embedded PX4 v1.18: " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("how", ["option", "setting", "folder"])
+def test_options_and_settings_take_precedence(
+    how: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_definitions(working_folder, {**TREE, "other/Motor.msg": STAMP})
+    if how == "setting":
+        (working_folder / "pyproject.toml").write_text('[tool.msggen]\npx4 = "other"\n')
+    options = {"option": ["--px4", "other"], "setting": [], "folder": ["--msg-dir", "other"]}[how]
+    assert main(["build", *options]) == DONE
+    assert capsys.readouterr().out.startswith("px4_types from other: 1 message,")
+
+
+def test_check_and_sync_compare_with_the_tree_but_not_with_a_package(
+    working_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_definitions(working_folder / "PX4-Autopilot", TREE)
+    monkeypatch.chdir("PX4-Autopilot")
+    assert main(["sync", "--create", "../px4_msgs"]) == DONE
+    told = "created from the PX4-Autopilot tree in the current folder: 2 definitions\n"
+    assert capsys.readouterr().out.endswith(told)
+    assert main(["check", "../px4_msgs"]) == DONE
+    told = "../px4_msgs matches the PX4-Autopilot tree in the current folder: 2 messages, 0 services\n"
+    assert capsys.readouterr().out == told
+    assert main(["sync", "../px4_msgs"]) == DONE
+    monkeypatch.chdir("../px4_msgs")
+    assert main(["check", "."]) == 1
+    assert "the embedded PX4 v1.18" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("part", ["msg", "srv", "msg/versioned"])
+def test_a_part_of_a_tree_is_refused_with_the_tree(
+    part: str, working_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_definitions(working_folder / "px4", {**TREE, "srv/Ask.srv": "---\n"})
+    refused = "S102 only a part of a firmware tree, did you mean '{}'?\n1 error, nothing written\n"
+    assert main(["build", "--px4", f"px4/{part}"]) == FAILED
+    assert capsys.readouterr().err == f"px4/{part}: {refused.format('px4')}"
+    monkeypatch.chdir(f"px4/{part}")
+    assert main(["build"]) == FAILED
+    assert capsys.readouterr().err == f".: {refused.format('../..' if '/' in part else '..')}"
+    assert not Path("generated").exists()
+
+
+@pytest.mark.tools("git")
+@pytest.mark.parametrize("kind", ["folder", "current", "revision", "archive"])
+def test_a_tree_before_v1_14_is_refused_in_a_line(
+    kind: str, working_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_definitions(working_folder / "px4", OLD_TREE)
+    named = {
+        "folder": ["--px4", "px4"],
+        "current": [],
+        "revision": ["--px4", "px4@HEAD"],
+        "archive": ["--px4", "px4.tar"],
+    }
+    if kind == "current":
+        monkeypatch.chdir("px4")
+    elif kind == "revision":
+        author = ["-c", "user.name=tester", "-c", "user.email=tester@localhost"]
+        for command in (["init", "-q"], ["add", "-A"], [*author, "commit", "-q", "-m", "old"]):
+            subprocess.run(["git", *command], cwd="px4", check=True)
+    elif kind == "archive":
+        shutil.make_archive("px4", "tar", ".", "px4")
+    assert main(["build", *named[kind]]) == FAILED
+    first, last = capsys.readouterr().err.splitlines()
+    assert first.endswith(": S105 a PX4-Autopilot tree before v1.14, the first release that msggen reads")
+    assert last == "1 error, nothing written"
+
+
+@pytest.mark.parametrize(
+    "command", [["build"], ["render", "--template", "t.j2", "-o", "o"], ["breaking", "--against", "a"]]
+)
+def test_a_tree_without_its_option_is_told_the_option(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main([*command, "PX4-Autopilot"])
+    assert stopped.value.code == FAILED
+    told = capsys.readouterr().err
+    assert told.endswith("unknown argument 'PX4-Autopilot': name the firmware with --px4 PX4-Autopilot\n")

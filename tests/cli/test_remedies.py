@@ -1,0 +1,177 @@
+"""Tests of the commands that mend findings: each format names them, and after they ran the findings are gone."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from msggen.cli import DONE, FINDINGS, main
+from support.packages import committed, firmware, package, plain_package
+
+TOO = ("--output-format", "json")
+
+
+@pytest.fixture(autouse=True)
+def _here(working_folder: Path) -> None:
+    """Create a firmware in the current folder, which is a temporary one."""
+    assert working_folder.samefile(Path.cwd())
+    firmware()
+
+
+def edit_firmware() -> None:
+    """Change a message of the firmware."""
+    path = Path("firmware/msg/Rpm.msg")
+    path.write_text(path.read_text(encoding="utf-8") + "float32 newer\n", encoding="utf-8")
+
+
+def report(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
+    capsys.readouterr()
+    main([*arguments, *TOO])
+    found: list[dict[str, Any]] = json.loads(capsys.readouterr().out)["findings"]
+    return found
+
+
+def run(command: str) -> int:
+    program, *arguments = shlex.split(command)
+    assert program == "msggen"
+    return main(arguments)
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("px4_msgs", []),
+        ("a package", ["--ros-package", "px4_msgs"]),
+        ("acme_msgs", []),
+    ],
+)
+@pytest.mark.parametrize("more", [[], ["--topics-only"], ["--release", "v1.16"]])
+def test_sync_mends_all_findings_of_check(
+    name: str, options: list[str], more: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sync", "-q", "--px4", "firmware", "--create", *options, name]) == DONE
+    edit_firmware()
+    Path(name, "msg", "VehicleCommand.msg").write_text("uint64 timestamp\n")
+    found = report(capsys, "check", "--px4", "firmware", *more, name)
+    commands = {each["remedy"] for each in found}
+    assert len(found) > 1
+    [command] = commands
+    assert run(command) == DONE
+    assert report(capsys, "check", "--px4", "firmware", *more, name) == []
+
+
+def test_a_plain_package_is_mended_but_for_definitions_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+    plain_package()
+    edit_firmware()
+    Path("px4_msgs/msg/Own.msg").write_text("uint64 timestamp\n")
+    found = report(capsys, "check", "--px4", "firmware", "px4_msgs")
+    own = [each for each in found if each["subject"] == "Own"]
+    assert [each["remedy"] for each in own] == [None]
+    [command] = {each["remedy"] for each in found if each not in own}
+    assert run(command) == DONE
+    assert [each for each in report(capsys, "check", "--px4", "firmware", "px4_msgs") if each["remedy"]] == []
+
+
+@pytest.mark.parametrize("how", ["embedded", "setting", "here"])
+def test_the_command_names_the_firmware_only_if_it_has_to(
+    how: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    package()
+    side = "px4_msgs"
+    if how == "setting":
+        Path("pyproject.toml").write_text('[tool.msggen]\npx4 = "firmware"\n')
+    elif how == "here":
+        Path("firmware/src/modules").mkdir(parents=True, exist_ok=True)
+        monkeypatch.chdir("firmware")
+        side = "../px4_msgs"
+    Path(side, "msg", "Rpm.msg").write_text("uint64 timestamp\n")
+    [command] = {each["remedy"] for each in report(capsys, "check", side) if each["remedy"]}
+    assert command == f"msggen sync {'--px4 v1.18 ' if how == 'embedded' else ''}{side}"
+    assert run(command) == DONE
+    assert main(["check", side]) == DONE
+
+
+def test_a_folder_or_two_sides_have_no_command(capsys: pytest.CaptureFixture[str]) -> None:
+    package()
+    edit_firmware()
+    assert {each["remedy"] for each in report(capsys, "check", "firmware", "px4_msgs")} == {None}
+    Path("px4_msgs/package.xml").unlink()
+    assert {each["remedy"] for each in report(capsys, "check", "--px4", "firmware", "px4_msgs")} == {None}
+
+
+VERSIONED = "uint32 MESSAGE_VERSION = {}\nuint64 timestamp\n"
+
+
+@pytest.fixture
+def tree() -> Path:
+    """A committed tree with one versioned message, and with its change."""
+    made = Path("my px4")
+    (made / "msg/versioned").mkdir(parents=True)
+    (made / "src/modules").mkdir(parents=True)
+    headers = made / "msg/translation_node/translations"
+    headers.mkdir(parents=True)
+    (headers / "all_translations.h").write_text("#pragma once\n")
+    (made / "msg/versioned/Lamp.msg").write_text(VERSIONED.format(0))
+    committed(made)
+    (made / "msg/versioned/Lamp.msg").write_text(VERSIONED.format(0) + "uint8 x\n")
+    return made
+
+
+@pytest.mark.tools("git")
+@pytest.mark.parametrize("raised", [False, True])
+@pytest.mark.parametrize("inside", [False, True])
+def test_bump_mends_the_findings_about_versions(
+    *, raised: bool, inside: bool, tree: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if raised:
+        (tree / "msg/versioned/Lamp.msg").write_text(VERSIONED.format(1) + "uint8 x\n")
+    options = ["--px4", str(tree)]
+    if inside:
+        monkeypatch.chdir(tree)
+        options = []
+    arguments = ["breaking", *options, "--against", "HEAD"]
+    found = [each for each in report(capsys, *arguments) if each["category"] == "VERSION"]
+    assert {each["rule"] for each in found} == (
+        {"VERSION_NOT_ARCHIVED", "TRANSLATION_MISSING"} if raised else {"VERSION_NOT_RAISED"}
+    )
+    [command] = {each["remedy"] for each in found}
+    assert command == shlex.join(["msggen", "bump", "Lamp", *options, "--against", "HEAD"])
+    assert run(command) == DONE
+    assert [each["rule"] for each in report(capsys, *arguments) if each["fails"]] == []
+
+
+@pytest.mark.tools("git")
+def test_bump_is_not_named_where_it_cannot_help(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tree / "msg/versioned/Lamp.msg").write_text(VERSIONED.format(3) + "uint8 x\n")
+    found = report(capsys, "breaking", "--px4", str(tree), "--against", "HEAD")
+    assert {each["remedy"] for each in found} == {None}
+    found = report(capsys, "breaking", "--px4", "v1.18", "--against", "v1.16")
+    assert {each["remedy"] for each in found} == {None}
+    subprocess.run(["git", "checkout", "-q", "."], cwd=tree, check=True)
+    (tree / "msg/versioned/Lamp.msg").write_text(VERSIONED.format(0) + "uint8 x\n")
+    committed(tree)
+    found = report(capsys, "breaking", "--px4", f"{tree}@HEAD", "--against", "HEAD~1")
+    assert found
+    assert {each["remedy"] for each in found} == {None}
+
+
+@pytest.mark.tools("git")
+@pytest.mark.usefixtures("tree")
+@pytest.mark.parametrize("output_format", ["full", "concise", "json", "github", "sarif", "junit"])
+def test_every_format_names_the_command(output_format: str, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["breaking", "--px4", "my px4", "--against", "HEAD", "--output-format", output_format]
+    assert main(arguments) == FINDINGS
+    shown = capsys.readouterr().out
+    command = "msggen bump Lamp --px4 'my px4' --against HEAD"
+    if output_format in ("full", "concise"):
+        assert shown.splitlines()[-2] == f"to fix: {command}"
+        assert shown.count(command) == 1
+    elif output_format == "github":
+        assert f"found 0%0Ato fix: {command}\n" in shown
+    else:
+        assert command in shown
