@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from msggen.cli import _MODULES, _parser
+from msggen.cli import _MODULES, parser_for
 from msggen.compare.rules import RULES
 from msggen.diagnostics import CODES
 from support.catalogs import write_definitions
@@ -60,7 +60,7 @@ WORDS = (
     *("x.px4board",),
     *("Rpm", "VehicleStatus", "EscStatus", "Nothing", "px4_msgs/Rpm", "1", "-1", "HEAD", "HEAD~1", "main..HEAD"),
     *("--upload-pack=x", ":0"),
-    *("json", "sarif", "junit", "github", "full", "concise", "ALL", "WIRE", "SEMANTIC", ",", "PX4/msg/Rpm.msg"),
+    *("-", "json", "sarif", "junit", "github", "full", "concise", "ALL", "WIRE", "SEMANTIC", ",", "PX4/msg/Rpm.msg"),
     *("PX4/msg", "PX4/Kconfig"),
     *sorted(CODES)[::9],
     *[rule.id for rule in RULES][::5],
@@ -81,7 +81,7 @@ LIKELY: dict[str, tuple[str, ...]] = {
 @cache
 def options(command: str) -> tuple[str, ...]:
     """Return the options of a command."""
-    (commands,) = (each for each in _parser([command])._actions if isinstance(each, argparse._SubParsersAction))
+    (commands,) = (each for each in parser_for([command])._actions if isinstance(each, argparse._SubParsersAction))
     return tuple(commands.choices[command]._option_string_actions) if command in commands.choices else ()
 
 
