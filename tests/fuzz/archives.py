@@ -44,7 +44,7 @@ TARGETS = (
 )
 SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz", ".zip")
 BOMB = 2**24
-BOMBS = 100
+BOMBS = 40
 """A bomb is that many members of as many zeros as a definition may have at most."""
 
 
