@@ -153,6 +153,14 @@ class _Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
 
 
+class _PrintCMakeFolder(argparse.Action):
+    """An option that prints the folder of msggenConfig.cmake and exits."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "cmake"))
+        parser.exit()
+
+
 def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     """Return a parser of the command that `words` start with, or of all commands if they start with none.
 
@@ -166,6 +174,9 @@ def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
         "ROS 2 packages up to date with them.",
     )
     parser.add_argument("-V", "--version", action="version", version=f"msggen {__version__}")
+    parser.add_argument(
+        "--cmake-dir", action=_PrintCMakeFolder, nargs=0, help="show the value for CMake's msggen_DIR and exit"
+    )
     subparser: Any = partial(_Parser, output_format=output_format)
     commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True, parser_class=subparser)
     known = _MODULES.get(words[0]) if words else None
