@@ -13,6 +13,7 @@ import argparse
 import sys
 import tracemalloc
 from collections.abc import Mapping, Sequence
+from math import log
 from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
@@ -21,7 +22,15 @@ from worst_inputs import READERS, Reader
 
 CHART = Path(__file__).resolve().parent.parent / "docs" / "benchmarks" / "linear.svg"
 SIZES = (10**4, 3 * 10**4, 10**5, 3 * 10**5, 10**6, 3 * 10**6, 10**7)
-PATIENCE = 1.5
+PATIENCE = 0.7
+TRACED = 10**5
+"""The largest size for which memory is measured, because tracing slows a reader down."""
+
+SHORTEST = 0.001
+"""The time in seconds from which times are compared."""
+
+STEEPEST = 1.5
+"""The power of the size from which a reader counts as not linear: between 1, and 2 for quadratic time."""
 
 
 class Cost(NamedTuple):
@@ -49,8 +58,8 @@ def cost(reader: Reader, kind: str, size: int) -> Cost:
     start = perf_counter()
     reader.read(data)
     seconds = perf_counter() - start
-    if size > 10**6:
-        return Cost(size, seconds, 0)  # tracing slows a reader down
+    if size > TRACED:
+        return Cost(size, seconds, 0)
     tracemalloc.start()
     reader.read(data)
     _, peak = tracemalloc.get_traced_memory()
@@ -60,10 +69,8 @@ def cost(reader: Reader, kind: str, size: int) -> Cost:
 
 def exponent(found: Sequence[Cost]) -> float:
     """Return the power of the size by which the time grows between the first size of 1 ms and the last one."""
-    from math import log
-
-    timed = [one for one in found if one.seconds >= 0.001]
-    if len(timed) < 2:
+    timed = [one for one in found if one.seconds >= SHORTEST]
+    if timed[:1] == timed[-1:]:
         return 0.0
     return log(timed[-1].seconds / timed[0].seconds) / log(timed[-1].size / timed[0].size)
 
@@ -86,7 +93,7 @@ def draw(measured: Mapping[str, Sequence[Cost]]) -> None:
         traced = [one for one in found if one.peak]
         panels[1].plot([one.size for one in traced], [one.peak for one in traced], **style)
     panels[0].plot([10**4, 10**7], [10**-3, 1], color="black", linewidth=3, alpha=0.3, label="linear")
-    panels[1].plot([10**4, 10**6], [10**5, 10**7], color="black", linewidth=3, alpha=0.3)
+    panels[1].plot([10**4, TRACED], [10**5, 10**6], color="black", linewidth=3, alpha=0.3)
     figure.legend(loc="outside right upper", fontsize=8)
     figure.savefig(CHART, metadata={"Date": None})
 
@@ -109,7 +116,7 @@ def main() -> int:
         )
     if not options.quick:
         draw(measured)
-    return int(any(exponent(found) > 1.5 for found in measured.values()))
+    return int(any(exponent(found) > STEEPEST for found in measured.values()))
 
 
 if __name__ == "__main__":
