@@ -16,6 +16,7 @@ from msggen.diagnostics import InputError, counted
 from msggen.disk.record import RECORD_NAME, parse_record
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
+from msggen.firmware.inferred import Inference
 from msggen.firmware.sources import Sources, find_sources
 from msggen.firmware.tree import Folder, Snapshot
 from msggen.location import Location
@@ -36,8 +37,15 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
     files |= {f"{file.stem}.msg" for file in previous.unbuilt}
     extra = () if topics_only else tuple(_extra(current, files))
     comparison = Comparison(
-        Side(previous.label, _place(previous), before, previous.bridge is not None),
-        Side(current.label, _place(current), after, current.bridge is not None, extra=extra),
+        Side(previous.label, _place(previous), before, previous.bridge is not None, inference=Inference(previous)),
+        Side(
+            current.label,
+            _place(current),
+            after,
+            current.bridge is not None,
+            extra=extra,
+            inference=Inference(current),
+        ),
     )
     report = _report(comparison, CHECKED, list(find(comparison, CHECKED)), ("matches", "differs from"))
     return replace(report, notices=(*before.notices, *after.notices))
@@ -91,6 +99,7 @@ def _side(sources: Sources) -> Side:
         catalog=catalog,
         has_bridge=sources.is_tree or sources.bridge is not None,
         history=history,
+        inference=Inference(sources),
     )
 
 

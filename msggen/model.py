@@ -95,28 +95,57 @@ class FieldType(NamedTuple):
 _ATTRIBUTES = frozenset(tag.name for tag in ATTRIBUTES)
 
 
+class InferredTag(NamedTuple):
+    """A tag that the brackets of a definition do not have. `origin` is `prose`, or a release: `embedded v1.17`."""
+
+    name: str
+    content: str
+    origin: str
+
+
 class Comment(NamedTuple):
     """The comment of a field or constant, split into its parts.
 
     `text` has the sentences without the tags. `tags` has the name and the content of every tag with an `@`, including
-    unknown tags; known tags are in the order of `TAGS`.
+    unknown tags; known tags are in the order of `TAGS`. `inferred` has the tags that the definition does not have, but
+    msggen knows.
     """
 
     text: str = ""
     unit: str = ""
     tags: tuple[tuple[str, str], ...] = ()
+    inferred: tuple[InferredTag, ...] = ()
 
     def tag(self, name: str) -> str:
-        """Return the content of the tag `name`, or "" if the comment does not have it."""
-        if name == UNIT.name:
+        """Return the content of the tag `name`, of the definition or inferred; "" if there is none."""
+        if name == UNIT.name and self.unit:
             return self.unit
-        return next((content for known, content in self.tags if known == name), "")
+        for known, content in self.tags:
+            if known == name and content:
+                return content
+        for tag in self.inferred:
+            if tag.name == name:
+                return tag.content
+        return ""
+
+    def origin(self, name: str) -> str:
+        """Return the origin of the tag `name`: `tag` for one in brackets, `prose`, `embedded v1.17`; "" for no tag."""
+        inferred = (tag.origin for tag in self.inferred if tag.name == name)
+        return next(inferred, "") or ("tag" if self.tag(name) else "")
 
     @property
     def attributes(self) -> list[tuple[str, str]]:
         """The name and the content of each tag that is an attribute and has content."""
-        unit = [(UNIT.name, self.unit)] if self.unit else []
-        return unit + [(name, content) for name, content in self.tags if content and name in _ATTRIBUTES]
+        found = [(UNIT.name, self.unit), *self.tags, *((tag.name, tag.content) for tag in self.inferred)]
+        return [(name, content) for name, content in found if content and name in _ATTRIBUTES]
+
+    @property
+    def complete(self) -> "Comment":
+        """The comment as if the definition had the inferred tags in brackets."""
+        if not self.inferred:
+            return self
+        tags = [(tag.name, tag.content) for tag in self.inferred if tag.name != UNIT.name]
+        return Comment(self.text, self.tag(UNIT.name), (*self.tags, *tags))
 
     def changed_tags(self, after: "Comment") -> list[TagChange]:
         """Return a change for each tag that both comments have with different meanings."""

@@ -53,6 +53,8 @@ class Tag(NamedTuple):
     """The name in messages to the user, if it is not `name`."""
     rank: int = 9
     """The position of the rule among the rules of all tags."""
+    is_inherited: bool = False
+    """Whether a field without the tag takes it from the same field of an embedded release."""
 
     @property
     def title(self) -> str:
@@ -68,7 +70,7 @@ class Tag(NamedTuple):
         return None if is_same else TagChange(self.title, before, after)
 
 
-UNIT = Tag("unit", "Unit of the values.", "the unit of a field changed", _unit, rank=1)
+UNIT = Tag("unit", "Unit of the values.", "the unit of a field changed", _unit, rank=1, is_inherited=True)
 """The only tag without a name: `[m/s]`."""
 
 TAGS: tuple[Tag, ...] = (
@@ -87,14 +89,18 @@ TAGS: tuple[Tag, ...] = (
         _value,
         message_name="invalid value",
         rank=4,
+        is_inherited=True,
     ),
-    Tag("frame", "Frame of reference.", "the frame of reference of a field changed", rank=3),
+    Tag("frame", "Frame of reference.", "the frame of reference of a field changed", rank=3, is_inherited=True),
     Tag("uncontrolled", "Value of a setpoint that is not controlled."),
 )
 """All known tags, in the order in which comments and descriptions of fields list them."""
 
 ATTRIBUTES = tuple(tag for tag in TAGS if tag.purpose)
 """The tags that are attributes of fields in `__msg__` and in the views of `render`."""
+
+INHERITED = tuple(tag for tag in TAGS if tag.is_inherited)
+"""The tags that a field takes from an embedded release. A range or an enum belongs to one version of a message."""
 
 COMPARED = tuple(sorted(ATTRIBUTES, key=lambda tag: tag.rank))
 """The tags that rules compare, in the order of their rules."""

@@ -20,22 +20,46 @@ _SPELLINGS = {
     "min": "minute minutes",
     "h": "hr hour hours",
     "m": "meter meters metre metres",
+    "mm": "millimeter millimeters millimetre millimetres",
+    "cm": "centimeter centimeters centimetre centimetres",
+    "km": "kilometer kilometers kilometre kilometres",
+    "ft": "foot feet",
     "rad": "radian radians",
     "deg": "° degree degrees",
     "°C": "degC degc celsius Celsius celcius Celcius",
     "K": "kelvin Kelvin",
     "V": "volt volts Volt Volts",
+    "mV": "millivolt millivolts",
     "A": "amp amps ampere amperes Amp Amps Ampere Amperes",
+    "mA": "milliamp milliamps milliampere milliamperes",
+    "mAh": "",
     "W": "watt watts Watt Watts",
+    "Wh": "",
     "Pa": "pascal pascals Pascal Pascals",
+    "hPa": "hectopascal hectopascals",
+    "kPa": "kilopascal kilopascals",
+    "mbar": "millibar millibars",
+    "kg": "kilogram kilograms",
+    "N": "newton newtons Newton Newtons",
+    "Nm": "",
     "Hz": "hertz Hertz hz",
-    "Ga": "G gauss Gauss",
+    "kHz": "kilohertz",
+    "MHz": "megahertz",
+    "Ga": "G Gs gauss Gauss",
     "Ohm": "ohm ohms Ohms Ω Ω",
+    "dB": "decibel decibels",
+    "dBm": "",
     "rpm": "RPM",
+    "bytes": "byte",
     "%": "percent",
 }
 _NAMES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings.split()}
 """The unit by its other spellings. Case matters: `mW` is not `MW`."""
+
+_UNITS = frozenset(_SPELLINGS) - {"", "bool"}
+
+SPELLINGS = _UNITS | {spelling for spelling, name in _NAMES.items() if name in _UNITS}
+"""All spellings of the known units."""
 
 _LONGEST = 200
 """Maximum number of characters of a unit or a range."""
@@ -44,11 +68,13 @@ _CELSIUS = re.compile(r"(?:\bdeg(?:rees?)?|°)[ _.]*(?:C\b|[Cc]el[sc]ius\b)|℃"
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _SUPERSCRIPT = re.compile(r"([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)")
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>\d+(?:\.\d+)?(?:e[-+]?\d+)?)|(?P<name>-$|[^\W\d]+|[°%])|(?P<sign>[()/*.·]))"
+    r"\s*(?:(?P<number>\d+(?:\.\d+)?(?:[eE][-+]?\d+)?)|(?P<name>-$|[^\W\d]+|[°%])|(?P<sign>[()/*.·]))"
     r"(?:(?:\^|\*\*)\s*(?P<power>[-+]?\d+|\([-+]?\d+\))|(?<=[^\W\d)])(?P<bare>-?\d+))?"
 )
 """A number, a name or a sign, with an optional power: `s^2`, `s**2`, `s2`, `s-2`."""
 
+_SCALE = re.compile(r"1[eE]-\d{1,2} ?\b")
+_PER = re.compile(r"(?<=\w) per (?=\w)")
 _NOTE = re.compile(r"\([^)]*\)")
 _BETWEEN = re.compile(r"\s*(?:,|;|\.\.+|…|\bto\b|(?<=[\w.])\s*[-\u2013](?=\s*[\w.+-]))\s*")
 _INFINITE = re.compile(r"\+?(inf|infinity)$")
@@ -61,17 +87,49 @@ def normalized_unit(text: str) -> str:
     A text that is not a unit is returned with normalized white space.
     """
     text = " ".join(text.split())
-    if len(text) > _LONGEST:
-        return text
-    spelled = _SUPERSCRIPT.sub(lambda found: "^" + found[1].translate(_SUPERSCRIPTS), _CELSIUS.sub("degC", text))
-    powers: Counter[str] = Counter()
     try:
-        for name, power in _factors(spelled):
-            powers[name] += power
+        powers = _powers(text)
     except ValueError:
         return text
-    factors = (name if powers[name] == 1 else f"{name}^{powers[name]}" for name in sorted(powers) if powers[name])
-    return " ".join(factors) or ("1" if text else "")
+    return " ".join(_power_text(name, powers[name]) for name in sorted(powers)) or ("1" if text else "")
+
+
+@cache
+def known_unit(text: str) -> str:
+    """Return a unit in its usual spelling, `m/s^2`; "" if it is not a product of powers of known units.
+
+    It may begin with a small power of ten: `1e-7 deg`.
+    """
+    name = _NAMES.get(text, text)
+    if name in _UNITS:
+        return name
+    scale = _SCALE.match(text)
+    try:
+        powers = _powers(text[scale.end() :] if scale else text)
+    except ValueError:
+        return ""
+    if not powers or not powers.keys() <= _UNITS:
+        return ""
+    above = " ".join(_power_text(name, power) for name, power in powers.items() if power > 0)
+    below = [_power_text(name, -power) for name, power in powers.items() if power < 0]
+    unit = "/".join([above or "1", *below])
+    return f"{scale[0].strip().lower()} {unit}" if scale else unit
+
+
+def _power_text(name: str, power: int) -> str:
+    return name if power == 1 else f"{name}^{power}"
+
+
+def _powers(text: str) -> dict[str, int]:
+    """Return the power of each unit in `text`. Raises ValueError if it is not a product of powers."""
+    if len(text) > _LONGEST:
+        raise ValueError(text)
+    spelled = _PER.sub("/", _CELSIUS.sub("degC", text))
+    spelled = _SUPERSCRIPT.sub(lambda found: "^" + found[1].translate(_SUPERSCRIPTS), spelled)
+    powers: Counter[str] = Counter()
+    for name, power in _factors(spelled):
+        powers[name] += power
+    return {name: power for name, power in powers.items() if power}
 
 
 def normalized_range(text: str) -> str:
@@ -115,7 +173,7 @@ def _factors(text: str) -> Iterator[tuple[str, int]]:
         elif token["sign"]:
             sign = -1 if token["sign"] == "/" else 1
         else:
-            name = token["number"] or token["name"]
+            name = (token["number"] or "").lower() or token["name"]
             name = _NAMES.get(name, name)
             if name:
                 yield name, power * sign * signs[-1]

@@ -62,6 +62,7 @@ class Field(Frozen):
         "invalid",
         "frame",
         "attribute",
+        "inferred",
     )
 
     name: str
@@ -83,6 +84,8 @@ class Field(Frozen):
     """Frame of reference."""
     attribute: str
     """The attribute that holds the value: `name`, or a name such as `from_` if Python or the class reserves `name`."""
+    inferred: tuple[tuple[str, str], ...]
+    """The tags that the definition does not have in brackets, each with its origin: `("unit", "embedded v1.17")`."""
 
     def __init__(
         self,
@@ -96,6 +99,7 @@ class Field(Frozen):
         invalid: str = "",
         frame: str = "",
         attribute: str = "",
+        inferred: tuple[tuple[str, str], ...] = (),
     ) -> None:
         put = object.__setattr__
         put(self, "name", name)
@@ -108,6 +112,15 @@ class Field(Frozen):
         put(self, "invalid", invalid)
         put(self, "frame", frame)
         put(self, "attribute", attribute or name)
+        put(self, "inferred", inferred)
+
+    def origin(self, tag: str) -> str:
+        """Return the origin of a tag such as "unit", or "" if the field does not have it.
+
+        "tag" is a tag in brackets in the definition, "prose" a sentence in the field's comment, and "embedded v1.17" the
+        same field in the definitions of that release that msggen contains.
+        """
+        return dict(self.inferred).get(tag) or ("tag" if getattr(self, tag) else "")
 
     @property
     def base(self) -> str:

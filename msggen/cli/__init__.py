@@ -11,14 +11,14 @@ import gc
 import io
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any, NoReturn
 
 from msggen import __version__
 from msggen.cli.options import DONE, FAILED, FINDINGS, INTERRUPTED, writes
-from msggen.cli.printing import colour, print_document, print_errors, print_notices, terminal_width
+from msggen.cli.printing import colour, discard_output, print_document, print_errors, print_notices, terminal_width
 from msggen.diagnostics import Diagnostic, InputError, printable, suggestion
 from msggen.location import Location
 
@@ -45,8 +45,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         gc.disable()  # there are few cycles, and collecting them costs more than it frees
         atexit.register(gc.freeze)  # so that Python does not collect at exit either
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # it is closed
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - until the process ends
+        elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # the terminal may not be able to show every name
     words = sys.argv[1:] if arguments is None else list(arguments)
     options = argparse.Namespace(writes=True)
@@ -54,24 +57,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = _parse(words)
         return _run(options)
     except InputError as error:
-        with suppress(BrokenPipeError):
+        with suppress(OSError):
             print_notices(error.notices)
             print_errors(error.diagnostics, ", nothing written" if options.writes else "")
-            print_document(error.diagnostics, _output_format(words))
-            return FAILED
-        _discard_output()
+        print_document(error.diagnostics, _output_format(words))
         return FAILED
     except BrokenPipeError:
-        _discard_output()
+        discard_output()
         return DONE if writes(options) else FINDINGS  # commands that write do so before they print
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         text = printable(f"{place}{error.strerror or error}")
-        print(f"msggen: {text}", file=sys.stderr)
+        _print_last(f"msggen: {text}")
         print_document([Diagnostic(Location("msggen", 0), "io", text)], _output_format(words))
         return FAILED
     except KeyboardInterrupt:
-        print("msggen: interrupted, nothing is half-written", file=sys.stderr)
+        _print_last("msggen: interrupted, nothing is half-written")
         return INTERRUPTED
 
 
@@ -83,15 +84,16 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
         parser.exit(FAILED)
     options, unknown = parser.parse_known_args(words)
     if unknown:
-        options.parser.error(f"unknown argument '{unknown[0]}'{_hint(unknown[0], options.known)}")
+        options.parser.error(f"unknown argument '{unknown[0]}'{_hint(unknown[0], options)}")
     return options
 
 
-def _hint(wrong: str, known: Mapping[str, argparse.Action]) -> str:
-    """Return what may be meant by the unknown argument `wrong`: the option --px4, or an option of a similar name."""
-    if "--px4" in known and not wrong.startswith("-"):
+def _hint(wrong: str, options: argparse.Namespace) -> str:
+    """Return what may be meant by the unknown argument `wrong`: an option of a similar name, or the firmware."""
+    takes_names = any(not action.option_strings for action in options.parser._actions)  # noqa: SLF001 - no public name
+    if "--px4" in options.known and not takes_names and not wrong.startswith("-"):
         return f": name the firmware with --px4 {wrong}"
-    return suggestion(wrong, [name for name, action in known.items() if action.help is not argparse.SUPPRESS])
+    return suggestion(wrong, [name for name, action in options.known.items() if action.help is not argparse.SUPPRESS])
 
 
 def _output_format(words: Sequence[str]) -> str:
@@ -110,9 +112,10 @@ def _run(options: argparse.Namespace) -> int:
     return code
 
 
-def _discard_output() -> None:
-    """Discard the remaining output, because the reader has closed the pipe."""
-    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - it is open until the process ends
+def _print_last(text: str) -> None:
+    """Print `text` to stderr, if anybody still reads it."""
+    with suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
 
 
 class _Formatter(argparse.HelpFormatter):
@@ -142,8 +145,7 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(formatter_class=formatter, allow_abbrev=False, **about)
 
     def error(self, message: str) -> NoReturn:
-        with suppress(BrokenPipeError):
-            print_document([Diagnostic(Location(self.prog, 0), "usage", message)], self._output_format)
+        print_document([Diagnostic(Location(self.prog, 0), "usage", message)], self._output_format)
         super().error(message)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
@@ -151,6 +153,14 @@ class _Parser(argparse.ArgumentParser):
             choices = list(map(str, action.choices))
             hint = suggestion(str(value), choices)
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
+
+
+class _PrintCMakeFolder(argparse.Action):
+    """An option that prints the folder of msggenConfig.cmake and exits."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "cmake"))
+        parser.exit()
 
 
 def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
@@ -166,6 +176,9 @@ def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
         "ROS 2 packages up to date with them.",
     )
     parser.add_argument("-V", "--version", action="version", version=f"msggen {__version__}")
+    parser.add_argument(
+        "--cmake-dir", action=_PrintCMakeFolder, nargs=0, help="show the value for CMake's msggen_DIR and exit"
+    )
     subparser: Any = partial(_Parser, output_format=output_format)
     commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True, parser_class=subparser)
     known = _MODULES.get(words[0]) if words else None

@@ -18,7 +18,7 @@ from msggen.cli.options import (
     non_empty,
 )
 from msggen.cli.printing import print_report
-from msggen.cli.sources import board_of, shell_options, sources_of
+from msggen.cli.sources import board_of, firmware_path, shell_options, sources_of
 from msggen.diagnostics import Diagnostic, input_error, suggestion
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.file import File
@@ -63,7 +63,7 @@ def _breaking(options: argparse.Namespace) -> int:
 
     settings = read_settings(".")
     named = options.px4
-    options.px4 = options.px4 or settings.px4 or "."
+    options.px4 = firmware_path(options, settings)
     rules = _rules(options, settings)
     ignored = {
         message: [rule for name in names for rule in _named(name, settings.place("per-message-ignores"))]

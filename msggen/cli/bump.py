@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from msggen.cli.options import DONE, FINDINGS, WRITING_CODES, Commands, add_command, add_shared, non_empty, writes
 from msggen.cli.printing import print_diff
-from msggen.cli.sources import check_setting
+from msggen.cli.sources import check_setting, firmware_path
 from msggen.settings import read_settings
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def _bump(options: argparse.Namespace) -> int:
 
     settings = read_settings(".")
     check_setting(options, settings)
-    firmware = options.px4 or settings.px4 or "."
+    firmware = firmware_path(options, settings)
     write = writes(options)
     plan = (bump if write else plan_bump)(firmware, options.message, options.against)
     if options.diff:

@@ -25,9 +25,11 @@ SOURCE_KINDS = (
 
 
 def non_empty(text: str) -> str:
-    """Return `text`. Raise ArgumentTypeError if it is empty, as an unset variable in a script is."""
+    """Return `text`. Raise ArgumentTypeError if it is empty, as an unset variable in a script is, or no path at all."""
     if not text:
         raise argparse.ArgumentTypeError("expected a value, found an empty string")
+    if "\0" in text:
+        raise argparse.ArgumentTypeError(f"{text!r} contains a NUL character")
     return text
 
 

@@ -31,8 +31,17 @@ def print_document(errors: Sequence[Diagnostic], output_format: str) -> None:
     from msggen.report import render_errors
 
     text = render_errors(errors, output_format)
-    if text:
+    if not text:
+        return
+    try:
         print(text, flush=True)
+    except OSError:
+        discard_output()
+
+
+def discard_output() -> None:
+    """Discard the remaining output, because nobody reads it or the disk is full."""
+    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - it is open until the process ends
 
 
 def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:

@@ -78,10 +78,11 @@ def _render(options: argparse.Namespace) -> int:
     _check_options(options)
     sources = sources_of(options, read_settings("."))
     from msggen.firmware.catalog import read_catalog
+    from msggen.firmware.inferred import with_inferred
     from msggen.render.run import check_places, items_of, open_template, output_names, select, texts_of
 
     template = open_template(options.template)
-    catalog = read_catalog(sources)
+    catalog = with_inferred(read_catalog(sources), sources)
     print_notices(catalog.notices, quiet=options.quiet)
     items = items_of(catalog, options.each)
     if options.messages:

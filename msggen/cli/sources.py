@@ -97,6 +97,12 @@ def shell_options(given: Mapping[str, str | Sequence[str] | None]) -> str:
     return "".join(f" {name} {quote(value)}" for name, value in pairs)
 
 
+def firmware_path(options: argparse.Namespace, settings: Settings) -> str:
+    """Return the firmware of a command that always has one, by default the current folder."""
+    path: str = options.px4 or settings.px4 or os.curdir
+    return path
+
+
 def check_setting(options: argparse.Namespace, settings: Settings) -> None:
     """Raise InputError if the setting px4 is used and its path does not exist."""
     errors = [*_missing_folder(settings.px4, settings, "px4")] if settings.px4 and not options.px4 else ()

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from msggen.compare.renaming import Candidates, is_renamed, nearest_message
 from msggen.firmware.history import History
+from msggen.firmware.inferred import Inference
 from msggen.layout import Layout, Path, is_static, lay_out
 from msggen.location import Location
 from msggen.model import VERSION, Catalog, Constant, Field, FieldType, Message, Value
@@ -47,7 +48,8 @@ class Side:
     """One side of a comparison: its name in messages, its path, its definitions, and its archived versions.
 
     `extra` are definitions that were not read, because the other side has none with these names. Topics are only
-    compared if both sides have a bridge.
+    compared if both sides have a bridge. `inference` infers the tags of fields, and without it there are only those of
+    the definitions.
     """
 
     label: str
@@ -56,6 +58,11 @@ class Side:
     has_bridge: bool = False
     history: History | None = None
     extra: tuple[Extra, ...] = ()
+    inference: Inference | None = None
+
+    def inferred(self, message: Message, field: Field) -> Field:
+        """Return a field of `message` with the tags that can be inferred for it."""
+        return self.inference.field(message, field) if self.inference else field
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +99,14 @@ class MessagePair:
         """Whether both sides have the same field names with the same comments, as in most messages."""
         before, after = ([(each.name, each.comment) for each in side.fields] for side in (self.previous, self.current))
         return before == after
+
+    @cached_property
+    def recommented(self) -> tuple[FieldPair, ...]:
+        """The fields that both sides have and whose comments differ."""
+        if self.has_same_comments:
+            return ()
+        both = (*self.kept, *self.renamed)
+        return tuple(pair for pair in both if pair.previous.comment != pair.current.comment)
 
     @cached_property
     def kept(self) -> tuple[FieldPair, ...]:
@@ -230,6 +245,16 @@ class Comparison:
         before, after = definitions(previous), definitions(current)
         names = sorted(before.keys() & after)
         return tuple(MessagePair(previous, before[name], current, after[name]) for name in names)
+
+    @cached_property
+    def recommented(self) -> tuple[tuple[MessagePair, FieldPair], ...]:
+        """The fields that both sides have and whose comments differ, with all tags that can be inferred."""
+        previous, current = self.previous.inferred, self.current.inferred
+        return tuple(
+            (pair, FieldPair(previous(pair.previous, field.previous), current(pair.current, field.current)))
+            for pair in self.pairs
+            for field in pair.recommented
+        )
 
     @cached_property
     def renamed_messages(self) -> Mapping[str, str]:

@@ -140,7 +140,7 @@ def _has_same_comment(before: Field, after: Field) -> bool:
     Only the last line of the text counts, because lines above the first field of a group may describe the group.
     """
     texts = [_LETTERS.findall(field.comment.text.lower().rpartition("\n")[2]) for field in (before, after)]
-    tags = [field.comment._replace(text="", unit=_unit(field)) for field in (before, after)]
+    tags = [field.comment._replace(text="", unit=_unit(field), inferred=()) for field in (before, after)]
     return texts[0] == texts[1] and tags[0] == tags[1] and len(texts[0]) >= _SHORTEST_COMMENT
 
 

@@ -35,7 +35,7 @@ def check_depfile(path: str, inputs: Collection[str], outputs: Sequence[str]) ->
 def write_depfile(path: str, inputs: Collection[str], outputs: Sequence[str]) -> None:
     """Write the depfile `path` if it differs. Raises InputError as `check_depfile`, and OSError."""
     check_depfile(path, inputs, outputs)
-    write_if_changed(path, rule(outputs[0], inputs))
+    write_if_changed(path, rule(outputs[0], inputs), flushed=False)
 
 
 def _is_depfile(path: str) -> bool:

@@ -63,5 +63,6 @@ def write_fingerprint(folder: str, fingerprint: Fingerprint) -> None:
     if os.path.islink(cache):
         return
     with suppress(OSError, InputError):
-        write_if_changed(os.path.join(cache, ".gitignore"), "*\n")
-        write_if_changed(os.path.join(cache, _NAME), json.dumps(fingerprint._asdict(), indent=1) + "\n")
+        write_if_changed(os.path.join(cache, ".gitignore"), "*\n", flushed=False)
+        text = json.dumps(fingerprint._asdict(), indent=1) + "\n"
+        write_if_changed(os.path.join(cache, _NAME), text, flushed=False)

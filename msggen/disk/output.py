@@ -113,7 +113,8 @@ def write_stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
         _check_links(folder, _parents(files))
         stale = stale_files(folder, files)
         if stale:
-            with written_aside(_encoded(folder, files, stale), os.path.join(folder, STAGE)) as move_into_place:
+            encoded = _encoded(folder, files, stale)
+            with written_aside(encoded, os.path.join(folder, STAGE), flushed=False) as move_into_place:
                 move_into_place()
         return stale
 

@@ -70,7 +70,7 @@ def parse_record(data: bytes) -> Record:
 
 def _first_side(data: bytes) -> bytes:
     """Return the text with each conflict that git marked resolved to its first side."""
-    return re.sub(rb"(?ms)^<{7} .*?\n|^(?:\|{7}|={7}).*?^>{7} .*?\n", b"", data)
+    return re.sub(rb"(?ms)^<{7} .*?\n|^(?:\|{7}|={7}).*?(?:^>{7} .*?\n|\Z)", b"", data)
 
 
 def write_record(folder: str, record: Record) -> None:

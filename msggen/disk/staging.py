@@ -31,12 +31,13 @@ _WRITE_BITS = 0o222
 
 @contextmanager
 def written_aside(
-    files: Mapping[str, bytes], stage: str = "", *, keep_modes: bool = False
+    files: Mapping[str, bytes], stage: str = "", *, keep_modes: bool = False, flushed: bool = True
 ) -> Iterator[Callable[[], None]]:
     """Write `files`, bytes by path, to temporary files, and yield a function that moves them into place in this order.
 
-    The temporary files are in a staging folder at `stage` or, if it is empty, next to their places. They are on the
-    disk before the first one is moved. With `keep_modes`, a file keeps the permissions of the one that it replaces.
+    The temporary files are in a staging folder at `stage` or, if it is empty, next to their places. With `keep_modes`,
+    a file keeps the permissions of the one that it replaces. With `flushed`, all are on the disk before the first one
+    is moved, so that a power loss tears no file.
 
     Raises InputError if a temporary name is taken, OSError, and PermissionError if a file cannot be created in its
     folder.
@@ -48,17 +49,21 @@ def written_aside(
             create_file(aside, files[path])
             if keep_modes and os.path.exists(path):
                 os.chmod(aside, os.stat(path).st_mode & 0o7777)
-        flush(asides.values())
-        yield partial(_move, asides)
+        if flushed:
+            flush(asides.values())
+        yield partial(_move, asides, flushed=flushed)
 
 
-def write_if_changed(path: str, text: str) -> None:
-    """Write `text` to `path` if the file differs. Raises InputError if a temporary name is taken, and OSError."""
+def write_if_changed(path: str, text: str, *, flushed: bool = True) -> None:
+    """Write `text` to `path` if the file differs. `flushed` is as for `written_aside`.
+
+    Raises InputError if a temporary name is taken, and OSError.
+    """
     data = os.fsencode(text)
     with suppress(OSError):
         if read_bytes(path, follow=False) == data:
             return
-    with written_aside({path: data}) as move_into_place:
+    with written_aside({path: data}, flushed=flushed) as move_into_place:
         move_into_place()
 
 
@@ -172,10 +177,11 @@ def locked(folder: str) -> Iterator[None]:
         os.close(handle)
 
 
-def _move(asides: Mapping[str, str]) -> None:
+def _move(asides: Mapping[str, str], *, flushed: bool) -> None:
     for path, aside in asides.items():
         os.replace(aside, path)
-    flush(sorted({os.path.dirname(path) or os.curdir for path in asides}))
+    if flushed:
+        flush(sorted({os.path.dirname(path) or os.curdir for path in asides}))
 
 
 @contextmanager

@@ -69,8 +69,7 @@ def keep_newer(old: str, new: str, replaced: Collection[str]) -> None:
 
 def flush_tree(folder: str, changed: Collection[str]) -> None:
     """Wait until the files `changed` and all folders in `folder` are on the disk."""
-    flush(os.path.join(folder, name) for name in changed)
-    flush(path for path in _folders_in(folder))
+    flush([*(os.path.join(folder, name) for name in changed), *_folders_in(folder)])
 
 
 def swap_folders(folders: Mapping[str, str]) -> list[str]:

@@ -7,6 +7,8 @@ a comment takes the comment from the next newer release that has it. `tests/supp
 
 import os
 import re
+from collections.abc import Collection
+from functools import cached_property
 
 from msggen.diagnostics import input_error, suggestion
 from msggen.disk.resources import embedded_root
@@ -18,7 +20,10 @@ EMBEDDED = ("v1.18", "v1.17", "v1.16", "v1.15", "v1.14")
 PREFIX = "embedded:"
 """The prefix of the name of an embedded release: `embedded:v1.16`. It is needed if `v1.16` is also a path."""
 
-FOLDERS = ("", "msg/", "msg/versioned/", "msg/px4_msgs_old/msg/", "srv/")
+ARCHIVED = "msg/px4_msgs_old/msg/"
+"""The folder of the archived versions."""
+
+FOLDERS = ("", "msg/", "msg/versioned/", ARCHIVED, "srv/")
 """The folders that contain the files of a release."""
 
 _NAME = re.compile(r"v\d+\.\d+")
@@ -58,21 +63,63 @@ def open_release(text: str) -> tuple[str, Tree]:
 
 def embedded_tree(release: str) -> Tree:
     """Return the files of an embedded release."""
-    newest = Folder(embedded_root())
     if release == EMBEDDED[0]:
-        return newest
-    paths = {name: folder + name for folder in FOLDERS for name in newest.names(folder) if is_of_release(name)}
-    changes: dict[str, list[tuple[str, str]]] = {}
-    for earlier in EMBEDDED[1 : EMBEDDED.index(release) + 1]:
-        for path, text in sections(newest.read(f"releases/{earlier}.msgs").decode()):
-            changes.setdefault(os.path.basename(path), []).append((path, text))
-    files = {path: newest.read(path) for name, path in paths.items() if name not in changes}
-    for name, versions in changes.items():
-        path, text = versions.pop()
-        if text:
-            newer = [newest.read(paths[name]).decode()] if name in paths else []
-            files[path] = with_comments(text, [*newer, *(each for _, each in versions)]).encode()
-    return Snapshot(PREFIX + release, files, {})
+        return Folder(embedded_root())
+    releases = Releases()
+    found = (releases.file(release, name) for name in releases.names(release))
+    return Snapshot(PREFIX + release, {path: text.encode() for path, text in found if path}, {})
+
+
+class Releases:
+    """The files of all embedded releases. Each is read when it is needed."""
+
+    def __init__(self) -> None:
+        self._newest = Folder(embedded_root())
+        self._changes: dict[str, dict[str, tuple[str, str]]] = {}
+
+    def names(self, oldest: str) -> frozenset[str]:
+        """Return the names of the files of the releases from `oldest` on, without their folders."""
+        return frozenset(self._paths).union(*map(self._changes_of, EMBEDDED[: EMBEDDED.index(oldest) + 1]))
+
+    def file(self, release: str, name: str) -> tuple[str, str]:
+        """Return the path and the text of the file `name`, such as `Rpm.msg`; both "" if the release lacks it."""
+        versions = self._versions(release, name)
+        path = versions[-1][0] if versions else self._paths.get(name, "")
+        if not path or (versions and not versions[-1][1]):
+            return "", ""
+        newest = [self._newest.read(self._paths[name]).decode()] if name in self._paths else []
+        *newer, text = [*newest, *(text for _, text in versions)]
+        return path, with_comments(text, newer) if versions else text
+
+    def nearest(self, names: Collection[str]) -> str:
+        """Return the release whose messages differ least from those in files with these names."""
+        paths = dict(self._paths)
+        different = {}
+        for release in EMBEDDED:
+            for name, (path, text) in self._changes_of(release).items():
+                paths[name] = path if text else ""
+            known = {name for name, path in paths.items() if path.endswith(".msg") and not path.startswith(ARCHIVED)}
+            different[release] = len(known.symmetric_difference(names))
+        return min(different, key=different.__getitem__)
+
+    def _versions(self, release: str, name: str) -> list[tuple[str, str]]:
+        """Return the paths and texts of a file in the releases before the newest that change it, down to `release`."""
+        earlier = EMBEDDED[: EMBEDDED.index(release) + 1]
+        return [found for each in earlier if (found := self._changes_of(each).get(name))]
+
+    def _changes_of(self, release: str) -> dict[str, tuple[str, str]]:
+        """Return path and text of the files of a release that are not as in the next newer one, by name."""
+        if release not in self._changes:
+            is_newest = release == EMBEDDED[0]
+            text = "" if is_newest else self._newest.read(f"releases/{release}.msgs").decode()
+            self._changes[release] = {os.path.basename(path): (path, lines) for path, lines in sections(text)}
+        return self._changes[release]
+
+    @cached_property
+    def _paths(self) -> dict[str, str]:
+        """The paths of the files of the newest release, by name."""
+        newest = self._newest
+        return {name: folder + name for folder in FOLDERS for name in newest.names(folder) if is_of_release(name)}
 
 
 def newest_version(name: str) -> int | None:

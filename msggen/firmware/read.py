@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.file import BoardOption
+from msggen.firmware.inferred import with_inferred
 from msggen.firmware.sources import find_sources, with_archived, with_board
 from msggen.location import Location
 from msggen.model import Catalog
@@ -51,7 +52,7 @@ def read(  # noqa: PLR0913 - keywords, each of which has a default
         sources = with_board(sources, BoardOption(os.fspath(board), _argument("board")))
     if archived:
         sources = with_archived(sources, _argument("archived"))
-    return read_catalog(sources._replace(strict=strict))
+    return with_inferred(read_catalog(sources._replace(strict=strict)), sources)
 
 
 def _argument(name: str) -> Location:

@@ -57,9 +57,10 @@ class Build:
             warnings = self._warnings() if self.last.has_warnings else ()
             return Outcome(self.folder, self.last.summary, tuple(sorted(self.record.files)), None, warnings)
         from msggen.firmware.catalog import read_catalog
+        from msggen.firmware.inferred import with_inferred
         from msggen.generate.python.package import render_package
 
-        catalog = read_catalog(self.sources, self.contents)
+        catalog = with_inferred(read_catalog(self.sources, self.contents), self.sources)
         files = render_package(catalog, self.name)
         summary = _summary(catalog)
         self._check_place(catalog, files)

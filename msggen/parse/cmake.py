@@ -53,7 +53,7 @@ _LONGEST = 2000
 _LONG = "..."
 """A condition that is too long. It is neither true nor false."""
 
-_MOST_WORK = 1_000_000
+_MOST_WORK = 20_000
 """Maximum number of files in all copies of variables. The firmware has some hundreds."""
 
 

@@ -57,6 +57,7 @@ _NEAR = 0.9
 _QUOTED_VALUE = re.compile(r"\s*\S+\s+[^\s=]+(?:\s*=)?\s*[\"'\[]")
 _NAMED = [f"@{tag.name}" for tag in ATTRIBUTES if tag is not UNIT]
 _TAGS_OF_PX4 = f": PX4 has {', '.join(_NAMED[:-1])} and {_NAMED[-1]}, and units such as '[m]'"
+_TAG_NAME = re.compile(r"\[@(\w+)")
 _LOOKS_LIKE_TOPICS = re.compile(r"\s*#\s*TOPICS?\b")
 
 
@@ -93,7 +94,8 @@ def parse_service(
         request.error("M105", line, 1, f"expected one line '---' between request and response, found {len(marks)}")
     mark = marks[0] if marks else len(lines) + 1
     request.read(lines[: mark - 1], 1)
-    response.read(["" if mark + index in marks else line for index, line in enumerate(lines[mark:], 1)], mark + 1)
+    others = set(marks)
+    response.read(["" if mark + index in others else line for index, line in enumerate(lines[mark:], 1)], mark + 1)
     halves = request.message(package, "srv"), response.message(package, "srv")
     service = Service(name, package, Location(path), *halves, comment=halves[0].comment)
     return service, request.errors + response.errors
@@ -195,10 +197,14 @@ class _Body:
         column = len("# TOPICS ") + 1
         names = line.rstrip()[column - 1 :].split(" ")
         problem = "doubled space" if len(names) > 1 else "no name"
+        is_reported = False
         for name in names:
             topic = snake_case(name)
             if not name:
-                self.error("M402", number, column, f"{problem}: the firmware would read a topic without a name here")
+                if not is_reported:
+                    text = f"{problem}: the firmware would read a topic without a name here"
+                    self.error("M402", number, column, text)
+                is_reported = True
             elif not _TOPIC_NAME_IN_PX4.fullmatch(topic):
                 text = f"{name!r} is not a topic name: expected letters, digits and underscores"
                 self.error("M402", number, column, text)
@@ -279,17 +285,21 @@ class _Body:
 
     def _check_tags(self, element: _Element, tags: tuple[tuple[str, str], ...]) -> None:
         """Warn about tags with unknown names, each at its place in the comments of the element."""
-        for name, _ in tags:
-            if name not in NAMES:
-                hint = suggestion(f"@{name}", [f"@{known}" for known in NAMES]) or _TAGS_OF_PX4
-                self.error("M107", *self._place_of(f"[@{name}", element), f"unknown tag '@{name}'{hint}")
+        unknown = [name for name, _ in tags if name not in NAMES]
+        places = self._places_of_tags(element) if unknown else {}
+        for name in unknown:
+            hint = suggestion(f"@{name}", [f"@{known}" for known in NAMES]) or _TAGS_OF_PX4
+            self.error("M107", *places[name], f"unknown tag '@{name}'{hint}")
 
-    def _place_of(self, tag: str, element: _Element) -> tuple[int, int]:
-        """Return the line and the column of a tag in the comments above, on or below the line of an element."""
+    def _places_of_tags(self, element: _Element) -> dict[str, tuple[int, int]]:
+        """Return the line and the column of each tag in the comments above, on or below the line of an element."""
         here, reach = element.line - self._first_line, len(element.comment)
-        near = self._lines[max(0, here - reach) : here + reach + 1]
-        index = next(index for index, line in enumerate(near) if tag in line)
-        return max(0, here - reach) + index + self._first_line, near[index].index(tag) + 1
+        first = max(0, here - reach)
+        places: dict[str, tuple[int, int]] = {}
+        for number, line in enumerate(self._lines[first : here + reach + 1], first + self._first_line):
+            for tag in _TAG_NAME.finditer(line):
+                places.setdefault(tag[1], (number, tag.start() + 1))
+        return places
 
     def _check_special(self, name: str, type_: FieldType, value: object, location: Location) -> None:
         """Check the constants that the firmware itself reads, and warn about names that are similar to them."""

@@ -173,8 +173,8 @@ def _parse(
 
 
 def _joined(conditions: tuple[str, ...], condition: str) -> tuple[str, ...]:
-    """Return `conditions` with one more; an unknown condition if they are too many."""
-    return (*conditions, condition) if len(conditions) < _MOST else (_UNKNOWN,) * _MOST
+    """Return `conditions` with one more; only an unknown condition if they are too many."""
+    return (_UNKNOWN,) if conditions[:1] == (_UNKNOWN,) or len(conditions) == _MOST else (*conditions, condition)
 
 
 def _statements(text: str) -> Iterator[tuple[str, str]]:

@@ -292,6 +292,11 @@ class _Described(_View):
         return dict(self._comment.tags)
 
     @property
+    def origins(self) -> dict[str, str]:
+        """The origin of each tag that is an attribute: `tag`, `prose` or `embedded v1.17`."""
+        return {name: self._comment.origin(name) for name, _ in self._comment.attributes}
+
+    @property
     def documentation(self) -> str:
         """Tags and comment, as in the definition."""
         return str(self._comment)

@@ -14,16 +14,16 @@ _WIDTH = 100
 
 def paragraphs(lines: list[str]) -> list[str]:
     """Return running text with its lines joined to paragraphs; lists and tables keep their lines."""
-    paragraphs: list[str] = []
+    found: list[list[str]] = []
     joinable = False
     for line in lines:
         running = bool(line) and (line[0].isalnum() or line[0] in "[(\"'`")
         if running and joinable:
-            paragraphs[-1] += " " + line
+            found[-1].append(line)
         else:
-            paragraphs.append(line)
+            found.append([line])
         joinable = running
-    return paragraphs
+    return [" ".join(parts) for parts in found]
 
 
 def unknown_name(owner: object, name: str) -> str:

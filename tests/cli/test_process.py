@@ -259,3 +259,38 @@ def test_msggen_alone_shows_its_help_and_exits_with_2(tmp_path: Path) -> None:
 def test_the_version_is_shown(option: str, tmp_path: Path) -> None:
     done = run(tmp_path, option)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"msggen {__version__}\n", "")
+
+
+# --- Closed and full streams
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        ("rules", 0),
+        ("check old fw", 1),
+        ("check old nowhere --output-format json", 2),
+        ("build --px4 nowhere", 2),
+        ("build --nonsense", 2),
+        ("build --help", 0),
+        ("", 2),
+    ],
+)
+def test_a_closed_or_full_stream_changes_no_exit_code_and_gives_no_trace(
+    command: str, code: int, tmp_path: Path
+) -> None:
+    write_definitions(tmp_path, TREE)
+    for streams, others in (
+        (">&- 2>err", ()),
+        ("2>&- >err", ()),
+        (">&- 2>&-", ()),
+        ("2>/dev/full >err", ()),
+        (">/dev/full 2>err", (2,)),
+    ):
+        script = f'"{sys.executable}" -m msggen {command} {streams}'
+        done = subprocess.run(["sh", "-c", script], cwd=tmp_path, env=plain({}), check=False, timeout=60)
+        assert done.returncode in (code, *others), streams
+        written = tmp_path / "err"
+        assert not written.exists() or "Traceback" not in written.read_text()

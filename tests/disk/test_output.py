@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from msggen.cli import main
-from msggen.disk import swap
+from msggen.disk import files, swap
 from msggen.disk.names import too_long
 from support.catalogs import write_definitions
 from support.packages import RECORD, content, identity
@@ -480,6 +480,23 @@ def test_everything_is_on_the_disk_before_the_swap(monkeypatch: pytest.MonkeyPat
     folders = [index for index, name in enumerate(before) if not Path(name).suffix]
     assert min(folders) > max(index for index, name in enumerate(before) if name.endswith(".py"))
     assert after[0] == "generated"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs syncfs")
+def test_many_files_are_flushed_in_one_call_before_the_package_appears(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[str] = []
+    flush, fsync, rename = files._flush_file_system, os.fsync, os.rename
+    monkeypatch.setattr(files, "_flush_file_system", lambda path: calls.append("all") or flush(path))  # type: ignore[func-returns-value]
+    monkeypatch.setattr(os, "fsync", lambda handle: calls.append("one") or fsync(handle))  # type: ignore[func-returns-value]
+    monkeypatch.setattr(os, "rename", lambda *paths: calls.append("rename") or rename(*paths))  # type: ignore[func-returns-value]
+    definitions("Rpm")
+    assert build() == 0
+    assert calls == ["all", "rename", "one"]
+    calls.clear()
+    monkeypatch.setattr(files, "_flush_file_system", lambda _: False)
+    assert build("-o", "other") == 0
+    number = len([path for path in Path("other/px4_types").rglob("*") if CACHE not in str(path)]) + 1
+    assert calls == [*["one"] * number, "rename", "one"]
 
 
 def test_a_build_of_many_messages_takes_a_constant_number_of_calls_for_each() -> None:

@@ -20,8 +20,11 @@ from msggen.check import breaking, check
 from msggen.cli import main
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.embedded import EMBEDDED, PREFIX, comments_in, embedded_tree
+from msggen.firmware.inferred import with_inferred
 from msggen.firmware.sources import Sources, find_sources, with_archived
 from msggen.model import Catalog, Comment, Message
+from msggen.tags import INHERITED
+from msggen.unit import normalized_unit
 from support import embed, facts
 from support.catalogs import write_definitions
 from support.identities import assert_same_endpoints, dds_of, rihs01_of, uorb_of
@@ -195,7 +198,8 @@ def test_enum_tags_name_constants_of_their_message(release: str) -> None:
 
 @cache
 def firmware(release: str) -> Catalog:
-    return read_catalog(find_sources(str(shared(f"firmware/{release}"))))
+    sources = find_sources(str(shared(f"firmware/{release}")))
+    return with_inferred(read_catalog(sources), sources)
 
 
 @pytest.mark.slow
@@ -259,18 +263,51 @@ def test_tags_are_those_of_the_firmware(release: str) -> None:
     assert differing == []
 
 
+MISSPELT = {"FollowTargetEstimator.acc_est"}
+"""Fields whose comment in the firmware gives another unit than the code: this acceleration is in m^2/s there."""
+
+
 @pytest.mark.slow
 @every_release
 def test_nothing_differs_from_the_firmware_in_meaning(release: str) -> None:
     ours, theirs = sources_of(release), find_sources(str(shared(f"firmware/{release}")))
-    assert check(ours, theirs).findings == ()
-    assert check(theirs, ours).findings == ()
-    assert breaking(ours, theirs).findings == ()
+    for report in (check(ours, theirs), check(theirs, ours), breaking(ours, theirs)):
+        found = {f"{each.change.subject}.{each.change.message.split(chr(39))[1]}" for each in report.findings}
+        assert found == MISSPELT
+        assert {each.rule.id for each in report.findings} == {"UNIT_CHANGED"}
+
+
+@every_release
+def test_units_in_sentences_of_the_firmware_are_those_of_the_embedded_definitions(release: str) -> None:
+    """The firmware's comments were written without msggen, and ours without its reader of sentences."""
+    read, differing = 0, set()
+    for key, message in firmware(release).messages.items():
+        for theirs, ours in zip(message.fields, catalog_of(release).messages[key].fields, strict=True):
+            if theirs.comment.origin("unit") == "prose":
+                read += 1
+                if normalized_unit(theirs.comment.tag("unit")) != normalized_unit(ours.comment.unit):
+                    differing.add(f"{message.name}.{theirs.name}")
+    assert read > 450
+    assert differing == MISSPELT
+
+
+@every_release
+def test_a_firmware_takes_its_tags_from_its_own_release(release: str) -> None:
+    """Afterwards every field has the unit, the frame and the invalid value of the embedded definition."""
+    origins = set()
+    for key, message in firmware(release).messages.items():
+        for theirs, ours in zip(message.fields, catalog_of(release).messages[key].fields, strict=True):
+            for tag in INHERITED:
+                origins.add(theirs.comment.origin(tag.name))
+                known = theirs.comment.tag(tag.name)
+                if f"{message.name}.{theirs.name}" not in MISSPELT:
+                    assert known == ours.comment.tag(tag.name) or theirs.comment.origin(tag.name) in ("tag", "prose")
+    assert origins == {"", "tag", "prose", f"embedded {release}"}
 
 
 def tags(comment: Comment) -> Iterator[tuple[str, str]]:
     for tag, value in comment.attributes:
-        if not (tag == "unit" and value in SAID_DIFFERENTLY):
+        if comment.origin(tag) == "tag" and not (tag == "unit" and value in SAID_DIFFERENTLY):
             yield tag, value
 
 

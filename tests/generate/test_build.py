@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from msggen.cli import main
+from msggen.cli.options import INTERRUPTED
 from msggen.disk import swap
 from msggen.disk.staging import staging_folder
 from support.catalogs import write_definitions
@@ -935,7 +936,7 @@ def test_an_interrupted_build_says_so_and_leaves_nothing(
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", interrupted)
-        assert build("-q", "--msg-dir", "bare") == 2
+        assert build("-q", "--msg-dir", "bare") == INTERRUPTED
     assert "interrupted" in capsys.readouterr().err
     assert content(Path("generated")) == before
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from msggen.cli import main
 from support.catalogs import write_definitions
 from support.repository import ROOT
 
@@ -45,7 +46,11 @@ class Project:
         self.msggen.chmod(0o755)
 
     def configure(self) -> None:
-        self.run("-S", str(self.source), "-B", str(self.build_folder), "-G", self.generator, f"-DMSGGEN={self.msggen}")
+        self.run("-S", str(self.source), "-B", str(self.build_folder), "-G", self.generator, *self.found())
+
+    def found(self) -> tuple[str, str]:
+        """Return the options that make CMake find this checkout and not an installed msggen."""
+        return f"-Dmsggen_DIR={ROOT / 'msggen' / 'cmake'}", f"-DMSGGEN={self.msggen}"
 
     def build(self) -> int:
         """Build; return how many times a package was generated or found to be current."""
@@ -168,5 +173,68 @@ def test_an_invalid_definition_stops_the_build_and_says_where(project: Project) 
     assert re.search(r"msg/Lamp\.msg:2:1: M301 .*'float32'", done.stdout + done.stderr)
 
 
-def test_the_snippet_uses_what_the_page_explains() -> None:
-    assert {"--depfile", "--list-outputs", "VERSION 3.20"} <= set(re.findall(r"--[a-z-]+|VERSION 3\.20", snippet()))
+VARIATIONS = {
+    "PX4 px4 OUTPUT made OPTIONS --archived --no-strict": ("made/all_types/msg/_lamp_v0.py", "LampV0"),
+    "PX4 px4 MSG_DIRS more acme_msgs=other": ("python/all_types/acme_msgs/msg/_arm.py", "angle"),
+    "PX4 v1.14 TOPICS bridge.yaml OUTPUT ${CMAKE_CURRENT_SOURCE_DIR}/here": (
+        "../here/all_types/topics.py",
+        "/fmu/out/vehicle_status",
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.tools("cmake", "ninja")
+@pytest.mark.parametrize("arguments", VARIATIONS)
+def test_the_function_takes_the_sources_of_build(arguments: str, tmp_path: Path) -> None:
+    project = Project(tmp_path, "Ninja")
+    versioned = "uint32 MESSAGE_VERSION = {}\nuint64 timestamp\n"
+    write_definitions(
+        tmp_path,
+        {
+            "px4/src/modules/README": "",
+            "px4/msg/versioned/Lamp.msg": versioned.format(1),
+            "px4/msg/px4_msgs_old/msg/LampV0.msg": versioned.format(0),
+            "more/Fan.msg": "uint64 timestamp\n",
+            "other/Arm.msg": "float64 angle\n",
+            "bridge.yaml": "publications:\n- topic: /fmu/out/vehicle_status\n  type: px4_msgs::msg::VehicleStatus\n",
+        },
+    )
+    made, text = VARIATIONS[arguments]
+    start = "cmake_minimum_required(VERSION 3.20)\nproject(all LANGUAGES NONE)\nfind_package(msggen REQUIRED)\n"
+    (tmp_path / "CMakeLists.txt").write_text(f"{start}msggen_generate(all_types {arguments})\n")
+    project.configure()
+    assert project.build() == 1
+    assert project.build() == 0
+    assert text in (project.build_folder / made).read_text()
+    if "px4 " in arguments:
+        (tmp_path / "px4/msg/Added.msg").write_text("uint64 timestamp\n")
+        assert project.build() == 1
+        assert list(project.build_folder.rglob("_added.py"))
+        assert project.build() == 0
+
+
+@pytest.mark.slow
+@pytest.mark.tools("cmake", "ninja")
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [("PX5 px4", "PX5;px4"), ("MSG_DIRS msg PX4", "PX4"), ("PX4 nowhere", "S101 no such folder")],
+)
+def test_a_wrong_call_stops_the_configuration(arguments: str, told: str, tmp_path: Path) -> None:
+    project = Project(tmp_path, "Ninja")
+    start = "cmake_minimum_required(VERSION 3.20)\nproject(all LANGUAGES NONE)\nfind_package(msggen REQUIRED)\n"
+    (tmp_path / "CMakeLists.txt").write_text(f"{start}msggen_generate(all_types {arguments})\n")
+    done = project.attempt("-S", ".", "-B", "build", "-G", "Ninja", *project.found())
+    assert done.returncode != 0
+    assert told in " ".join(done.stderr.split())
+
+
+def test_the_folder_for_cmake_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["--cmake-dir"])
+    assert stopped.value.code == 0
+    assert (Path(capsys.readouterr().out.removesuffix("\n")) / "msggenConfig.cmake").is_file()
+
+
+def test_the_snippet_is_short() -> None:
+    assert len(snippet().splitlines()) < 10

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 import venv
@@ -10,7 +12,20 @@ from pathlib import Path
 
 import pytest
 
+from msggen.compare.finding import Category
+from msggen.compare.rules import RULES
+from msggen.diagnostics import CODES
 from support.repository import ROOT
+
+EXPLAINED = [*CODES, *Category.__members__, *(rule.id for rule in RULES)]
+"""All names that `msggen explain` knows."""
+
+CMAKE = """
+cmake_minimum_required(VERSION 3.20)
+project(found LANGUAGES NONE)
+find_package(msggen REQUIRED)
+msggen_generate(wheel_types PX4 v1.14)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +46,7 @@ def test_the_wheel_brings_templates_and_the_embedded_set(wheel: Path) -> None:
     assert len([name for name in messages if name.endswith(".msg")]) == 259
     assert {f"msggen/embedded/releases/v1.{number}.msgs" for number in range(14, 18)} <= names
     assert "msggen/embedded/msg/CMakeLists.txt" in names
+    assert any(name.endswith(".data/data/share/cmake/msggen/msggenConfig.cmake") for name in names)
     assert {name.split("/")[0].split("-")[0] for name in names} == {"msggen"}
 
 
@@ -42,16 +58,27 @@ def test_it_works_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
     run(tmp_path, python, "-m", "pip", "install", "--quiet", str(wheel))
     run(tmp_path, str(environment / "bin" / "msggen"), "build", "-o", "made")
     run(tmp_path, str(environment / "bin" / "msggen"), "build", "-o", "made", "--check")
-    for command in (["sync", "--create", "px4_msgs"], ["check", "px4_msgs"], ["explain", "M301"], ["releases"]):
+    for command in (["sync", "--create", "px4_msgs"], ["check", "px4_msgs"], ["completion", "zsh"], ["releases"]):
         run(tmp_path, str(environment / "bin" / "msggen"), *command)
+    explain_all = f"from msggen.cli import main; assert not any([main(['explain', name]) for name in {EXPLAINED}])"
+    run(tmp_path, python, "-I", "-c", explain_all)
     assert len(list((tmp_path / "px4_msgs" / "msg").iterdir())) == 259
     program = "from px4_types import SensorCombined as S; assert S.decode(S(timestamp=1).encode()).timestamp == 1"
     run(tmp_path / "made", python, "-I", "-c", f"import sys; sys.path.insert(0, '.'); {program}")
     made, committed = tmp_path / "made" / "px4_types", ROOT / "generated" / "px4_types"
     for path in committed.rglob("*.py"):
         assert (made / path.relative_to(committed)).read_bytes() == path.read_bytes()
+    if shutil.which("cmake"):
+        (tmp_path / "CMakeLists.txt").write_text(CMAKE)
+        programs = f"{environment / 'bin'}{os.pathsep}{os.environ['PATH']}"
+        run(tmp_path, "cmake", "-S", ".", "-B", "found", PATH=programs)
+        run(tmp_path, "cmake", "--build", "found")
+        assert (tmp_path / "found" / "python" / "wheel_types" / "topics.py").is_file()
 
 
-def run(folder: Path, *command: str) -> None:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+def run(folder: Path, *command: str, **environment: str) -> None:
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(
+        command, cwd=folder, env={**variables, **environment}, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr

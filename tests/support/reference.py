@@ -251,7 +251,7 @@ def class_of(home: Any, message: Message) -> Any:
     return (
         found
         if is_class_of(found, message)
-        else next(cls for cls in map(home.__getattr__, home.__all__) if is_class_of(cls, message))
+        else next(filter(lambda cls: is_class_of(cls, message), (getattr(home, name) for name in home.__all__)))
     )
 
 

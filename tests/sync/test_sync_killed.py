@@ -228,6 +228,32 @@ def test_without_a_swap_every_file_is_whole_and_the_next_run_finishes(monkeypatc
     assert calls > len(new)
 
 
+def test_every_new_file_and_folder_is_on_the_disk_before_the_swap(monkeypatch: pytest.MonkeyPatch) -> None:
+    firmware()
+    newer_firmware(srv=True)
+    package()
+    calls: list[str] = []
+    fsync, exchange = os.fsync, swap._exchange
+
+    def flushed(handle: int) -> None:
+        calls.append(os.path.relpath(os.readlink(f"/proc/self/fd/{handle}"), PACKAGE))
+        fsync(handle)
+
+    def exchanged(*arguments: Any) -> None:
+        calls.append("swap")
+        exchange(*arguments)
+
+    monkeypatch.setattr(os, "fsync", flushed)
+    monkeypatch.setattr(swap, "_exchange", exchanged)
+    assert sync("-q", *NEWER) == 0
+    before = calls[: calls.index("swap")]
+    built = f"{staging.STAGE}/new"
+    new = ["msg/DebugVect.msg", "msg/EscReport.msg", "srv/Command.srv", "README.md"]
+    assert {f"{built}/{name}" for name in new} < {*before}
+    assert {f"{built}/msg", f"{built}/srv", ".msggen.json.msggen-new"} < {*before}
+    assert calls[calls.index("swap") :][:2] == ["swap", "swap"]
+
+
 def versioned_firmware(name: str) -> Path:
     """Return a tree with all versioned messages and the service."""
     for kind in ("msg/versioned", "srv"):

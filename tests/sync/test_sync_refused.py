@@ -538,3 +538,43 @@ def test_a_package_may_follow_an_earlier_state_of_itself() -> None:
     git(PACKAGE, "commit", "-q", "-a", "-m", "after")
     assert sync("-q", "--px4", "px4_msgs@before", "px4_msgs") == 0
     assert definitions(PACKAGE) == before
+
+
+# --- Temporary names
+
+
+@pytest.mark.parametrize("arguments", [(PACKAGE,), ("--create", "new")], ids=["update", "create"])
+@pytest.mark.parametrize("kind", ["folder", "link", "file"])
+def test_a_staging_folder_that_msggen_did_not_create_stays(
+    kind: str, arguments: tuple[object, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = firmware()
+    package()
+    write_definitions(source, {"msg/DebugVect.msg": definition("DebugVect")})
+    victim = write_definitions(Path("victim"), {"file": "mine"})
+    stage = Path(".new.msggen-stage") if "new" in arguments else PACKAGE / ".msggen-stage"
+    if kind == "folder":
+        victim.rename(stage)
+    elif kind == "link":
+        stage.symlink_to(victim.resolve())
+    else:
+        stage.write_text("mine")
+    before = content(Path())
+    assert sync("--px4", "firmware", *arguments) == 2
+    assert f"{stage.name}: S104 msggen did not create this" in capsys.readouterr().err
+    assert content(Path()) == before
+
+
+@pytest.mark.parametrize("kind", ["link", "hard link"])
+def test_the_record_is_not_written_through_a_link(kind: str) -> None:
+    source = firmware()
+    package()
+    write_definitions(source, {"msg/DebugVect.msg": definition("DebugVect")})
+    Path("victim").write_text("mine")
+    aside = PACKAGE / f"{RECORD}.msggen-new"
+    os.link("victim", aside) if kind == "hard link" else aside.symlink_to(Path("victim").resolve())
+    before = definitions(PACKAGE)
+    code = sync("-q", "--px4", "firmware", PACKAGE)
+    assert code == (0 if kind == "hard link" else 2)
+    assert (definitions(PACKAGE) == before) == (code == 2)
+    assert Path("victim").read_text() == "mine"

@@ -17,6 +17,7 @@ from msggen.identity import message_hash, type_hash
 from msggen.layout import Encoding, Layout, Leaf, is_static, lay_out, struct_format, struct_size
 from msggen.model import ArrayKind, Catalog, Comment, Field, FieldType, Message
 from msggen.primitives import PRIMITIVES
+from msggen.tags import UNIT
 
 SPELLED_OUT_TO = 4
 """Tuples up to this length are spelled out in annotations."""
@@ -55,13 +56,15 @@ class Attribute(NamedTuple):
     def documentation(self) -> str:
         """Type, tags and comment of the definition, as the content of a docstring."""
         renamed = "" if self.attribute == self.name else f"`{self.name}` in the definition, "
-        return documentation(f"{renamed}{self.type} {self.comment}".strip(), 4, closed=True)
+        return documentation(f"{renamed}{self.type} {self.comment.complete}".strip(), 4, closed=True)
 
     @property
     def description(self) -> str:
         """The description of the field in `__msg__`."""
         given = [f"{name}={literal(content)}" for name, content in self.comment.attributes]
         given += [] if self.attribute == self.name else [f"attribute={literal(self.attribute)}"]
+        origins = "".join(f'("{tag.name}", "{tag.origin}"), ' for tag in self.comment.inferred)
+        given += [f"inferred=({origins.strip()})"] if origins else []
         items = (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
         return f"info.Field({wrapped(items, 16)})"
 
@@ -171,8 +174,10 @@ class MessageClass(NamedTuple):
     @property
     def units(self) -> str:
         """The fields with their units, for the docstring of the class."""
+        units = [each.comment.tag(UNIT.name) for each in self.fields]
         fields = [
-            f"{each.attribute} [{each.comment.unit}]" if each.comment.unit else each.attribute for each in self.fields
+            f"{each.attribute} [{unit}]" if unit else each.attribute
+            for each, unit in zip(self.fields, units, strict=True)
         ]
         return f"Fields: {', '.join(fields)}." if fields else "No fields."
 
