@@ -14,17 +14,21 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from fuzz.definitions import check_diagnostics, use
+from msggen.check import breaking
 from msggen.diagnostics import InputError
 from msggen.disk.record import parse_record
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.file import BoardOption
+from msggen.firmware.inferred import with_inferred
 from msggen.firmware.sources import find_sources, with_archived, with_board
 from msggen.firmware.tree import Snapshot
 from msggen.generate.python.package import render_package
+from msggen.parse.prose import unit_in
 from msggen.px4_generate.bridge import BridgeRequest, generate_bridge
+from msggen.report import FORMATS, render, render_errors
 from msggen.settings import read_settings
 from msggen.tags import TAGS
-from msggen.unit import normalized_range, normalized_unit
+from msggen.unit import known_unit, normalized_range, normalized_unit
 from support.mutations import Mutator
 from support.repository import PX4_TREE, ROOT
 from support.scratch import scratch_folder
@@ -197,6 +201,8 @@ def check(case: Case) -> None:
     try:
         _READERS.get(case.language, _tree)(case)
     except InputError as error:
+        for format_ in FORMATS:
+            render_errors(error.diagnostics, format_)
         if case.path:
             check_diagnostics((*error.diagnostics, *error.notices), files_of(case))
 
@@ -207,15 +213,20 @@ def files_of(case: Case) -> dict[str, bytes]:
 
 
 def _tree(case: Case) -> None:
-    """Read the tree with the changed file, and render its package."""
+    """Read the tree with the changed file, render its package, and compare it with the tree as it was."""
     files = files_of(case)
     sources = with_archived(find_sources(Snapshot("fuzz", files, {})))
     if case.language in ("cmake", "kconfig"):
         sources = with_board(sources, BoardOption("px4_sitl_default"))
     catalog = read_catalog(sources)
     check_diagnostics(catalog.notices, files)
+    catalog = with_inferred(catalog, sources)
     use(catalog)
     render_package(catalog, "package")
+    before = find_sources(Snapshot("before", {path: text.encode() for path, text in TREE.items()}, {}))
+    report = breaking(before, sources)
+    for format_ in FORMATS[:: len(FORMATS) - 1] if len(case.data) % 2 else FORMATS[1:-1]:
+        assert render(report, format_, width=120, colour=False)
 
 
 def _yaml(case: Case) -> None:
@@ -247,12 +258,9 @@ def _json(case: Case) -> None:
 
 def _comment(case: Case) -> None:
     text = case.data.decode(errors="replace")
-    for tag in TAGS:
-        normalize: Callable[[str], str] | None = getattr(tag, "normalized", None)
-        with suppress(InputError):
-            assert normalize is None or isinstance(normalize(text), str)
-    assert isinstance(normalized_unit(text), str)
-    assert isinstance(normalized_range(text), str)
+    normalizers: list[Callable[[str], str]] = [normalized_unit, normalized_range, known_unit, unit_in]
+    for normalize in (*normalizers, *(tag.normalized for tag in TAGS)):
+        assert isinstance(normalize(text), str)
     _tree(case)
 
 
