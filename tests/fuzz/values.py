@@ -25,6 +25,9 @@ COUNT = 3000
 
 OCTETS = ("uint8", "byte", "char")
 
+FEW = 1000
+"""The bound of a sequence up to which its values must be counted before they are copied."""
+
 LONGEST = 2000
 """The most characters of an error."""
 
@@ -59,7 +62,8 @@ def case(chance: Random) -> Case:
     if not path:
         return Case(name, (), "rows(1)")
     length = None if field.type.array is ArrayKind.SCALAR else min(field.type.length or chance.randint(0, 5), 1000)
-    return Case(name, tuple(path), random_expression(chance, length))
+    is_limited = field.type.array in (ArrayKind.SCALAR, ArrayKind.FIXED) or 0 < field.type.length < FEW
+    return Case(name, tuple(path), random_expression(chance, length, is_limited=is_limited))
 
 
 def _nested(chance: Random, length: int | None) -> str:

@@ -10,7 +10,7 @@ import fractions
 import math
 from array import array
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from random import Random
 from typing import Any
 
@@ -93,15 +93,6 @@ class Failing:
     __index__ = __float__ = __int__ = __len__ = __iter__ = __getitem__ = __bool__ = _fail
 
 
-class Changing(list[Any]):
-    """A list that is empty when it is read for the second time."""
-
-    def __iter__(self) -> Iterator[Any]:
-        values = [*super().__iter__()]
-        self.clear()
-        return iter(values)
-
-
 def endless(value: Any) -> Iterator[Any]:
     """Yield `value` a hundred million times."""
     return (value for _ in range(10**8))
@@ -151,7 +142,7 @@ SEVERAL = (
     *("deque([{x}] * {n})",),
     *("range({n})", "range(10**9)", "range(-10**18, 10**18)", "endless({x})", "(each for each in [{x}] * {n})"),
     *("Lying({n}, [{x}] * 3)", "Lying(10**9, [{x}] * {n})", "Lying(-1, [{x}] * {n})", "Lying({n}, endless({x}))"),
-    *("Tuple([{x}] * {n})", "Changing([{x}] * {n})", "bytes({n})", "bytearray({n})", "memoryview(bytes({n}))"),
+    *("Tuple([{x}] * {n})", "bytes({n})", "bytearray({n})", "memoryview(bytes({n}))"),
     *("memoryview(bytes(8 * {n})).cast('{a}')", "memoryview(bytes(2 * {n}))[::2]", "Octets(bytes({n}))"),
     *("'a' * {n}", "array('{a}', bytes(8 * {n}))", "array('{a}', range({n}))", "array('u', 'a' * {n})"),
     *("np.zeros({n}, '{d}')", "np.zeros(({n}, 2), '{d}')", "np.zeros((1, {n}), '{d}')"),
@@ -162,21 +153,25 @@ SEVERAL = (
 )
 
 
-def random_expression(chance: Random, length: int | None) -> str:
-    """Return the expression of a value for a field, which has `length` elements if that is not None."""
+def random_expression(chance: Random, length: int | None, *, is_limited: bool = True) -> str:
+    """Return the expression of a value for a field, which has `length` elements if that is not None.
+
+    A field that is not limited may have so many elements that no value of many is wrong.
+    """
     scalar = chance.choice((*SCALARS, *SCALARS, *INTEGERS, f"np.zeros((), '{chance.choice(NUMPY)}')[()]"))
     if length is None or chance.random() < 0.1:
-        return scalar if chance.random() < 0.95 else _several(chance, scalar, 1)
-    return _several(chance, chance.choice((scalar, "0", "1", "0.5", "True", "'a'")), length)
+        return scalar if chance.random() < 0.95 else _several(chance, SEVERAL, scalar, 1)
+    forms = SEVERAL if is_limited else [text for text in SEVERAL if "10**" not in text and "endless" not in text]
+    return _several(chance, forms, chance.choice((scalar, "0", "1", "0.5", "True", "'a'")), length)
 
 
-def _several(chance: Random, scalar: str, length: int) -> str:
+def _several(chance: Random, forms: Sequence[str], scalar: str, length: int) -> str:
     count = max(0, length + chance.choice((0, 0, 0, 0, 1, -1, -length)))
-    text = chance.choice(SEVERAL)
+    text = chance.choice(forms)
     return text.format(x=scalar, n=count, a=chance.choice("bBhHiIqQfd"), d=chance.choice(NUMPY))
 
 
-_NAMES: dict[str, Any] = {cls.__name__: cls for cls in (Lying, Tuple, Text, Octets, Index, Float, Failing, Changing)}
+_NAMES: dict[str, Any] = {cls.__name__: cls for cls in (Lying, Tuple, Text, Octets, Index, Float, Failing)}
 _NAMES |= {"np": np, "math": math, "array": array, "deque": deque, "endless": endless}
 _NAMES |= {"decimal": decimal, "fractions": fractions}
 
