@@ -81,7 +81,6 @@ class EscStatus(_cdr.Message):
         esc_armed_flags: int = 0,
         esc: tuple[EscReport, ...] | None = None,
     ) -> None:
-        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.counter = counter
         self.esc_count = esc_count

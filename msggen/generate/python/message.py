@@ -130,6 +130,11 @@ class MessageClass(NamedTuple):
         return (self.cdr_size or 0) % 4 != 0
 
     @property
+    def nests_arrays(self) -> bool:
+        """Whether a field is an array of messages. jedi knows their fields only from the parameters of `__init__`."""
+        return any(field.type.array is not ArrayKind.SCALAR and not field.type.is_primitive for field in self.fields)
+
+    @property
     def attributes(self) -> list[tuple[str, str, str]]:
         """Attribute, annotation and documentation of each field."""
         return [(field.attribute, field.annotation, field.documentation) for field in self.fields]
