@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from operator import attrgetter
+from textwrap import wrap
 from typing import NamedTuple
 
 from msggen.generate.python.formatting import documentation, literal, wrapped
@@ -158,8 +159,9 @@ class MessageClass(NamedTuple):
     def constant_rows(self) -> list[str]:
         """The constants in `__msg__`, as literals: `"uint8 LOW HIGH mro=mro_"` for consecutive ones of a type."""
         return [
-            literal(" ".join([str(type_), *(_row_entry(constant) for constant in constants)]))
+            literal(f"{type_} {line}")
             for type_, constants in itertools.groupby(self.constants, key=attrgetter("type"))
+            for line in wrap(" ".join(map(_row_entry, constants)), 80, break_long_words=False)
         ]
 
     @property
