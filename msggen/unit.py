@@ -124,8 +124,11 @@ def _powers(text: str) -> dict[str, int]:
     """Return the power of each unit in `text`. Raises ValueError if it is not a product of powers."""
     if len(text) > _LONGEST:
         raise ValueError(text)
-    spelled = _PER.sub("/", _CELSIUS.sub("degC", text))
-    spelled = _SUPERSCRIPT.sub(lambda found: "^" + found[1].translate(_SUPERSCRIPTS), spelled)
+    is_plain = text.isascii()
+    spelled = text if is_plain and "deg" not in text else _CELSIUS.sub("degC", text)
+    spelled = _PER.sub("/", spelled) if " per " in spelled else spelled
+    if not is_plain:
+        spelled = _SUPERSCRIPT.sub(lambda found: "^" + found[1].translate(_SUPERSCRIPTS), spelled)
     powers: Counter[str] = Counter()
     for name, power in _factors(spelled):
         powers[name] += power

@@ -67,8 +67,9 @@ def _no_sequence(value: Any) -> str:
     """Return a short description of an object that is not a sequence of values."""
     if hasattr(value, "ndim"):
         return f"an array of {value.ndim} dimensions"
+    kind: str = value.__class__.__name__
     is_collection = hasattr(value, "__iter__") and not isinstance(value, NO_SEQUENCES)
-    return f"a {value.__class__.__name__}, which is not a sequence" if is_collection else f"one: {given(value)}"
+    return f"a {kind}, which is not a sequence" if is_collection else f"one: {given(value)}"
 
 
 def _expected(field: Field, noun: str) -> str:

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import sys
 
-from .primitives import PRIMITIVES, STRINGS
-
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import Any
@@ -252,13 +250,15 @@ def constants(cls: type[Message], *rows: str) -> tuple[Constant, ...]:
 
 def _definition(cls: type[Message], nested: dict[str, str]) -> str:
     """Return the definition of `cls` alone, and add those of the messages that it nests to `nested`, by name."""
+    from .primitives import PRIMITIVES, STRINGS
+
     info, zero = cls.__msg__, cls()
     own = _short(info.ros_type)
     lines = [f"{constant.type} {constant.name}={_spelled(constant.value)}" for constant in info.constants]
     for field in info.fields:
         base, bracket, length = field.type.partition("[")
         if base.partition("<=")[0] in PRIMITIVES or base.partition("<=")[0] in STRINGS:
-            value = _default(getattr(zero, field.attribute))
+            value = _default(getattr(zero, field.attribute), field.is_sequence)
         else:
             inner, value = nested_class(cls, base), ""
             name = _short(inner.__msg__.ros_type)
@@ -276,11 +276,11 @@ def _short(ros_type: str) -> str:
     return f"{package}/{name}"
 
 
-def _default(value: Any) -> str:
-    """Return the default of a field as its definition spells it, after a space; "" for zeros."""
+def _default(value: Any, is_sequence: bool = False) -> str:
+    """Return the default of a field as its definition spells it, after a space; "" for zeros, or an empty sequence."""
     if isinstance(value, (bool, int, float, str)):
         return "" if repr(value) in ("False", "0", "0.0", "''") else f" {_spelled(value)}"
-    return f" [{', '.join(map(_spelled, value))}]" if any(map(_default, value)) else ""
+    return f" [{', '.join(map(_spelled, value))}]" if (len(value) if is_sequence else any(map(_default, value))) else ""
 
 
 def _spelled(value: bool | int | float | str) -> str:

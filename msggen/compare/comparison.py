@@ -247,14 +247,16 @@ class Comparison:
         return tuple(MessagePair(previous, before[name], current, after[name]) for name in names)
 
     @cached_property
-    def recommented(self) -> tuple[tuple[MessagePair, FieldPair], ...]:
-        """The fields that both sides have and whose comments differ, with all tags that can be inferred."""
-        previous, current = self.previous.inferred, self.current.inferred
-        return tuple(
-            (pair, FieldPair(previous(pair.previous, field.previous), current(pair.current, field.current)))
-            for pair in self.pairs
-            for field in pair.recommented
-        )
+    def retagged(self) -> tuple[tuple[MessagePair, FieldPair], ...]:
+        """The fields that have tags on both sides and whose comments differ, with all tags that can be inferred."""
+        found = []
+        for pair in self.pairs:
+            for field in pair.recommented:
+                current = self.current.inferred(pair.current, field.current)
+                previous = self.previous.inferred(pair.previous, field.previous) if current.comment.attributes else None
+                if previous and previous.comment.attributes:
+                    found.append((pair, FieldPair(previous, current)))
+        return tuple(found)
 
     @cached_property
     def renamed_messages(self) -> Mapping[str, str]:

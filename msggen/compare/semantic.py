@@ -15,7 +15,7 @@ from msggen.tags import Tag
 
 def find_changed(tag: Tag, comparison: Comparison) -> Iterator[Change]:
     """Yield the fields for which the meaning of `tag` differs."""
-    for pair, kept in comparison.recommented:
+    for pair, kept in comparison.retagged:
         before, after = kept.previous, kept.current
         change = tag.change(before.comment.tag(tag.name), after.comment.tag(tag.name))
         if change:

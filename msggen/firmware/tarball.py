@@ -99,7 +99,7 @@ def _read_tar(path: str, wanted: Wanted) -> tuple[dict[str, bytes], dict[str, st
                 links[name] = posixpath.relpath(posixpath.normpath(member.linkname), posixpath.dirname(name) or ".")
             elif member.isfile():
                 content = archive.extractfile(member) if wanted(name) else None
-                files[name] = _contents(content, name, amount) if content else b""
+                files[name] = _contents(content, name, member.size, amount) if content else b""
         _check_end(stream, archive.offset)
     return files, links
 
@@ -156,11 +156,10 @@ def _members(archive: tarfile.TarFile) -> Iterator[tarfile.TarInfo]:
     raise TooMuchError(f"it has more than {_MOST_FILES} files")
 
 
-def _contents(stream: IO[bytes], name: str, amount: Amount) -> bytes:
-    """Return the contents of a member. Raises TooMuchError."""
-    data = stream.read(LARGEST + 1)
-    amount.add(name, len(data))
-    return data
+def _contents(stream: IO[bytes], name: str, size: int, amount: Amount) -> bytes:
+    """Return the contents of a member, which has up to `size` bytes. Raises TooMuchError."""
+    amount.add(name, size)
+    return stream.read(size)
 
 
 def _check_end(stream: _Bounded, position: int) -> None:
@@ -188,7 +187,7 @@ def _read_zip(path: str, wanted: Wanted) -> tuple[dict[str, bytes], dict[str, st
             data = b""
             if is_link or wanted(name):
                 with archive.open(member) as stream:
-                    data = _contents(stream, name, amount)
+                    data = _contents(stream, name, member.file_size, amount)
             if is_link:
                 links[name] = os.fsdecode(data)
             else:

@@ -14,7 +14,7 @@ from msggen.unit import SPELLINGS, known_unit
 _LONGEST_TEXT = 2000
 _LONGEST_UNIT = 40
 
-_MENTION = re.compile(rf"(?:([(\[])|\b[Ii]n )(?=(.{{1,{_LONGEST_UNIT}}}))")
+_OPENING = re.compile(r"\(|\[|in |In ")  # literals, for which the search is fast
 _BRACKETED = re.compile(r"((?:[^()\[\]]|\([^()]*\))+)([)\]]?)([\^*/\w]?)")
 _WORD = re.compile(r"(?:[^\s,;:.()\[\]]|\([^\s()]*\)|\.(?=\d))+")
 
@@ -29,11 +29,10 @@ _CONTINUED = frozenset(
 """Words after a unit that change it, or name another one."""
 
 _DOUBT = re.compile(
-    r"\b(?:also|scal(?:e[ds]?|ing)|multipl\w+|times|units? of|steps? of|LSB|(?:ten|hundred|thousand)ths?)\b"
-    r"|[*x\N{MULTIPLICATION SIGN}/] ?10+\b|(?<!in )(?<![(\[])\b1e[-+]?\d|\b10\^",
-    re.IGNORECASE,
+    r"\b(?:also|scal(?:e[ds]?|ing)|multipl\w+|times|units? of|steps? of|lsb|(?:ten|hundred|thousand)ths?)\b"
+    r"|[*x\N{MULTIPLICATION SIGN}/] ?10+\b|(?<!in )(?<![(\[])\b1e[-+]?\d|\b10\^"
 )
-"""A sign that the value is a multiple or a fraction of the unit, or that it has a second meaning."""
+"""A sign in lower case that the value is a multiple or a fraction of the unit, or that it has a second meaning."""
 
 
 @lru_cache(maxsize=1000)
@@ -42,18 +41,19 @@ def unit_in(text: str) -> str:
     if len(text) > _LONGEST_TEXT:
         return ""
     found = set(_mentioned(text))
-    return found.pop() if len(found) == 1 and not _DOUBT.search(text) else ""
+    return found.pop() if len(found) == 1 and not _DOUBT.search(text.lower()) else ""
 
 
 def _mentioned(text: str) -> Iterator[str]:
     """Yield the units after "in" and in brackets, and "" for one in doubt."""
-    for mention in _MENTION.finditer(text):
-        bracket, rest = mention.groups()
-        if not bracket:
-            is_denied = text[max(mention.start() - 4, 0) : mention.start()].lower() == "not "
-            yield from () if is_denied else _leading(rest)
-        elif not (rest.startswith("s)") and text[max(mention.start() - 1, 0)].isalpha()):  # a plural, such as "LED(s)"
-            yield from _bracketed(rest, is_square=bracket == "[")
+    for opening in _OPENING.finditer(text):
+        start, end = opening.span()
+        before, rest = text[max(start - 4, 0) : start], text[end : end + _LONGEST_UNIT].partition("\n")[0]
+        if end - start > 1:
+            if not before[-1:].isalnum() and before.lower() != "not ":
+                yield from _leading(rest)
+        elif not (rest.startswith("s)") and before[-1:].isalpha()):  # a plural, such as "LED(s)"
+            yield from _bracketed(rest, is_square=opening[0] == "[")
 
 
 def _bracketed(text: str, *, is_square: bool) -> Iterator[str]:

@@ -112,8 +112,8 @@ class ActuatorTest(_cdr.Message):
             info.Field("timeout_ms", "uint32", 16, 4, unit="ms"),
         ),
         constants=info.constants(
-            cls,
-            "uint8 ACTION_RELEASE_CONTROL ACTION_DO_CONTROL FUNCTION_MOTOR1 MAX_NUM_MOTORS FUNCTION_SERVO1 MAX_NUM_SERVOS ORB_QUEUE_LENGTH",
+            cls, "uint8 ACTION_RELEASE_CONTROL ACTION_DO_CONTROL FUNCTION_MOTOR1 MAX_NUM_MOTORS",
+            "uint8 FUNCTION_SERVO1 MAX_NUM_SERVOS ORB_QUEUE_LENGTH",
         ),
         cls=cls,
     ))

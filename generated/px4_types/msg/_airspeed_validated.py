@@ -183,7 +183,8 @@ class AirspeedValidated(_cdr.Message):
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",
-            "int8 SOURCE_DISABLED SOURCE_GROUND_MINUS_WIND SOURCE_SENSOR_1 SOURCE_SENSOR_2 SOURCE_SENSOR_3 SOURCE_SYNTHETIC",
+            "int8 SOURCE_DISABLED SOURCE_GROUND_MINUS_WIND SOURCE_SENSOR_1 SOURCE_SENSOR_2",
+            "int8 SOURCE_SENSOR_3 SOURCE_SYNTHETIC",
         ),
         cls=cls,
     ))

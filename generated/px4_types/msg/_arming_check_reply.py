@@ -151,7 +151,6 @@ class ArmingCheckReply(_cdr.Message):
         mode_req_prevent_arming: bool = False,
         mode_req_manual_control: bool = False,
     ) -> None:
-        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.request_id = request_id
         self.registration_id = registration_id

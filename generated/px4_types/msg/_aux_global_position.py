@@ -163,7 +163,8 @@ class AuxGlobalPosition(_cdr.Message):
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",
-            "uint8 SOURCE_UNKNOWN SOURCE_GNSS SOURCE_VISION SOURCE_PSEUDOLITES SOURCE_TERRAIN SOURCE_MAGNETIC SOURCE_ESTIMATOR SOURCE_LEO",
+            "uint8 SOURCE_UNKNOWN SOURCE_GNSS SOURCE_VISION SOURCE_PSEUDOLITES SOURCE_TERRAIN",
+            "uint8 SOURCE_MAGNETIC SOURCE_ESTIMATOR SOURCE_LEO",
         ),
         cls=cls,
     ))

@@ -178,8 +178,8 @@ class ControlAllocatorStatus(_cdr.Message):
             info.Field("actuator_group_preflight_check_active", "bool", 60, 1),
         ),
         constants=info.constants(
-            cls,
-            "int8 ACTUATOR_SATURATION_OK ACTUATOR_SATURATION_UPPER_DYN ACTUATOR_SATURATION_UPPER ACTUATOR_SATURATION_LOWER_DYN ACTUATOR_SATURATION_LOWER",
+            cls, "int8 ACTUATOR_SATURATION_OK ACTUATOR_SATURATION_UPPER_DYN ACTUATOR_SATURATION_UPPER",
+            "int8 ACTUATOR_SATURATION_LOWER_DYN ACTUATOR_SATURATION_LOWER",
         ),
         cls=cls,
     ))

@@ -126,8 +126,9 @@ class DatamanResponse(_cdr.Message):
             info.Field("status", "uint8", 72, 1, enum="STATUS"),
         ),
         constants=info.constants(
-            cls,
-            "uint8 STATUS_SUCCESS STATUS_FAILURE_ID_ERR STATUS_FAILURE_NO_DATA STATUS_FAILURE_READ_FAILED STATUS_FAILURE_WRITE_FAILED STATUS_FAILURE_CLEAR_FAILED",
+            cls, "uint8 STATUS_SUCCESS STATUS_FAILURE_ID_ERR STATUS_FAILURE_NO_DATA",
+            "uint8 STATUS_FAILURE_READ_FAILED STATUS_FAILURE_WRITE_FAILED",
+            "uint8 STATUS_FAILURE_CLEAR_FAILED",
         ),
         cls=cls,
     ))

@@ -131,8 +131,8 @@ class DronecanNodeStatus(_cdr.Message):
             info.Field("vendor_specific_status_code", "uint16", 20, 2),
         ),
         constants=info.constants(
-            cls,
-            "uint8 HEALTH_OK HEALTH_WARNING HEALTH_ERROR HEALTH_CRITICAL MODE_OPERATIONAL MODE_INITIALIZATION MODE_MAINTENANCE MODE_SOFTWARE_UPDATE MODE_OFFLINE",
+            cls, "uint8 HEALTH_OK HEALTH_WARNING HEALTH_ERROR HEALTH_CRITICAL MODE_OPERATIONAL",
+            "uint8 MODE_INITIALIZATION MODE_MAINTENANCE MODE_SOFTWARE_UPDATE MODE_OFFLINE",
         ),
         cls=cls,
     ))

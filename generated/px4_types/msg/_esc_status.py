@@ -81,7 +81,6 @@ class EscStatus(_cdr.Message):
         esc_armed_flags: int = 0,
         esc: tuple[EscReport, ...] | None = None,
     ) -> None:
-        self = self  # so that jedi shows the documentation above
         self.timestamp = timestamp
         self.counter = counter
         self.esc_count = esc_count
@@ -215,8 +214,9 @@ class EscStatus(_cdr.Message):
             info.Field("esc", "EscReport[12]", 16, 475),
         ),
         constants=info.constants(
-            cls,
-            "uint8 CONNECTED_ESC_MAX ESC_CONNECTION_TYPE_PPM ESC_CONNECTION_TYPE_SERIAL ESC_CONNECTION_TYPE_ONESHOT ESC_CONNECTION_TYPE_I2C ESC_CONNECTION_TYPE_CAN ESC_CONNECTION_TYPE_DSHOT",
+            cls, "uint8 CONNECTED_ESC_MAX ESC_CONNECTION_TYPE_PPM ESC_CONNECTION_TYPE_SERIAL",
+            "uint8 ESC_CONNECTION_TYPE_ONESHOT ESC_CONNECTION_TYPE_I2C ESC_CONNECTION_TYPE_CAN",
+            "uint8 ESC_CONNECTION_TYPE_DSHOT",
         ),
         cls=cls,
     ))

@@ -132,8 +132,8 @@ class GeofenceResult(_cdr.Message):
             info.Field("geofence_action", "uint8", 11, 1, enum="GF_ACTION"),
         ),
         constants=info.constants(
-            cls,
-            "uint8 GF_ACTION_NONE GF_ACTION_WARN GF_ACTION_LOITER GF_ACTION_RTL GF_ACTION_TERMINATE GF_ACTION_LAND",
+            cls, "uint8 GF_ACTION_NONE GF_ACTION_WARN GF_ACTION_LOITER GF_ACTION_RTL GF_ACTION_TERMINATE",
+            "uint8 GF_ACTION_LAND",
         ),
         cls=cls,
     ))

@@ -195,8 +195,9 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
             info.Field("received_from_mavlink", "bool", 53, 1),
         ),
         constants=info.constants(
-            cls,
-            "uint16 DEVICE_FLAGS_RETRACT DEVICE_FLAGS_NEUTRAL DEVICE_FLAGS_ROLL_LOCK DEVICE_FLAGS_PITCH_LOCK DEVICE_FLAGS_YAW_LOCK DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME DEVICE_FLAGS_YAW_IN_EARTH_FRAME",
+            cls, "uint16 DEVICE_FLAGS_RETRACT DEVICE_FLAGS_NEUTRAL DEVICE_FLAGS_ROLL_LOCK",
+            "uint16 DEVICE_FLAGS_PITCH_LOCK DEVICE_FLAGS_YAW_LOCK DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME",
+            "uint16 DEVICE_FLAGS_YAW_IN_EARTH_FRAME",
         ),
         cls=cls,
     ))

@@ -143,8 +143,10 @@ class GimbalDeviceSetAttitude(_cdr.Message):
             info.Field("angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN"),
         ),
         constants=info.constants(
-            cls,
-            "uint32 GIMBAL_DEVICE_FLAGS_RETRACT GIMBAL_DEVICE_FLAGS_NEUTRAL GIMBAL_DEVICE_FLAGS_ROLL_LOCK GIMBAL_DEVICE_FLAGS_PITCH_LOCK GIMBAL_DEVICE_FLAGS_YAW_LOCK GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME",
+            cls, "uint32 GIMBAL_DEVICE_FLAGS_RETRACT GIMBAL_DEVICE_FLAGS_NEUTRAL",
+            "uint32 GIMBAL_DEVICE_FLAGS_ROLL_LOCK GIMBAL_DEVICE_FLAGS_PITCH_LOCK",
+            "uint32 GIMBAL_DEVICE_FLAGS_YAW_LOCK GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME",
+            "uint32 GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME",
         ),
         cls=cls,
     ))

@@ -161,9 +161,9 @@ class GimbalManagerSetAttitude(_cdr.Message):
             info.Field("angular_velocity_z", "float32", 44, 4, unit="rad/s", invalid="NaN"),
         ),
         constants=info.constants(
-            cls,
-            "uint32 GIMBAL_MANAGER_FLAGS_RETRACT GIMBAL_MANAGER_FLAGS_NEUTRAL GIMBAL_MANAGER_FLAGS_ROLL_LOCK GIMBAL_MANAGER_FLAGS_PITCH_LOCK GIMBAL_MANAGER_FLAGS_YAW_LOCK",
-            "uint8 ORB_QUEUE_LENGTH",
+            cls, "uint32 GIMBAL_MANAGER_FLAGS_RETRACT GIMBAL_MANAGER_FLAGS_NEUTRAL",
+            "uint32 GIMBAL_MANAGER_FLAGS_ROLL_LOCK GIMBAL_MANAGER_FLAGS_PITCH_LOCK",
+            "uint32 GIMBAL_MANAGER_FLAGS_YAW_LOCK", "uint8 ORB_QUEUE_LENGTH",
         ),
         cls=cls,
     ))

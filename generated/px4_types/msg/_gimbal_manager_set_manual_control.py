@@ -154,8 +154,9 @@ class GimbalManagerSetManualControl(_cdr.Message):
             info.Field("yaw_rate", "float32", 32, 4, unit="-", range="-1, 1", invalid="NaN"),
         ),
         constants=info.constants(
-            cls,
-            "uint32 GIMBAL_MANAGER_FLAGS_RETRACT GIMBAL_MANAGER_FLAGS_NEUTRAL GIMBAL_MANAGER_FLAGS_ROLL_LOCK GIMBAL_MANAGER_FLAGS_PITCH_LOCK GIMBAL_MANAGER_FLAGS_YAW_LOCK",
+            cls, "uint32 GIMBAL_MANAGER_FLAGS_RETRACT GIMBAL_MANAGER_FLAGS_NEUTRAL",
+            "uint32 GIMBAL_MANAGER_FLAGS_ROLL_LOCK GIMBAL_MANAGER_FLAGS_PITCH_LOCK",
+            "uint32 GIMBAL_MANAGER_FLAGS_YAW_LOCK",
         ),
         cls=cls,
     ))

@@ -111,8 +111,8 @@ class GpioConfig(_cdr.Message):
             info.Field("config", "uint32", 20, 4),
         ),
         constants=info.constants(
-            cls,
-            "uint32 INPUT OUTPUT PULLUP PULLDOWN OPENDRAIN INPUT_FLOATING INPUT_PULLUP INPUT_PULLDOWN OUTPUT_PUSHPULL OUTPUT_OPENDRAIN OUTPUT_OPENDRAIN_PULLUP",
+            cls, "uint32 INPUT OUTPUT PULLUP PULLDOWN OPENDRAIN INPUT_FLOATING INPUT_PULLUP",
+            "uint32 INPUT_PULLDOWN OUTPUT_PUSHPULL OUTPUT_OPENDRAIN OUTPUT_OPENDRAIN_PULLUP",
         ),
         cls=cls,
     ))

@@ -215,7 +215,8 @@ class ManualControlSetpoint(_cdr.Message):
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",
-            "uint8 SOURCE_UNKNOWN SOURCE_RC SOURCE_MAVLINK_0 SOURCE_MAVLINK_1 SOURCE_MAVLINK_2 SOURCE_MAVLINK_3 SOURCE_MAVLINK_4 SOURCE_MAVLINK_5",
+            "uint8 SOURCE_UNKNOWN SOURCE_RC SOURCE_MAVLINK_0 SOURCE_MAVLINK_1 SOURCE_MAVLINK_2",
+            "uint8 SOURCE_MAVLINK_3 SOURCE_MAVLINK_4 SOURCE_MAVLINK_5",
         ),
         cls=cls,
     ))

@@ -205,8 +205,9 @@ class ManualControlSwitches(_cdr.Message):
             info.Field("switch_changes", "uint32", 32, 4),
         ),
         constants=info.constants(
-            cls,
-            "uint8 SWITCH_POS_NONE SWITCH_POS_ON SWITCH_POS_MIDDLE SWITCH_POS_OFF MODE_SLOT_NONE MODE_SLOT_1 MODE_SLOT_2 MODE_SLOT_3 MODE_SLOT_4 MODE_SLOT_5 MODE_SLOT_6 MODE_SLOT_NUM",
+            cls, "uint8 SWITCH_POS_NONE SWITCH_POS_ON SWITCH_POS_MIDDLE SWITCH_POS_OFF MODE_SLOT_NONE",
+            "uint8 MODE_SLOT_1 MODE_SLOT_2 MODE_SLOT_3 MODE_SLOT_4 MODE_SLOT_5 MODE_SLOT_6",
+            "uint8 MODE_SLOT_NUM",
         ),
         cls=cls,
     ))

@@ -142,8 +142,9 @@ class ObstacleDistance(_cdr.Message):
             info.Field("angle_offset", "float32", 164, 4, unit="deg"),
         ),
         constants=info.constants(
-            cls,
-            "uint8 MAV_FRAME_GLOBAL MAV_FRAME_LOCAL_NED MAV_FRAME_BODY_FRD MAV_DISTANCE_SENSOR_LASER MAV_DISTANCE_SENSOR_ULTRASOUND MAV_DISTANCE_SENSOR_INFRARED MAV_DISTANCE_SENSOR_RADAR",
+            cls, "uint8 MAV_FRAME_GLOBAL MAV_FRAME_LOCAL_NED MAV_FRAME_BODY_FRD",
+            "uint8 MAV_DISTANCE_SENSOR_LASER MAV_DISTANCE_SENSOR_ULTRASOUND",
+            "uint8 MAV_DISTANCE_SENSOR_INFRARED MAV_DISTANCE_SENSOR_RADAR",
         ),
         cls=cls,
     ))

@@ -110,8 +110,8 @@ class PositionControllerLandingStatus(_cdr.Message):
             info.Field("abort_status", "uint8", 13, 1),
         ),
         constants=info.constants(
-            cls,
-            "uint8 NOT_ABORTED ABORTED_BY_OPERATOR TERRAIN_NOT_FOUND TERRAIN_TIMEOUT UNKNOWN_ABORT_CRITERION",
+            cls, "uint8 NOT_ABORTED ABORTED_BY_OPERATOR TERRAIN_NOT_FOUND TERRAIN_TIMEOUT",
+            "uint8 UNKNOWN_ABORT_CRITERION",
         ),
         cls=cls,
     ))

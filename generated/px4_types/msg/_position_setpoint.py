@@ -254,8 +254,9 @@ class PositionSetpoint(_cdr.Message):
             info.Field("cruising_throttle", "float32", 88, 4, unit="-"),
         ),
         constants=info.constants(
-            cls,
-            "uint8 SETPOINT_TYPE_POSITION SETPOINT_TYPE_VELOCITY SETPOINT_TYPE_LOITER SETPOINT_TYPE_TAKEOFF SETPOINT_TYPE_LAND SETPOINT_TYPE_IDLE LOITER_TYPE_ORBIT LOITER_TYPE_FIGUREEIGHT",
+            cls, "uint8 SETPOINT_TYPE_POSITION SETPOINT_TYPE_VELOCITY SETPOINT_TYPE_LOITER",
+            "uint8 SETPOINT_TYPE_TAKEOFF SETPOINT_TYPE_LAND SETPOINT_TYPE_IDLE LOITER_TYPE_ORBIT",
+            "uint8 LOITER_TYPE_FIGUREEIGHT",
         ),
         cls=cls,
     ))

@@ -89,8 +89,8 @@ class PowerButtonState(_cdr.Message):
             info.Field("event", "uint8", 8, 1, enum="PWR_BUTTON_STATE"),
         ),
         constants=info.constants(
-            cls,
-            "uint8 PWR_BUTTON_STATE_IDEL PWR_BUTTON_STATE_DOWN PWR_BUTTON_STATE_UP PWR_BUTTON_STATE_REQUEST_SHUTDOWN",
+            cls, "uint8 PWR_BUTTON_STATE_IDEL PWR_BUTTON_STATE_DOWN PWR_BUTTON_STATE_UP",
+            "uint8 PWR_BUTTON_STATE_REQUEST_SHUTDOWN",
         ),
         cls=cls,
     ))

@@ -104,8 +104,9 @@ class PrecLandStatus(_cdr.Message):
             info.Field("state", "uint8", 8, 1, enum="PREC_LAND_STATE"),
         ),
         constants=info.constants(
-            cls,
-            "uint8 PREC_LAND_STATE_STOPPED PREC_LAND_STATE_START PREC_LAND_STATE_HORIZONTAL PREC_LAND_STATE_DESCEND PREC_LAND_STATE_FINAL PREC_LAND_STATE_SEARCH PREC_LAND_STATE_FALLBACK PREC_LAND_STATE_DONE",
+            cls, "uint8 PREC_LAND_STATE_STOPPED PREC_LAND_STATE_START PREC_LAND_STATE_HORIZONTAL",
+            "uint8 PREC_LAND_STATE_DESCEND PREC_LAND_STATE_FINAL PREC_LAND_STATE_SEARCH",
+            "uint8 PREC_LAND_STATE_FALLBACK PREC_LAND_STATE_DONE",
         ),
         cls=cls,
     ))

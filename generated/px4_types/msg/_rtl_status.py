@@ -133,8 +133,9 @@ class RtlStatus(_cdr.Message):
             info.Field("safe_point_index", "uint8", 15, 1),
         ),
         constants=info.constants(
-            cls,
-            "uint8 RTL_STATUS_TYPE_NONE RTL_STATUS_TYPE_DIRECT_SAFE_POINT RTL_STATUS_TYPE_DIRECT_MISSION_LAND RTL_STATUS_TYPE_FOLLOW_MISSION RTL_STATUS_TYPE_FOLLOW_MISSION_REVERSE",
+            cls, "uint8 RTL_STATUS_TYPE_NONE RTL_STATUS_TYPE_DIRECT_SAFE_POINT",
+            "uint8 RTL_STATUS_TYPE_DIRECT_MISSION_LAND RTL_STATUS_TYPE_FOLLOW_MISSION",
+            "uint8 RTL_STATUS_TYPE_FOLLOW_MISSION_REVERSE",
         ),
         cls=cls,
     ))

@@ -147,8 +147,8 @@ class SetpointConfigReply(_cdr.Message):
             info.Field("mode_req_local_position", "bool", 15, 1),
         ),
         constants=info.constants(
-            cls, "uint32 MESSAGE_VERSION",
-            "uint8 RESULT_SUCCESS RESULT_FAILURE_OTHER RESULT_UNSUPPORTED RESULT_UNKNOWN_SETPOINT_TYPE",
+            cls, "uint32 MESSAGE_VERSION", "uint8 RESULT_SUCCESS RESULT_FAILURE_OTHER RESULT_UNSUPPORTED",
+            "uint8 RESULT_UNKNOWN_SETPOINT_TYPE",
         ),
         cls=cls,
     ))

@@ -184,8 +184,8 @@ class SystemPower(_cdr.Message):
             info.Field("payload_v_valid", "uint8", 41, 1),
         ),
         constants=info.constants(
-            cls,
-            "uint8 BRICK1_VALID_SHIFTS BRICK1_VALID_MASK BRICK2_VALID_SHIFTS BRICK2_VALID_MASK BRICK3_VALID_SHIFTS BRICK3_VALID_MASK BRICK4_VALID_SHIFTS BRICK4_VALID_MASK",
+            cls, "uint8 BRICK1_VALID_SHIFTS BRICK1_VALID_MASK BRICK2_VALID_SHIFTS BRICK2_VALID_MASK",
+            "uint8 BRICK3_VALID_SHIFTS BRICK3_VALID_MASK BRICK4_VALID_SHIFTS BRICK4_VALID_MASK",
         ),
         cls=cls,
     ))

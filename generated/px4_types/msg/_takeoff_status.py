@@ -92,8 +92,8 @@ class TakeoffStatus(_cdr.Message):
             info.Field("tilt_limit", "float32", 12, 4, unit="rad"),
         ),
         constants=info.constants(
-            cls,
-            "uint8 TAKEOFF_STATE_UNINITIALIZED TAKEOFF_STATE_DISARMED TAKEOFF_STATE_SPOOLUP TAKEOFF_STATE_READY_FOR_TAKEOFF TAKEOFF_STATE_RAMPUP TAKEOFF_STATE_FLIGHT",
+            cls, "uint8 TAKEOFF_STATE_UNINITIALIZED TAKEOFF_STATE_DISARMED TAKEOFF_STATE_SPOOLUP",
+            "uint8 TAKEOFF_STATE_READY_FOR_TAKEOFF TAKEOFF_STATE_RAMPUP TAKEOFF_STATE_FLIGHT",
         ),
         cls=cls,
     ))

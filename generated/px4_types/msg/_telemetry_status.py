@@ -386,9 +386,8 @@ class TelemetryStatus(_cdr.Message):
             info.Field("parachute_system_healthy", "bool", 85, 1),
         ),
         constants=info.constants(
-            cls,
-            "uint8 LINK_TYPE_GENERIC LINK_TYPE_UBIQUITY_BULLET LINK_TYPE_WIRE LINK_TYPE_USB LINK_TYPE_IRIDIUM",
-            "uint64 HEARTBEAT_TIMEOUT_US",
+            cls, "uint8 LINK_TYPE_GENERIC LINK_TYPE_UBIQUITY_BULLET LINK_TYPE_WIRE LINK_TYPE_USB",
+            "uint8 LINK_TYPE_IRIDIUM", "uint64 HEARTBEAT_TIMEOUT_US",
         ),
         cls=cls,
     ))

@@ -139,8 +139,9 @@ class UavcanParameterRequest(_cdr.Message):
             info.Field("real_value", "float32", 40, 4),
         ),
         constants=info.constants(
-            cls,
-            "uint8 MESSAGE_TYPE_PARAM_REQUEST_READ MESSAGE_TYPE_PARAM_REQUEST_LIST MESSAGE_TYPE_PARAM_SET NODE_ID_ALL PARAM_TYPE_UINT8 PARAM_TYPE_INT64 PARAM_TYPE_REAL32 ORB_QUEUE_LENGTH",
+            cls, "uint8 MESSAGE_TYPE_PARAM_REQUEST_READ MESSAGE_TYPE_PARAM_REQUEST_LIST",
+            "uint8 MESSAGE_TYPE_PARAM_SET NODE_ID_ALL PARAM_TYPE_UINT8 PARAM_TYPE_INT64",
+            "uint8 PARAM_TYPE_REAL32 ORB_QUEUE_LENGTH",
         ),
         cls=cls,
     ))

@@ -235,7 +235,8 @@ class VehicleOdometry(_cdr.Message):
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",
-            "uint8 POSE_FRAME_UNKNOWN POSE_FRAME_NED POSE_FRAME_FRD VELOCITY_FRAME_UNKNOWN VELOCITY_FRAME_NED VELOCITY_FRAME_FRD VELOCITY_FRAME_BODY_FRD",
+            "uint8 POSE_FRAME_UNKNOWN POSE_FRAME_NED POSE_FRAME_FRD VELOCITY_FRAME_UNKNOWN",
+            "uint8 VELOCITY_FRAME_NED VELOCITY_FRAME_FRD VELOCITY_FRAME_BODY_FRD",
         ),
         cls=cls,
     ))

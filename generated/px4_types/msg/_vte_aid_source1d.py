@@ -181,8 +181,9 @@ class VteAidSource1d(_cdr.Message):
             info.Field("history_steps", "uint8", 52, 1, unit="-"),
         ),
         constants=info.constants(
-            cls,
-            "uint8 STATUS_IDLE STATUS_FUSED_CURRENT STATUS_FUSED_OOSM STATUS_REJECT_NIS STATUS_REJECT_COV STATUS_REJECT_TOO_OLD STATUS_REJECT_TOO_NEW STATUS_REJECT_STALE STATUS_REJECT_EMPTY",
+            cls, "uint8 STATUS_IDLE STATUS_FUSED_CURRENT STATUS_FUSED_OOSM STATUS_REJECT_NIS",
+            "uint8 STATUS_REJECT_COV STATUS_REJECT_TOO_OLD STATUS_REJECT_TOO_NEW",
+            "uint8 STATUS_REJECT_STALE STATUS_REJECT_EMPTY",
         ),
         cls=cls,
     ))

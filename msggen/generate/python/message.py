@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from operator import attrgetter
+from textwrap import wrap
 from typing import NamedTuple
 
 from msggen.generate.python.formatting import documentation, literal, wrapped
@@ -133,6 +134,11 @@ class MessageClass(NamedTuple):
         return (self.cdr_size or 0) % 4 != 0
 
     @property
+    def nests_arrays(self) -> bool:
+        """Whether a field is an array of messages. jedi knows their fields only from the parameters of `__init__`."""
+        return any(field.type.array is not ArrayKind.SCALAR and not field.type.is_primitive for field in self.fields)
+
+    @property
     def attributes(self) -> list[tuple[str, str, str]]:
         """Attribute, annotation and documentation of each field."""
         return [(field.attribute, field.annotation, field.documentation) for field in self.fields]
@@ -156,8 +162,9 @@ class MessageClass(NamedTuple):
     def constant_rows(self) -> list[str]:
         """The constants in `__msg__`, as literals: `"uint8 LOW HIGH mro=mro_"` for consecutive ones of a type."""
         return [
-            literal(" ".join([str(type_), *(_row_entry(constant) for constant in constants)]))
+            literal(f"{type_} {line}")
             for type_, constants in itertools.groupby(self.constants, key=attrgetter("type"))
+            for line in wrap(" ".join(map(_row_entry, constants)), 80, break_long_words=False)
         ]
 
     @property

@@ -59,10 +59,10 @@ def listed(values: Any, most: int) -> list[Any]:
     """
     if not _is_sequence(values):
         raise NotASequence
-    count = len(values)
+    count: int = len(values)
     if count > most:
         raise ValueError(f"{count} values")
-    items = list(islice(values, count + 1))
+    items: list[Any] = list(islice(values, count + 1))
     if len(items) != count:
         raise ValueError("another number of values than its length")
     return items

@@ -1,0 +1,139 @@
+"""Tests of hostile values and buffers: EncodeError names the field, DecodeError, and threads."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from array import array
+from collections import OrderedDict, deque
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from support.catalogs import catalog_of, import_package
+from support.random_definitions import TOLERATED
+from support.repository import ROOT
+
+FILES = {"msg/Many.msg": "uint64 timestamp\nfloat32[20] many\n", "msg/Free.msg": "float32[] many\nuint8[] raw\n"}
+
+
+class Lying(list[float]):
+    """A list with another length than its elements."""
+
+    def __len__(self) -> int:
+        return 20
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("hostile")
+    return import_package(catalog_of(folder / "in", FILES, TOLERATED), folder)
+
+
+NO_SEQUENCES: dict[str, Any] = {
+    "a set": set(range(20)),
+    "a frozenset": frozenset(range(20)),
+    "a dict": dict.fromkeys(range(20)),
+    "an OrderedDict": OrderedDict.fromkeys(range(20)),
+    "keys": dict.fromkeys(range(20)).keys(),
+    "bytes": bytes(20),
+    "a bytearray": bytearray(20),
+    "text": "1" * 20,
+    "an iterator": iter([1.0] * 20),
+    "a generator": (1.0 for _ in range(20)),
+    "an endless iterator": count(),
+    "an array of 0 dimensions": np.array(1.0),
+    "an array of 2 dimensions": np.ones((20, 1)),
+    "a view of 2 dimensions": memoryview(bytes(20)).cast("B", (4, 5)),
+    "a long range": range(10**9),
+    "a list of another length": Lying([1.0]),
+}
+SEQUENCES: dict[str, Any] = {
+    "a list": [1.0] * 20,
+    "a tuple": (1.0,) * 20,
+    "a deque": deque([1.0] * 20),
+    "a range": range(20),
+    "an array": array("d", [1.0] * 20),
+    "a view": memoryview(array("f", [1.0] * 20)),
+    "an array of numpy": np.ones(20, np.float32),
+    "an array of numpy, of another type": np.ones(20, np.int16),
+}
+
+
+@pytest.mark.parametrize("value", NO_SEQUENCES.values(), ids=NO_SEQUENCES.keys())
+def test_what_is_no_sequence_is_an_error_that_names_the_field(value: Any, package: Any) -> None:
+    with pytest.raises(package.EncodeError, match=r"^Many\.many: expected "):
+        package.Many(many=value).encode()
+
+
+@pytest.mark.parametrize("kind", NO_SEQUENCES.keys() - {"a long range"})
+def test_what_is_no_sequence_is_no_sequence_of_any_length(kind: str, package: Any) -> None:
+    with pytest.raises(package.EncodeError, match=r"^Free\.many: expected "):
+        package.Free(many=NO_SEQUENCES[kind]).encode()
+
+
+@pytest.mark.parametrize("value", SEQUENCES.values(), ids=SEQUENCES.keys())
+def test_every_kind_of_sequence_is_accepted(value: Any, package: Any) -> None:
+    assert list(package.Many.decode(package.Many(many=value).encode()).many) == [float(one) for one in value]
+    assert list(package.Free.decode(package.Free(many=value).encode()).many) == [float(one) for one in value]
+
+
+@pytest.mark.parametrize("value", [array("b", [-1]), memoryview(bytes(4)).cast("B", (2, 2)), np.ones(2, np.int8)])
+def test_only_a_buffer_of_bytes_is_bytes(value: Any, package: Any) -> None:
+    with pytest.raises(package.EncodeError, match=r"^Free\.raw: expected bytes"):
+        package.Free(raw=value).encode()
+
+
+@pytest.mark.parametrize("name", ["EscStatus", "SensorCombined"])
+@pytest.mark.parametrize("method", ["decode", "lazy"])
+def test_lengths_of_buffers_count_bytes(name: str, method: str, px4_types: Any) -> None:
+    cls = getattr(px4_types, name)
+    read = getattr(cls, method)
+    sample = cls(timestamp=7).encode()
+    for surplus in range(4):
+        padded = sample + bytes(surplus)
+        assert read(padded).timestamp == read(bytearray(padded)).timestamp == read(memoryview(padded)).timestamp == 7
+    long = sample + bytes(3 * len(sample))
+    with pytest.raises(px4_types.DecodeError):
+        read(memoryview(long).cast("I"))
+    aligned = sample + bytes(-len(sample) % 4)
+    assert read(memoryview(aligned).cast("I")).timestamp == 7
+    gaps: Any = np.frombuffer(bytes(byte for value in sample for byte in (value, 0)), np.uint8)[::2]
+    assert read(gaps).timestamp == read(memoryview(gaps)).timestamp == 7
+    for invalid in (gaps[:40], np.array(5, np.uint8)):
+        with pytest.raises(px4_types.DecodeError):
+            read(invalid)
+
+
+PROGRAM = """
+import sys, threading
+sys.path.insert(0, sys.argv[1]); sys.setswitchinterval(1e-6)
+import px4_types
+from px4_types import EscStatus
+THREADS = 16
+barrier, found, errors = threading.Barrier(THREADS), [], []
+def work():
+    try:
+        barrier.wait()
+        import dataclasses
+        fields = dataclasses.fields(EscStatus)
+        assert dataclasses.replace(EscStatus()) == EscStatus() and dataclasses.asdict(EscStatus())
+        found.append((id(EscStatus.__msg__), id(fields[0]), id(px4_types.SensorCombined), id(px4_types.topics)))
+        EscStatus.lazy(EscStatus().encode()).timestamp
+    except BaseException as error:
+        errors.append(repr(error))
+threads = [threading.Thread(target=work) for _ in range(THREADS)]
+for thread in threads: thread.start()
+for thread in threads: thread.join()
+print(errors, len(set(found)), len(found))
+"""
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_all_threads_get_the_same_objects(number: int) -> None:
+    command = [sys.executable, "-c", PROGRAM, str(ROOT / "generated"), str(number)]
+    done = subprocess.run(command, cwd=Path.cwd(), capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout == "[] 1 16\n"

@@ -1,0 +1,180 @@
+"""Tests of what a recording needs: the class of a recorded type, and the definition that MCAP stores as `ros2msg`."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+from mcap.writer import Writer
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from msggen.firmware.catalog import read_catalog
+from msggen.firmware.sources import find_sources, with_archived
+from msggen.identity import message_hash, type_hash
+from msggen.model import ArrayKind, Field, Message
+from support.catalogs import catalog_of, import_package, write_definitions
+from support.other_codecs import Rosbags, everything, generated
+from support.random_definitions import PACKAGES, TOLERATED, random_catalog
+from support.repository import shared
+
+SEPARATOR = "=" * 80 + "\nMSG: "
+
+
+NAMES = ["px4_msgs/msg/EscStatus", "px4_msgs/EscStatus", "px4_msgs::msg::dds_::EscStatus_"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_recorded_type_has_a_class(name: str, px4_types: Any) -> None:
+    assert px4_types.by_type(name) is px4_types.EscStatus
+
+
+def test_every_type_is_found_by_its_names(px4_types: Any) -> None:
+    classes = [getattr(px4_types.msg, name) for name in px4_types.msg.__all__]
+    classes += [px4_types.srv.VehicleCommand.Request, px4_types.srv.VehicleCommand.Response]
+    for cls in classes:
+        assert px4_types.by_type(cls.__msg__.ros_type) is cls
+        assert px4_types.by_type(cls.__msg__.dds_type) is cls
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("px4_msgs/msg/EscStatu", "no message type 'px4_msgs/msg/EscStatu', did you mean 'px4_msgs/msg/EscStatus'?"),
+        ("std_msgs/msg/Header", "no message type 'std_msgs/msg/Header': the package has the types of px4_msgs"),
+        ("px4_msgs/srv/VehicleCommand", "did you mean 'px4_msgs/msg/VehicleCommand'?"),
+        ("px4_msgs/msg/__dict__", "no message type 'px4_msgs/msg/__dict__'"),
+        ("px4_msgs/os/path", "no message type 'px4_msgs/os/path'"),
+        ("EscStatus", "no message type 'EscStatus'"),
+        ("", "no message type ''"),
+    ],
+)
+def test_an_unknown_type_is_named(name: str, text: str, px4_types: Any) -> None:
+    with pytest.raises(KeyError) as raised:
+        px4_types.by_type(name)
+    assert text in str(raised.value)
+
+
+def test_types_with_unusual_names_are_found(tmp_path: Path) -> None:
+    files = {"msg/esc_report.msg": "uint8 a\n", "msg/None.msg": "uint8 b\n"}
+    package: Any = import_package(catalog_of(tmp_path / "in", files, TOLERATED), tmp_path)
+    assert package.by_type("px4_msgs/msg/esc_report") is package.EscReport
+    assert package.by_type("px4_msgs/msg/None") is package.None_
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.slow)])
+def test_rosbags_reads_the_definitions(seed: int, tmp_path: Path) -> None:
+    """Strings, sequences, bounds, defaults and constants: rosbags decodes the same bytes to the same values."""
+    chance = Random(seed)  # noqa: S311 - not used for security
+    catalog = random_catalog(tmp_path, chance, 40, 0, ("string",))
+    peer = Rosbags(catalog)
+    with generated(catalog, tmp_path) as ours:
+        store = get_typestore(Stores.EMPTY)
+        for message in everything(catalog):
+            info = ours.cls(message).__msg__
+            store.register(get_types_from_msg(info.definition, info.ros_type))
+        assert {name: store.fielddefs[name][1] for name in store.fielddefs} == {
+            name: peer.store.fielddefs[name][1] for name in store.fielddefs
+        }
+
+
+@pytest.mark.parametrize("release", ["v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03"])
+@pytest.mark.slow
+def test_definitions_have_the_hashes_of_their_message(release: str, tmp_path: Path) -> None:
+    """All definitions of a release, taken from the package, are read as a release with the same hashes."""
+    catalog = read_catalog(find_sources(str(shared(f"firmware/{release}"))), tolerated=TOLERATED)
+    package: Any = import_package(catalog, tmp_path / "package")
+    files = {}
+    for message in catalog.messages.values():
+        text = package.by_type(message.ros_type).__msg__.definition
+        files[f"msg/{message.name}.msg"] = text.partition(SEPARATOR)[0]
+    again = catalog_of(tmp_path / "again", files, TOLERATED)
+    for key, message in catalog.messages.items():
+        assert message_hash(again, again.messages[key]) == message_hash(catalog, message)
+        assert type_hash(again, again.messages[key]) == type_hash(catalog, message)
+        constants = [(one.name, one.type, one.value) for one in message.constants]
+        assert [(one.name, one.type, one.value) for one in again.messages[key].constants] == constants
+
+
+def defaults_of(message: Message) -> dict[str, object]:
+    """Return the defaults of fields, without zeros and empty sequences."""
+
+    def is_zero(field: Field) -> bool:
+        values = field.default if isinstance(field.default, tuple) else (field.default,)
+        return not (len(values) if field.type.array in (ArrayKind.BOUNDED, ArrayKind.UNBOUNDED) else any(values))
+
+    return {field.name: field.default for field in message.fields if field.default is not None and not is_zero(field)}
+
+
+def test_definitions_of_strings_and_sequences_have_the_same_hashes(tmp_path: Path) -> None:
+    chance = Random(3)  # noqa: S311 - not used for security
+    catalog = random_catalog(tmp_path / "in", chance, 40, 0)
+    folder = tmp_path / "again"
+    with generated(catalog, tmp_path) as ours:
+        for message in everything(catalog):
+            text = ours.cls(message).__msg__.definition.partition(SEPARATOR)[0]
+            write_definitions(folder / message.package, {f"msg/{message.name}.msg": text})
+        own, other = PACKAGES
+        sources = find_sources(str(folder / own), (f"{other}={folder / other}",))
+        again = read_catalog(sources, tolerated=TOLERATED)
+        for key, message in catalog.messages.items():
+            assert type_hash(again, again.messages[key]) == type_hash(catalog, message)
+            assert repr(defaults_of(again.messages[key])) == repr(defaults_of(message))
+
+
+DEFAULTS = (
+    'string A=\'it is "so"\'\nfloat32 B=-1.5\nbool C=true\nint8[3] a [1, 2, 3]\nstring s "x \\"y\\""\nbool b true\n'
+    'string<=5[<=2] t ["a", "b"]\nwstring w\nfloat64 f 1e-09\nuint8[] r\nInner[] i\n'
+)
+
+
+def test_defaults_and_constants_are_spelled(tmp_path: Path) -> None:
+    files = {"msg/Inner.msg": "uint8 a 7\n", "msg/Outer.msg": DEFAULTS}
+    package: Any = import_package(catalog_of(tmp_path / "in", files, TOLERATED), tmp_path)
+    definition = package.Outer.__msg__.definition
+    own, nested = definition.split(SEPARATOR)
+    assert nested == "px4_msgs/Inner\nuint8 a 7\n"
+    again: Any = import_package(
+        catalog_of(tmp_path / "again", {"msg/Inner.msg": "uint8 a 7\n", "msg/Outer.msg": own}, TOLERATED), tmp_path
+    )
+    assert repr(again.Outer()) == repr(package.Outer())
+    assert [(one.name, one.value) for one in again.Outer.__msg__.constants] == [
+        ("A", 'it is "so"'),
+        ("B", -1.5),
+        ("C", True),
+    ]
+
+
+def test_an_mcap_file_is_read_by_others(px4_types: Any) -> None:
+    message = px4_types.EscStatus(timestamp=5, esc_count=2)
+    message.esc[1].esc_rpm = 1234
+    file = io.BytesIO()
+    writer: Any = Writer(file)
+    writer.start()
+    info = message.__msg__
+    schema = writer.register_schema(info.ros_type, "ros2msg", info.definition.encode())
+    channel = writer.register_channel("/fmu/out/esc_status", "cdr", schema)
+    writer.add_message(channel, log_time=0, data=message.encode(), publish_time=0)
+    writer.finish()
+    file.seek(0)
+    from mcap.reader import make_reader
+
+    ((found, _, _, decoded),) = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+    assert found is not None
+    assert px4_types.by_type(found.name) is px4_types.EscStatus
+    assert (decoded.timestamp, decoded.esc_count, decoded.esc[1].esc_rpm) == (5, 2, 1234)
+
+
+def test_an_archived_version_has_the_definition_of_its_release(tmp_path: Path) -> None:
+    files = {
+        "msg/versioned/Lamp.msg": "uint32 MESSAGE_VERSION = 1\nuint64 timestamp\nbool lit\n",
+        "msg/px4_msgs_old/msg/LampV0.msg": "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\nuint8 lights\n",
+    }
+    catalog = read_catalog(with_archived(find_sources(str(write_definitions(tmp_path / "in", files)))))
+    package: Any = import_package(catalog, tmp_path)
+    assert package.LampV0.__msg__.definition.endswith("uint64 timestamp\nuint8 lights\n")
+    assert package.by_type("px4_msgs/msg/Lamp") is package.Lamp
+    assert package.by_type("px4_msgs/msg/LampV0") is package.LampV0
