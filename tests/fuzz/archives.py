@@ -24,7 +24,7 @@ from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources, with_archived
 from support.scratch import scratch_folder
 
-COUNT = 500
+COUNT = 800
 
 RPM = b"uint64 timestamp\nfloat32 rpm\n"
 NAMES = (

@@ -21,7 +21,7 @@ from support.commands import check_outcome, run
 from support.packages import BRIDGE, BRIDGE_PLACE, committed, definition, git
 from support.scratch import inside, scratch_folder
 
-COUNT = 60
+COUNT = 150
 
 Case = tuple[str, ...]
 """The arguments."""

@@ -22,7 +22,7 @@ from support.mutations import Mutator
 from support.random_definitions import TOLERATED, random_catalog
 from support.repository import ROOT
 
-COUNT = 1500
+COUNT = 2000
 
 WORDS = tuple(
     word.encode()

@@ -18,7 +18,7 @@ from support.disk_tasks import TASKS, copy_start, ends, leftovers, output
 from support.packages import content
 from support.scratch import inside, scratch_folder
 
-COUNT = 60
+COUNT = 80
 
 ERRORS = (errno.ENOSPC, errno.EIO, errno.EACCES, errno.EROFS, errno.EDQUOT, errno.EPERM, errno.EINTR, errno.EXDEV)
 

@@ -29,7 +29,7 @@ from support.reference import HEADERS, MalformedError, deserialize, serialize
 from support.repository import ROOT
 from support.samples import plain
 
-COUNT = 4000
+COUNT = 6000
 
 LARGE = (0, 1, 5, 2**16, 2**31 - 1, 2**31, 2**32 - 4, 2**32 - 1)
 

@@ -34,7 +34,7 @@ from support.repository import PX4_TREE, ROOT
 from support.scratch import scratch_folder
 from support.translations import class_of
 
-COUNT = 800
+COUNT = 1000
 
 BRIDGE = "src/modules/uxrce_dds_client/dds_topics.yaml"
 CLIENT_TEMPLATE = "src/modules/uxrce_dds_client/dds_topics.h.em"

@@ -21,7 +21,7 @@ from support.commands import check_outcome, run
 from support.disk_tasks import copy_start
 from support.scratch import inside, scratch_folder
 
-COUNT = 60
+COUNT = 150
 
 OUTSIDE = {
     "file": "mine\n",

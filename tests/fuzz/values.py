@@ -21,7 +21,7 @@ from msggen.model import ArrayKind, FieldType, Message
 from msggen.primitives import INTEGERS
 from support.hostile_values import NUMPY, evaluated, random_expression
 
-COUNT = 3000
+COUNT = 6000
 
 OCTETS = ("uint8", "byte", "char")
 
