@@ -195,6 +195,9 @@ def _put_git(folder: Path, path: Path, text: str) -> None:
     with path.open("a", encoding="utf-8") as stream:
         stream.write(config)
     (path.parent.parent / ".gitattributes").write_text("* filter=x diff=x\n")
+    if "promisor" in text:  # git fetches what is missing
+        shutil.rmtree(path.parent / "objects", ignore_errors=True)
+        (path.parent / "objects").mkdir()
     hooks = folder / "work" / "hooks"
     hooks.mkdir(exist_ok=True)
     for name in ("post-checkout", "pre-commit", "reference-transaction", "post-index-change", "fsmonitor-watchman"):

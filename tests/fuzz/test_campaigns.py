@@ -21,8 +21,9 @@ from typing import Any
 import pytest
 
 from fuzz import __main__ as command
-from fuzz import faults, payloads, runner
+from fuzz import faults, payloads, runner, strangers
 from fuzz.runner import NAMES, SEED, Failure, find, run
+from msggen.disk import git
 from msggen.disk.output import OutputPlan
 from msggen.disk.record import Record, digest, read_record, write_record
 from msggen.firmware.tree import Snapshot
@@ -115,6 +116,19 @@ def test_each_campaign_finds_a_planted_error(name: str, monkeypatch: pytest.Monk
     faults.calls_of.cache_clear()
     _, failure = run(name, SEED, [failure.index])
     assert failure is None, "it fails without the error too"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("setting", ["fsmonitor", "clean", "uploadpack"])
+def test_a_program_that_git_starts_is_found(setting: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (config,) = (text for text in strangers.GIT if f"{setting} =" in text)
+    case = strangers.Case("sync", (strangers.Oddity("px4_msgs/.git/config", "git", config),))
+    strangers.check(case)
+    monkeypatch.setattr(git, "_WITHOUT_PROGRAMS", {})
+    monkeypatch.setattr(git, "_OPTIONS", ())
+    monkeypatch.setattr(git, "_without_filters", lambda _: [])
+    with pytest.raises(AssertionError, match="outside/started"):
+        strangers.check(case)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -80,6 +80,7 @@ def start() -> Path:
             ("render", "-q", "--px4", "old", "--template", "a.hpp.j2", "-o", "rendered"),
         ):
             assert run(arguments).code == 0
+    committed(folder / "px4_msgs")
     return folder
 
 
