@@ -10,7 +10,7 @@ import json
 import os
 import shutil
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
@@ -118,12 +118,15 @@ class Case(NamedTuple):
 
 
 def case(chance: Random) -> Case:
-    oddities = tuple(_oddity(chance) for _ in range(chance.choice((1, 1, 1, 2, 2, 3, 4))))
-    return Case(chance.choice(list(COMMANDS)), oddities)
+    command = chance.choice(list(COMMANDS))
+    words, target = COMMANDS[command]
+    near = [place for place in PLACES if place.partition("/")[0] in (target, *words)]
+    count = chance.choice((1, 1, 1, 2, 2, 3, 4))
+    return Case(command, tuple(_oddity(chance, near if chance.random() < 0.8 else PLACES) for _ in range(count)))
 
 
-def _oddity(chance: Random) -> Oddity:
-    place = chance.choice(PLACES)
+def _oddity(chance: Random, places: Sequence[str]) -> Oddity:
+    place = chance.choice(places)
     if chance.random() < 0.15:
         return Oddity(
             chance.choice(("tree/.git/config", "px4_msgs/.git/config", "new/.git/config")), "git", chance.choice(GIT)
