@@ -89,6 +89,16 @@ class Refused(Exception):  # noqa: N818
     """A value that `struct` accepts and the definition does not; raised and caught inside `encode`."""
 
 
+def check_sequences(*values: object) -> None:
+    """Raise Refused if one of `values` is not a sequence of numbers, but for example a set, a dict or bytes."""
+    for value in values:
+        if type(value) is not list and type(value) is not tuple:
+            from .primitives import is_sequence
+
+            if not is_sequence(value):
+                raise Refused
+
+
 ENCODE_FAILURES = (
     Refused,
     struct.error,

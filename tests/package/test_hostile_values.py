@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from array import array
@@ -17,7 +18,13 @@ from support.catalogs import catalog_of, import_package
 from support.random_definitions import TOLERATED
 from support.repository import ROOT
 
-FILES = {"msg/Many.msg": "uint64 timestamp\nfloat32[20] many\n", "msg/Free.msg": "float32[] many\nuint8[] raw\n"}
+FILES = {
+    "msg/Few.msg": "uint64 timestamp\nfloat32[3] few\nbool[3] flags\n",
+    "msg/Fleet.msg": "Few[2] wings\n",
+    "msg/Free.msg": "float32[] many\nuint8[] raw\n",
+    "msg/Many.msg": "uint64 timestamp\nfloat32[20] many\n",
+    "msg/Named.msg": "string name\nfloat32[3] few\n",
+}
 
 
 class Lying(list[float]):
@@ -79,6 +86,42 @@ def test_what_is_no_sequence_is_no_sequence_of_any_length(kind: str, package: An
 def test_every_kind_of_sequence_is_accepted(value: Any, package: Any) -> None:
     assert list(package.Many.decode(package.Many(many=value).encode()).many) == [float(one) for one in value]
     assert list(package.Free.decode(package.Free(many=value).encode()).many) == [float(one) for one in value]
+
+
+FEW: dict[str, Any] = {
+    "a set": {0, 1, 2},
+    "a frozenset": frozenset({0, 1, 2}),
+    "a dict": {0: 0, 1: 0, 2: 0},
+    "keys": {0: 0, 1: 0, 2: 0}.keys(),
+    "bytes": bytes(3),
+    "a bytearray": bytearray(3),
+    "a generator": (1.0 for _ in range(3)),
+    "an array of 2 dimensions": np.ones((3, 1)),
+}
+
+
+@pytest.mark.parametrize("value", FEW.values(), ids=FEW.keys())
+def test_a_small_array_is_a_sequence_too(value: Any, package: Any) -> None:
+    for message, path in (
+        (package.Few(few=value), "Few.few"),
+        (package.Fleet(wings=(package.Few(), package.Few(few=value))), "Fleet.wings[1].few"),
+        (package.Named(name="a", few=value), "Named.few"),
+    ):
+        with pytest.raises(package.EncodeError, match=rf"^{re.escape(path)}: expected 3 values, got "):
+            message.encode()
+
+
+def test_a_small_array_of_bools_is_a_sequence_too(package: Any) -> None:
+    for value in ({False, True, 2}, b"\0\1\0", {0: 1, 1: 1, 2: 2}):
+        with pytest.raises(package.EncodeError, match=r"^Few\.flags: expected 3 values, got "):
+            package.Few(flags=value).encode()
+
+
+@pytest.mark.parametrize("value", [[1, 0, 1], deque([1, 0, 1]), array("f", [1, 0, 1]), np.array([1.0, 0, 1])])
+def test_a_small_array_is_any_sequence(value: Any, package: Any) -> None:
+    for cls in (package.Few, package.Named):
+        assert cls.decode(cls(few=value).encode()).few == (1.0, 0.0, 1.0)
+    assert package.Few.decode(package.Few(flags=[True, False, True]).encode()).flags == (True, False, True)
 
 
 @pytest.mark.parametrize("value", [array("b", [-1]), memoryview(bytes(4)).cast("B", (2, 2)), np.ones(2, np.int8)])

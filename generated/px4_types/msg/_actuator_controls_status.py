@@ -46,6 +46,8 @@ class ActuatorControlsStatus(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             (control_power_0, control_power_1, control_power_2) = self.control_power
+            if type(self.control_power) is not tuple:
+                _cdr.check_sequences(self.control_power)
             return _pack(_USUAL, self.timestamp, control_power_0, control_power_1, control_power_2)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

@@ -67,6 +67,8 @@ class ActuatorMotors(_cdr.Message):
                 control_0, control_1, control_2, control_3, control_4, control_5, control_6, control_7,
                 control_8, control_9, control_10, control_11,
             ) = self.control
+            if type(self.control) is not tuple:
+                _cdr.check_sequences(self.control)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.reversible_flags, control_0, control_1,
                 control_2, control_3, control_4, control_5, control_6, control_7, control_8, control_9,

@@ -63,6 +63,8 @@ class ActuatorServos(_cdr.Message):
                 control_0, control_1, control_2, control_3, control_4, control_5, control_6, control_7,
                 control_8, control_9, control_10, control_11, control_12, control_13, control_14,
             ) = self.control
+            if type(self.control) is not tuple:
+                _cdr.check_sequences(self.control)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, control_0, control_1, control_2, control_3,
                 control_4, control_5, control_6, control_7, control_8, control_9, control_10, control_11,

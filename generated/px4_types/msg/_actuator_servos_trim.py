@@ -53,6 +53,8 @@ class ActuatorServosTrim(_cdr.Message):
                 trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7, trim_8, trim_9, trim_10,
                 trim_11, trim_12, trim_13, trim_14,
             ) = self.trim
+            if type(self.trim) is not tuple:
+                _cdr.check_sequences(self.trim)
             return _pack(
                 _USUAL, self.timestamp, trim_0, trim_1, trim_2, trim_3, trim_4, trim_5, trim_6, trim_7,
                 trim_8, trim_9, trim_10, trim_11, trim_12, trim_13, trim_14,

@@ -331,6 +331,8 @@ class BatteryStatus(_cdr.Message):
                 voltage_cell_v_5, voltage_cell_v_6, voltage_cell_v_7, voltage_cell_v_8, voltage_cell_v_9,
                 voltage_cell_v_10, voltage_cell_v_11, voltage_cell_v_12, voltage_cell_v_13,
             ) = self.voltage_cell_v
+            if type(self.voltage_cell_v) is not tuple:
+                _cdr.check_sequences(self.voltage_cell_v)
             if (False | self.connected | self.is_powering_off | self.is_required) not in (0, 1):
                 raise _cdr.Refused
             return _pack(

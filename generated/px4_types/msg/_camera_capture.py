@@ -87,6 +87,8 @@ class CameraCapture(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 65 bytes of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
+            if type(self.q) is not tuple:
+                _cdr.check_sequences(self.q)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_utc, self.seq, self.lat, self.lon, self.alt,
                 self.ground_distance, q_0, q_1, q_2, q_3, self.result,

@@ -118,6 +118,8 @@ class ControlAllocatorStatus(_cdr.Message):
         try:
             (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2) = self.unallocated_torque
             (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2) = self.unallocated_thrust
+            if not (type(self.unallocated_torque) is type(self.unallocated_thrust) is tuple):
+                _cdr.check_sequences(self.unallocated_torque, self.unallocated_thrust)
             if (
                 False | self.torque_setpoint_achieved | self.thrust_setpoint_achieved
                 | self.actuator_group_preflight_check_active

@@ -150,6 +150,8 @@ class DistanceSensor(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 58 bytes of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
+            if type(self.q) is not tuple:
+                _cdr.check_sequences(self.q)
             return _pack(
                 _USUAL, self.timestamp, self.device_id, self.min_distance, self.max_distance,
                 self.current_distance, self.variance, self.signal_quality, self.type, self.h_fov, self.v_fov,

@@ -70,6 +70,8 @@ class EscEepromWrite(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 68 bytes of values."""
         try:
             (write_mask_0, write_mask_1) = self.write_mask
+            if type(self.write_mask) is not tuple:
+                _cdr.check_sequences(self.write_mask)
             if len(self.data) != 48:
                 raise _cdr.Refused
             return _pack(

@@ -145,6 +145,11 @@ class EstimatorFusionControl(_cdr.Message):
             (agp_intended_0, agp_intended_1, agp_intended_2, agp_intended_3) = self.agp_intended
             (gps_active_0, gps_active_1) = self.gps_active
             (agp_active_0, agp_active_1, agp_active_2, agp_active_3) = self.agp_active
+            if not (
+                type(self.gps_intended) is type(self.agp_intended) is type(self.gps_active)
+                is type(self.agp_active) is tuple
+            ):
+                _cdr.check_sequences(self.gps_intended, self.agp_intended, self.gps_active, self.agp_active)
             if (
                 False | gps_intended_0 | gps_intended_1 | self.of_intended | self.ev_intended
                 | agp_intended_0 | agp_intended_1 | agp_intended_2 | agp_intended_3 | self.baro_intended

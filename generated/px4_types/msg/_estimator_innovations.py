@@ -167,6 +167,15 @@ class EstimatorInnovations(_cdr.Message):
             (mag_field_0, mag_field_1, mag_field_2) = self.mag_field
             (gravity_0, gravity_1, gravity_2) = self.gravity
             (drag_0, drag_1) = self.drag
+            if not (
+                type(self.gps_hvel) is type(self.gps_hpos) is type(self.ev_hvel) is type(self.ev_hpos)
+                is type(self.aux_hvel) is type(self.flow) is type(self.mag_field) is type(self.gravity)
+                is type(self.drag) is tuple
+            ):
+                _cdr.check_sequences(
+                    self.gps_hvel, self.gps_hpos, self.ev_hvel, self.ev_hpos, self.aux_hvel, self.flow,
+                    self.mag_field, self.gravity, self.drag,
+                )
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, gps_hvel_0, gps_hvel_1, self.gps_vvel,
                 gps_hpos_0, gps_hpos_1, self.gps_vpos, ev_hvel_0, ev_hvel_1, self.ev_vvel, ev_hpos_0,

@@ -151,6 +151,14 @@ class EstimatorSelectorStatus(_cdr.Message):
                 accumulated_accel_error_0, accumulated_accel_error_1, accumulated_accel_error_2,
                 accumulated_accel_error_3,
             ) = self.accumulated_accel_error
+            if not (
+                type(self.combined_test_ratio) is type(self.relative_test_ratio) is type(self.healthy)
+                is type(self.accumulated_gyro_error) is type(self.accumulated_accel_error) is tuple
+            ):
+                _cdr.check_sequences(
+                    self.combined_test_ratio, self.relative_test_ratio, self.healthy,
+                    self.accumulated_gyro_error, self.accumulated_accel_error,
+                )
             if (
                 False | healthy_0 | healthy_1 | healthy_2 | healthy_3 | healthy_4 | healthy_5 | healthy_6
                 | healthy_7 | healthy_8 | self.gyro_fault_detected | self.accel_fault_detected

@@ -355,6 +355,8 @@ class EstimatorStatus(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 136 bytes of values."""
         try:
             (output_tracking_error_0, output_tracking_error_1, output_tracking_error_2) = self.output_tracking_error
+            if type(self.output_tracking_error) is not tuple:
+                _cdr.check_sequences(self.output_tracking_error)
             if (
                 False | self.pre_flt_fail_innov_heading | self.pre_flt_fail_innov_height
                 | self.pre_flt_fail_innov_pos_horiz | self.pre_flt_fail_innov_vel_horiz

@@ -107,6 +107,8 @@ class FailureInjection(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 26 bytes of values."""
         try:
             (instance_mask_0, instance_mask_1, instance_mask_2, instance_mask_3) = self.instance_mask
+            if type(self.instance_mask) is not tuple:
+                _cdr.check_sequences(self.instance_mask)
             if len(self.unit) != 4:
                 raise _cdr.Refused
             if len(self.failure_type) != 4:

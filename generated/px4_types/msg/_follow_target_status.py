@@ -83,6 +83,8 @@ class FollowTargetStatus(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 44 bytes of values."""
         try:
             (desired_position_raw_0, desired_position_raw_1, desired_position_raw_2) = self.desired_position_raw
+            if type(self.desired_position_raw) is not tuple:
+                _cdr.check_sequences(self.desired_position_raw)
             if (False | self.in_emergency_ascent) not in (0, 1):
                 raise _cdr.Refused
             return _pack(

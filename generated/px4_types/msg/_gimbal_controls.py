@@ -57,6 +57,8 @@ class GimbalControls(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 28 bytes of values."""
         try:
             (control_0, control_1, control_2) = self.control
+            if type(self.control) is not tuple:
+                _cdr.check_sequences(self.control)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, control_0, control_1, control_2,
             )

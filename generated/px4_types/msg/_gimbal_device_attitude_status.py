@@ -137,6 +137,8 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 54 bytes of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
+            if type(self.q) is not tuple:
+                _cdr.check_sequences(self.q)
             if (False | self.received_from_mavlink) not in (0, 1):
                 raise _cdr.Refused
             return _pack(

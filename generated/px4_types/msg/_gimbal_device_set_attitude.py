@@ -97,6 +97,8 @@ class GimbalDeviceSetAttitude(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
+            if type(self.q) is not tuple:
+                _cdr.check_sequences(self.q)
             return _pack(
                 _USUAL, self.timestamp, self.target_system, self.target_component, self.flags, q_0, q_1, q_2,
                 q_3, self.angular_velocity_x, self.angular_velocity_y, self.angular_velocity_z,

@@ -111,6 +111,8 @@ class GimbalManagerSetAttitude(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 48 bytes of values."""
         try:
             (q_0, q_1, q_2, q_3) = self.q
+            if type(self.q) is not tuple:
+                _cdr.check_sequences(self.q)
             return _pack(
                 _USUAL, self.timestamp, self.origin_sysid, self.origin_compid, self.target_system,
                 self.target_component, self.flags, self.gimbal_device_id, q_0, q_1, q_2, q_3,

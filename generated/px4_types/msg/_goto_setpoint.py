@@ -102,6 +102,8 @@ class GotoSetpoint(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 52 bytes of values."""
         try:
             (position_0, position_1, position_2) = self.position
+            if type(self.position) is not tuple:
+                _cdr.check_sequences(self.position)
             if (
                 False | self.flag_control_heading | self.flag_set_max_horizontal_speed
                 | self.flag_set_max_vertical_speed | self.flag_set_max_heading_rate

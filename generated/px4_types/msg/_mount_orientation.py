@@ -45,6 +45,8 @@ class MountOrientation(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 20 bytes of values."""
         try:
             (attitude_euler_angle_0, attitude_euler_angle_1, attitude_euler_angle_2) = self.attitude_euler_angle
+            if type(self.attitude_euler_angle) is not tuple:
+                _cdr.check_sequences(self.attitude_euler_angle)
             return _pack(
                 _USUAL, self.timestamp, attitude_euler_angle_0, attitude_euler_angle_1,
                 attitude_euler_angle_2,

@@ -177,6 +177,17 @@ class OnboardComputerStatus(_cdr.Message):
             (
                 link_rx_max_0, link_rx_max_1, link_rx_max_2, link_rx_max_3, link_rx_max_4, link_rx_max_5,
             ) = self.link_rx_max
+            if not (
+                type(self.temperature_core) is type(self.fan_speed) is type(self.storage_type)
+                is type(self.storage_usage) is type(self.storage_total) is type(self.link_type)
+                is type(self.link_tx_rate) is type(self.link_rx_rate) is type(self.link_tx_max)
+                is type(self.link_rx_max) is tuple
+            ):
+                _cdr.check_sequences(
+                    self.temperature_core, self.fan_speed, self.storage_type, self.storage_usage,
+                    self.storage_total, self.link_type, self.link_tx_rate, self.link_rx_rate,
+                    self.link_tx_max, self.link_rx_max,
+                )
             if len(self.cpu_cores) != 8:
                 raise _cdr.Refused
             if len(self.cpu_combined) != 10:

@@ -217,6 +217,13 @@ class RaptorStatus(_cdr.Message):
                 internal_reference_linear_velocity_0, internal_reference_linear_velocity_1,
                 internal_reference_linear_velocity_2,
             ) = self.internal_reference_linear_velocity
+            if not (
+                type(self.internal_reference_position) is type(self.internal_reference_linear_velocity)
+                is tuple
+            ):
+                _cdr.check_sequences(
+                    self.internal_reference_position, self.internal_reference_linear_velocity,
+                )
             if (
                 False | self.subscription_update_angular_velocity | self.subscription_update_local_position
                 | self.subscription_update_attitude | self.subscription_update_trajectory_setpoint

@@ -90,6 +90,13 @@ class RcParameterMap(_cdr.Message):
             (value0_0, value0_1, value0_2) = self.value0
             (value_min_0, value_min_1, value_min_2) = self.value_min
             (value_max_0, value_max_1, value_max_2) = self.value_max
+            if not (
+                type(self.valid) is type(self.param_index) is type(self.scale) is type(self.value0)
+                is type(self.value_min) is type(self.value_max) is tuple
+            ):
+                _cdr.check_sequences(
+                    self.valid, self.param_index, self.scale, self.value0, self.value_min, self.value_max,
+                )
             if len(self.param_id) != 51:
                 raise _cdr.Refused
             if (False | valid_0 | valid_1 | valid_2) not in (0, 1):

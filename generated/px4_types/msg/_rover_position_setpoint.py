@@ -72,6 +72,8 @@ class RoverPositionSetpoint(_cdr.Message):
         try:
             (position_ned_0, position_ned_1) = self.position_ned
             (start_ned_0, start_ned_1) = self.start_ned
+            if not (type(self.position_ned) is type(self.start_ned) is tuple):
+                _cdr.check_sequences(self.position_ned, self.start_ned)
             return _pack(
                 _USUAL, self.timestamp, position_ned_0, position_ned_1, start_ned_0, start_ned_1,
                 self.cruising_speed, self.arrival_speed, self.yaw,

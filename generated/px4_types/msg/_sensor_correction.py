@@ -206,6 +206,22 @@ class SensorCorrection(_cdr.Message):
             (
                 baro_temperature_0, baro_temperature_1, baro_temperature_2, baro_temperature_3,
             ) = self.baro_temperature
+            if not (
+                type(self.accel_device_ids) is type(self.accel_temperature) is type(self.accel_offset_0)
+                is type(self.accel_offset_1) is type(self.accel_offset_2) is type(self.accel_offset_3)
+                is type(self.gyro_device_ids) is type(self.gyro_temperature) is type(self.gyro_offset_0)
+                is type(self.gyro_offset_1) is type(self.gyro_offset_2) is type(self.gyro_offset_3)
+                is type(self.mag_device_ids) is type(self.mag_temperature) is type(self.mag_offset_0)
+                is type(self.mag_offset_1) is type(self.mag_offset_2) is type(self.mag_offset_3)
+                is type(self.baro_device_ids) is type(self.baro_temperature) is tuple
+            ):
+                _cdr.check_sequences(
+                    self.accel_device_ids, self.accel_temperature, self.accel_offset_0, self.accel_offset_1,
+                    self.accel_offset_2, self.accel_offset_3, self.gyro_device_ids, self.gyro_temperature,
+                    self.gyro_offset_0, self.gyro_offset_1, self.gyro_offset_2, self.gyro_offset_3,
+                    self.mag_device_ids, self.mag_temperature, self.mag_offset_0, self.mag_offset_1,
+                    self.mag_offset_2, self.mag_offset_3, self.baro_device_ids, self.baro_temperature,
+                )
             return _pack(
                 _USUAL, self.timestamp, accel_device_ids_0, accel_device_ids_1, accel_device_ids_2,
                 accel_device_ids_3, accel_temperature_0, accel_temperature_1, accel_temperature_2,

@@ -127,6 +127,8 @@ class SystemPower(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 42 bytes of values."""
         try:
             (sensors3v3_0, sensors3v3_1, sensors3v3_2, sensors3v3_3) = self.sensors3v3
+            if type(self.sensors3v3) is not tuple:
+                _cdr.check_sequences(self.sensors3v3)
             return _pack(
                 _USUAL, self.timestamp, self.voltage5v_v, self.voltage_payload_v, sensors3v3_0, sensors3v3_1,
                 sensors3v3_2, sensors3v3_3, self.sensors3v3_valid, self.usb_connected, self.brick_valid,

@@ -81,6 +81,14 @@ class TrajectorySetpoint6dof(_cdr.Message):
             (jerk_0, jerk_1, jerk_2) = self.jerk
             (quaternion_0, quaternion_1, quaternion_2, quaternion_3) = self.quaternion
             (angular_velocity_0, angular_velocity_1, angular_velocity_2) = self.angular_velocity
+            if not (
+                type(self.position) is type(self.velocity) is type(self.acceleration) is type(self.jerk)
+                is type(self.quaternion) is type(self.angular_velocity) is tuple
+            ):
+                _cdr.check_sequences(
+                    self.position, self.velocity, self.acceleration, self.jerk, self.quaternion,
+                    self.angular_velocity,
+                )
             return _pack(
                 _USUAL, self.timestamp, position_0, position_1, position_2, velocity_0, velocity_1,
                 velocity_2, acceleration_0, acceleration_1, acceleration_2, jerk_0, jerk_1, jerk_2,

@@ -155,6 +155,14 @@ class VehicleImuStatus(_cdr.Message):
             (mean_gyro_0, mean_gyro_1, mean_gyro_2) = self.mean_gyro
             (var_accel_0, var_accel_1, var_accel_2) = self.var_accel
             (var_gyro_0, var_gyro_1, var_gyro_2) = self.var_gyro
+            if not (
+                type(self.accel_clipping) is type(self.gyro_clipping) is type(self.mean_accel)
+                is type(self.mean_gyro) is type(self.var_accel) is type(self.var_gyro) is tuple
+            ):
+                _cdr.check_sequences(
+                    self.accel_clipping, self.gyro_clipping, self.mean_accel, self.mean_gyro, self.var_accel,
+                    self.var_gyro,
+                )
             return _pack(
                 _USUAL, self.timestamp, self.accel_device_id, self.gyro_device_id, accel_clipping_0,
                 accel_clipping_1, accel_clipping_2, gyro_clipping_0, gyro_clipping_1, gyro_clipping_2,

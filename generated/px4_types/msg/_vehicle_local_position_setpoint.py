@@ -97,6 +97,8 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
         try:
             (acceleration_0, acceleration_1, acceleration_2) = self.acceleration
             (thrust_0, thrust_1, thrust_2) = self.thrust
+            if not (type(self.acceleration) is type(self.thrust) is tuple):
+                _cdr.check_sequences(self.acceleration, self.thrust)
             return _pack(
                 _USUAL, self.timestamp, self.x, self.y, self.z, self.vx, self.vy, self.vz, acceleration_0,
                 acceleration_1, acceleration_2, thrust_0, thrust_1, thrust_2, self.yaw, self.yawspeed,

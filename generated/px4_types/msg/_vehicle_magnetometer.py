@@ -66,6 +66,8 @@ class VehicleMagnetometer(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 33 bytes of values."""
         try:
             (magnetometer_ga_0, magnetometer_ga_1, magnetometer_ga_2) = self.magnetometer_ga
+            if type(self.magnetometer_ga) is not tuple:
+                _cdr.check_sequences(self.magnetometer_ga)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, magnetometer_ga_0,
                 magnetometer_ga_1, magnetometer_ga_2, self.calibration_count,

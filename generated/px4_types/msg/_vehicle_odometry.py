@@ -156,6 +156,15 @@ class VehicleOdometry(_cdr.Message):
             (position_variance_0, position_variance_1, position_variance_2) = self.position_variance
             (orientation_variance_0, orientation_variance_1, orientation_variance_2) = self.orientation_variance
             (velocity_variance_0, velocity_variance_1, velocity_variance_2) = self.velocity_variance
+            if not (
+                type(self.position) is type(self.q) is type(self.velocity) is type(self.angular_velocity)
+                is type(self.position_variance) is type(self.orientation_variance)
+                is type(self.velocity_variance) is tuple
+            ):
+                _cdr.check_sequences(
+                    self.position, self.q, self.velocity, self.angular_velocity, self.position_variance,
+                    self.orientation_variance, self.velocity_variance,
+                )
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.pose_frame, position_0, position_1,
                 position_2, q_0, q_1, q_2, q_3, self.velocity_frame, velocity_0, velocity_1, velocity_2,

@@ -100,6 +100,8 @@ class VehicleOpticalFlow(_cdr.Message):
         try:
             (pixel_flow_0, pixel_flow_1) = self.pixel_flow
             (delta_angle_0, delta_angle_1, delta_angle_2) = self.delta_angle
+            if not (type(self.pixel_flow) is type(self.delta_angle) is tuple):
+                _cdr.check_sequences(self.pixel_flow, self.delta_angle)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, pixel_flow_0, pixel_flow_1,
                 delta_angle_0, delta_angle_1, delta_angle_2, self.distance_m, self.integration_timespan_us,

@@ -107,6 +107,17 @@ class VehicleOpticalFlowVel(_cdr.Message):
             (gyro_rate_0, gyro_rate_1, gyro_rate_2) = self.gyro_rate
             (gyro_bias_0, gyro_bias_1, gyro_bias_2) = self.gyro_bias
             (ref_gyro_0, ref_gyro_1, ref_gyro_2) = self.ref_gyro
+            if not (
+                type(self.vel_body) is type(self.vel_ne) is type(self.vel_body_filtered)
+                is type(self.vel_ne_filtered) is type(self.flow_rate_uncompensated)
+                is type(self.flow_rate_compensated) is type(self.gyro_rate) is type(self.gyro_bias)
+                is type(self.ref_gyro) is tuple
+            ):
+                _cdr.check_sequences(
+                    self.vel_body, self.vel_ne, self.vel_body_filtered, self.vel_ne_filtered,
+                    self.flow_rate_uncompensated, self.flow_rate_compensated, self.gyro_rate, self.gyro_bias,
+                    self.ref_gyro,
+                )
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, vel_body_0, vel_body_1, vel_ne_0, vel_ne_1,
                 vel_body_filtered_0, vel_body_filtered_1, vel_ne_filtered_0, vel_ne_filtered_1,

@@ -73,6 +73,8 @@ class VehicleRatesSetpoint(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 33 bytes of values."""
         try:
             (thrust_body_0, thrust_body_1, thrust_body_2) = self.thrust_body
+            if type(self.thrust_body) is not tuple:
+                _cdr.check_sequences(self.thrust_body)
             if (False | self.reset_integral) not in (0, 1):
                 raise _cdr.Refused
             return _pack(

@@ -53,6 +53,8 @@ class VehicleThrustSetpoint(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 28 bytes of values."""
         try:
             (xyz_0, xyz_1, xyz_2) = self.xyz
+            if type(self.xyz) is not tuple:
+                _cdr.check_sequences(self.xyz)
             return _pack(_USUAL, self.timestamp, self.timestamp_sample, xyz_0, xyz_1, xyz_2)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

@@ -136,6 +136,14 @@ class VteAidSource3d(_cdr.Message):
             (innovation_0, innovation_1, innovation_2) = self.innovation
             (innovation_variance_0, innovation_variance_1, innovation_variance_2) = self.innovation_variance
             (test_ratio_0, test_ratio_1, test_ratio_2) = self.test_ratio
+            if not (
+                type(self.observation) is type(self.observation_variance) is type(self.innovation)
+                is type(self.innovation_variance) is type(self.test_ratio) is tuple
+            ):
+                _cdr.check_sequences(
+                    self.observation, self.observation_variance, self.innovation, self.innovation_variance,
+                    self.test_ratio,
+                )
             if len(self.fusion_status) != 3:
                 raise _cdr.Refused
             return _pack(

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from msggen.generate.python.formatting import literal
+from msggen.generate.python.formatting import joined_by, literal
 from msggen.generate.python.kind import Kind, kind_of
 from msggen.generate.python.names import attribute_names
 from msggen.model import ArrayKind, Catalog, FieldType, Message
@@ -23,7 +23,9 @@ from msggen.primitives import PRIMITIVES
 ClassOf = Callable[[Message], str]
 """A function that returns the class name of a message in the module that nests it."""
 
-_TAKEN = frozenset({"cls", "self", "data", "allow_surplus", "message", "header", "error", "len", "unpack"})
+_TAKEN = frozenset(
+    {"cls", "self", "data", "allow_surplus", "message", "header", "error", "len", "tuple", "type", "unpack"}
+)
 _LARGEST_GROUP = 100
 """The largest number of operands in a chain, because the compiler of Python recurses for each operator."""
 
@@ -59,10 +61,19 @@ class Values:
         """The attributes that `decode` assigns after it has unpacked, and their values."""
         self.unpacked: list[tuple[str, str]] = []
         """The local variables that `encode` unpacks attributes to before it packs, and the attributes."""
+        self.sequences: list[str] = []
+        """The attributes that must be sequences: unpacking would accept sets, dicts and bytes."""
         self.lengths: list[tuple[str, int]] = []
         """The attributes of bytes and their required lengths: `struct` would pad or truncate the bytes."""
         self.bools: list[str] = []
         """The values that must be bools: `struct` would accept any object."""
+
+    def not_tuples(self, indent: int) -> str:
+        """Return the condition that a sequence is not a tuple, as all are after decoding."""
+        if len(self.sequences) == 1:
+            return f"type({self.sequences[0]}) is not tuple"
+        types = [*(f"type({attribute})" for attribute in self.sequences), "tuple"]
+        return f"not ({joined_by(types, ' is ', indent)})"
 
     def groups_of_bools(self) -> list[list[str]]:
         """Return the bools in groups whose items are joined by an operator.
@@ -94,6 +105,7 @@ class Values:
             self.targets += names
             self.assigned.append((here, as_tuple(names)))
             self.unpacked.append((as_tuple(names), there))
+            self.sequences.append(there)
             self.values += names
             self.bools += names if type_.name == "bool" else []
 

@@ -57,7 +57,7 @@ def listed(values: Any, most: int) -> list[Any]:
     with another length than it says. Raises NotASequence, for example for a set, a mapping, text, bytes, an iterator or
     an array of two dimensions, and ValueError for a length that does not fit.
     """
-    if not _is_sequence(values):
+    if not is_sequence(values):
         raise NotASequence
     count: int = len(values)
     if count > most:
@@ -68,7 +68,7 @@ def listed(values: Any, most: int) -> list[Any]:
     return items
 
 
-def _is_sequence(values: Any) -> bool:
+def is_sequence(values: Any) -> bool:
     """Whether an object says that it has one dimension and elements by index."""
     is_mapping = hasattr(values, "keys") and not hasattr(values, "ndim")  # a column of pandas has both
     if isinstance(values, NO_SEQUENCES) or is_mapping or getattr(values, "ndim", 1) != 1:
