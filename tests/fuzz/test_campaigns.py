@@ -62,8 +62,9 @@ def write_in_place(folder: str, files: Mapping[str, str]) -> tuple[OutputPlan, R
     for name, text in files.items():
         path = Path(folder, name)
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", encoding="utf-8") as stream:
-            stream.write(text)
+        if not path.is_fifo():
+            with path.open("w", encoding="utf-8") as stream:
+                stream.write(text)
     for name in removed:
         Path(folder, name).unlink(missing_ok=True)
     write_record(folder, record)

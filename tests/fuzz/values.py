@@ -25,9 +25,6 @@ COUNT = 6000
 
 OCTETS = ("uint8", "byte", "char")
 
-UNCHECKED = 15
-"""The length of arrays up to which anything with the right values is taken (docs/package.md)."""
-
 FEW = 1000
 """The bound of a sequence up to which its values must be counted before they are copied."""
 
@@ -154,8 +151,7 @@ def check(case: Case) -> None:
     for name in case.path[:-1]:
         decoded = _one(getattr(decoded, attribute(decoded, name)))
     found = getattr(decoded, last)
-    is_tuple = type_.array is ArrayKind.FIXED and type_.length <= UNCHECKED
-    if type_.array is not ArrayKind.SCALAR and len(found) and not is_tuple:
+    if type_.array is not ArrayKind.SCALAR and len(found):
         assert not isinstance(value, (AbstractSet, Mapping)), "it has no order"
         assert type_.name in OCTETS or not isinstance(value, (bytes, bytearray)), "these are no numbers"
     given = evaluated(case.value, **classes)  # again, because encoding uses up an iterator
