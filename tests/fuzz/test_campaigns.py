@@ -40,10 +40,11 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs fork, lin
 @pytest.fixture(autouse=True, scope="module")
 def scratch() -> Iterator[None]:
     """Make the folders of cases in one place, and remove it at the end."""
-    before, tempfile.tempdir = tempfile.tempdir, scratch_root()
+    before, root = tempfile.tempdir, scratch_root()
+    tempfile.tempdir = root
     yield
-    shutil.rmtree(tempfile.tempdir)
     tempfile.tempdir = before
+    shutil.rmtree(root, ignore_errors=True)
 
 
 @pytest.mark.slow
