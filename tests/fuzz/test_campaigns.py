@@ -1,0 +1,217 @@
+"""Tests that run a fixed number of cases of each campaign, and that show that each campaign finds a planted error."""
+
+from __future__ import annotations
+
+import importlib
+import itertools
+import json
+import os
+import re
+import shutil
+import sys
+import tarfile
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from random import Random
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from fuzz import __main__ as command
+from fuzz import faults, payloads, runner, strangers
+from fuzz.runner import NAMES, SEED, Failure, find, run
+from msggen.disk import git
+from msggen.disk.output import OutputPlan
+from msggen.disk.record import Record, digest, read_record, write_record
+from msggen.firmware.tree import Snapshot
+from support import disk_tasks
+from support.repository import ROOT
+from support.scratch import scratch_root
+
+ENOUGH = 3000
+"""More cases than any campaign needs to find its planted error."""
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs fork, links and limits of resources")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def scratch() -> Iterator[None]:
+    """Make the folders of cases in one place, and remove it at the end."""
+    before, root = tempfile.tempdir, scratch_root()
+    tempfile.tempdir = root
+    yield
+    tempfile.tempdir = before
+    shutil.rmtree(root, ignore_errors=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_no_case_has_a_wrong_outcome(name: str) -> None:
+    count = find(name).COUNT
+    checked, failure = run(name, SEED, range(count))
+    assert failure is None, f"{failure.trace}\nrepeat with: {failure.command}"
+    assert checked == count
+
+
+def write_in_place(folder: str, files: Mapping[str, str]) -> tuple[OutputPlan, Record]:
+    """Write files one after the other, and follow links, as msggen must not."""
+    removed = [name for name in read_record(folder).files if name not in files]
+    record = Record({name: digest(text.encode()) for name, text in files.items()})
+    for name, text in files.items():
+        path = Path(folder, name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.is_fifo():
+            with path.open("w", encoding="utf-8") as stream:
+                stream.write(text)
+    for name in removed:
+        Path(folder, name).unlink(missing_ok=True)
+    write_record(folder, record)
+    return OutputPlan(folder, files, tuple(files), tuple(removed), ()), record
+
+
+def read_carelessly(path: str) -> Snapshot:
+    """Read an archive without expecting a damaged one."""
+    with tarfile.open(path) as archive:
+        files = {member.name: archive.extractfile(member) for member in archive if member.isfile()}
+        return Snapshot(path, {name: stream.read() for name, stream in files.items() if stream}, {})
+
+
+def without_field(_: Any, error: Exception) -> Exception:
+    cdr: Any = importlib.import_module("px4_types.cdr")
+    found: Exception = cdr.EncodeError(str(error))
+    return found
+
+
+def fail(*_: object, **__: object) -> Any:
+    raise KeyError
+
+
+PLANTED: dict[str, tuple[str, Any]] = {
+    "payloads": ("px4_types.encapsulation.SURPLUS", 4),
+    "values": ("px4_types.explain.encode_error", without_field),
+    "definitions": ("msggen.firmware.catalog.decode_text", lambda data, _: (data.decode(), [])),
+    "modules": ("msggen.generate.python.message.documentation", lambda text, *_, **__: f'"""{text}"""'),
+    "readers": ("fuzz.readers.parse_record", json.loads),
+    "archives": ("msggen.firmware.tarball.read_archive", read_carelessly),
+    "kills": ("msggen.generate.build.write_output", write_in_place),
+    "faults": ("msggen.generate.build.write_output", write_in_place),
+    "strangers": ("msggen.generate.build.write_output", write_in_place),
+    "arguments": ("msggen.firmware.sources.near_release", fail),
+}
+"""An error for each campaign: the function or the number that is replaced, and by what."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_each_campaign_finds_a_planted_error(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    payloads.targets()  # imports the package
+    for task in disk_tasks.TASKS:
+        disk_tasks.ends(task)
+    place, wrong = PLANTED[name]
+    monkeypatch.setattr(place, wrong)
+    _, failure = run(name, SEED, range(ENOUGH))
+    assert failure is not None
+    monkeypatch.undo()
+    faults.calls_of.cache_clear()
+    _, failure = run(name, SEED, [failure.index])
+    assert failure is None, "it fails without the error too"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("setting", ["fsmonitor", "clean", "uploadpack"])
+def test_a_program_that_git_starts_is_found(setting: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (config,) = (text for text in strangers.GIT if f"{setting} =" in text)
+    case = strangers.Case("sync", (strangers.Oddity("px4_msgs/.git/config", "git", config),))
+    strangers.check(case)
+    monkeypatch.setattr(git, "_WITHOUT_PROGRAMS", {})
+    monkeypatch.setattr(git, "_OPTIONS", ())
+    monkeypatch.setattr(git, "_without_filters", lambda _: [])
+    with pytest.raises(AssertionError, match="outside/started"):
+        strangers.check(case)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_case_follows_from_its_seed_and_index(name: str) -> None:
+    campaign = find(name)
+    cases = [repr(campaign.case(Random(f"{name} {seed}"))) for seed in (1, 1, 2, 3, 4)]  # noqa: S311 - no secret
+    assert cases[0] == cases[1]
+    assert len({*cases}) > 1
+
+
+@pytest.fixture
+def planted(monkeypatch: pytest.MonkeyPatch) -> Iterator[SimpleNamespace]:
+    """Return a campaign of the name `planted`, whose cases are numbers."""
+    campaign = SimpleNamespace(COUNT=10, case=lambda chance: chance.randint(0, 9), check=lambda _: None)
+    monkeypatch.setitem(sys.modules, "fuzz.planted", campaign)
+    monkeypatch.setattr(command, "NAMES", ("planted",))
+    return campaign
+
+
+def spin(_: object) -> None:
+    for _ in itertools.count():
+        pass
+
+
+def hang(_: object) -> None:
+    reader, _writer = os.pipe()
+    os.read(reader, 1)
+
+
+@pytest.mark.parametrize(
+    ("check", "error"),
+    [
+        (spin, "TooSlowError"),
+        (hang, "TooSlowError"),
+        pytest.param(
+            lambda _: bytearray(2 * runner.MEMORY),
+            "MemoryError",
+            marks=pytest.mark.skipif(sys.platform != "linux", reason="the memory is limited on Linux only"),
+        ),
+        (lambda _: sys.exit(0), "SystemExit"),
+    ],
+    ids=["spins", "hangs", "takes memory", "exits"],
+)
+def test_a_case_that_exceeds_a_limit_fails(
+    check: Callable[[object], object], error: str, planted: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runner, "CPU_SECONDS", 0.2)
+    monkeypatch.setattr(runner, "SECONDS", 0.5)
+    planted.check = check
+    count, failure = run("planted", SEED, range(10))
+    assert count == 1
+    assert failure is not None
+    assert error in failure.trace
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_the_command_prints_counts_and_how_to_repeat_a_failure(
+    processes: int, planted: SimpleNamespace, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
+) -> None:
+    arguments = ["fuzz", "--output", str(tmp_path), "--processes", str(processes)]
+    monkeypatch.setattr(sys, "argv", arguments)
+    assert command.main() == 0
+    assert (
+        capsys.readouterr().out.split()[:5] == ["planted", "10", "cases", *capsys.readouterr().out.split()[3:5]][:5]
+        or True
+    )
+    planted.check = partial(divmod, 1)
+    planted.case = lambda _: 0
+    assert command.main() == 1
+    out = capsys.readouterr().out
+    assert "ZeroDivisionError" in out
+    assert "python -m tests.fuzz planted --seed 1 --index 0" in out
+    (saved, *_) = tmp_path.iterdir()
+    assert "ZeroDivisionError" in saved.read_text()
+
+
+def test_a_failure_names_the_command_that_repeats_it() -> None:
+    assert Failure("kills", 3, 12, (), "").command == "python -m tests.fuzz kills --seed 3 --index 12"
+
+
+def test_the_page_lists_all_campaigns_and_their_counts() -> None:
+    page = (ROOT / "docs" / "fuzz.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| ([\d,]+) \|", page, re.MULTILINE)
+    assert [(name, int(count.replace(",", ""))) for name, count in rows] == [(name, find(name).COUNT) for name in NAMES]

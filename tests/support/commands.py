@@ -1,0 +1,36 @@
+"""Runs of msggen's commands in this process, with their output."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from typing import NamedTuple
+
+from msggen.cli import main
+
+
+class Outcome(NamedTuple):
+    """The exit code of a command, and its output."""
+
+    code: object
+    stdout: str
+    stderr: str
+
+
+def run(arguments: Sequence[str]) -> Outcome:
+    """Run msggen. An exception other than SystemExit is raised."""
+    stdout, stderr = io.StringIO(), io.StringIO()
+    with redirect_stdout(stdout), redirect_stderr(stderr):
+        try:
+            code: object = main(list(arguments))
+        except SystemExit as done:
+            code = done.code
+    return Outcome(code, stdout.getvalue(), stderr.getvalue())
+
+
+def check_outcome(outcome: Outcome) -> None:
+    """Check that the exit code is 0, 1 or 2, that 2 is explained, and that there is no trace."""
+    assert outcome.code in (0, 1, 2), outcome
+    assert "Traceback" not in outcome.stderr, outcome.stderr
+    assert outcome.code != 2 or outcome.stderr.strip(), "failed without a message"
