@@ -76,7 +76,7 @@ def test_what_is_no_sequence_is_an_error_that_names_the_field(value: Any, packag
         package.Many(many=value).encode()
 
 
-@pytest.mark.parametrize("kind", NO_SEQUENCES.keys() - {"a long range"})
+@pytest.mark.parametrize("kind", [kind for kind in NO_SEQUENCES if kind != "a long range"])
 def test_what_is_no_sequence_is_no_sequence_of_any_length(kind: str, package: Any) -> None:
     with pytest.raises(package.EncodeError, match=r"^Free\.many: expected "):
         package.Free(many=NO_SEQUENCES[kind]).encode()
