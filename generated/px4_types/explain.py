@@ -11,7 +11,7 @@ from operator import index
 
 from .cdr import ENCODE_FAILURES, SEQUENCES, EncodeError, Message
 from .info import Field, nested_class
-from .primitives import NO_SEQUENCES, OCTET_FORMATS, OCTETS, PRIMITIVES, STRINGS, NotASequence, listed
+from .primitives import NO_SEQUENCES, OCTET_FORMATS, OCTETS, PRIMITIVES, STRINGS, NotASequence, WrongNumber, listed
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
@@ -37,17 +37,16 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
         return _value_problem(message, field.base, value, path)
     if field.base in OCTETS:
         if isinstance(value, (bytes, bytearray)) or (field.is_sequence and _has_octets(value)):
-            return _number_problem(field, len(value), path, "bytes")
+            return _number_problem(field, memoryview(value).nbytes, path, "bytes")
         return f"{path}: expected {_expected(field, 'bytes')}, got {given(value)}"
     most = field.length if field.length is not None else field.most
     try:
         items = listed(value, sys.maxsize if most is None else most)
     except NotASequence:
         return f"{path}: expected {_expected(field, 'values')}, got {_no_sequence(value)}"
-    except (NotImplementedError, ValueError):
-        number = len(value)
-        problem = _number_problem(field, number, path, "values")
-        return problem or f"{path}: expected {number} values, the number that its length says, got another"
+    except WrongNumber as wrong:
+        problem = _number_problem(field, wrong.number, path, "values")
+        return problem or f"{path}: expected {wrong.number} values, the number that its length says, got another"
     problem = _number_problem(field, len(items), path, "values")
     if problem:
         return problem
@@ -124,8 +123,10 @@ def _value_problem(outer: Message, base: str, value: Any, path: str) -> str:
 
 
 def _is_bool(value: Any) -> bool:
-    of_numpy = value.__class__.__name__ in ("bool_", "bool")
-    return of_numpy or _index_of(value) in (0, 1)
+    try:
+        return (False | value) in (0, 1)  # as `encode` checks it
+    except ENCODE_FAILURES:
+        return False
 
 
 def _index_of(value: Any) -> int | None:

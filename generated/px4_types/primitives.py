@@ -46,8 +46,19 @@ NO_SEQUENCES = (str, bytes, bytearray, dict)
 """Python types that have a length and elements by index, and are not sequences of values."""
 
 
+_REFUSALS = (ArithmeticError, AttributeError, BufferError, LookupError, RuntimeError, TypeError, ValueError)
+
+
 class NotASequence(TypeError):  # noqa: N818
     """The error that an object is not a sequence of one dimension."""
+
+
+class WrongNumber(ValueError):  # noqa: N818
+    """The error that a sequence has too many values, or another number than its length, which is `number`."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(f"{number} values")
+        self.number = number
 
 
 def listed(values: Any, most: int) -> list[Any]:
@@ -55,16 +66,17 @@ def listed(values: Any, most: int) -> list[Any]:
 
     The length is checked before the elements are copied; no more than one element too many is copied from an object
     with another length than it says. Raises NotASequence, for example for a set, a mapping, text, bytes, an iterator or
-    an array of two dimensions, and ValueError for a length that does not fit.
+    an array of two dimensions, and WrongNumber.
     """
-    if not is_sequence(values):
-        raise NotASequence
-    count: int = len(values)
-    if count > most:
-        raise ValueError(f"{count} values")
-    items: list[Any] = list(islice(values, count + 1))
+    try:
+        if not is_sequence(values):
+            raise NotASequence
+        count: int = len(values)
+        items: list[Any] = [] if count > most else list(islice(values, count + 1))
+    except _REFUSALS:
+        raise NotASequence from None
     if len(items) != count:
-        raise ValueError("another number of values than its length")
+        raise WrongNumber(count)
     return items
 
 

@@ -116,6 +116,8 @@ def write_stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
             encoded = _encoded(folder, files, stale)
             with written_aside(encoded, os.path.join(folder, STAGE), flushed=False) as move_into_place:
                 move_into_place()
+        else:
+            clear(os.path.join(folder, STAGE))
         return stale
 
 

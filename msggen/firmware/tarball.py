@@ -30,11 +30,13 @@ _DAMAGED = (
     struct.error,
     EOFError,
     LookupError,
+    MemoryError,
     OSError,
     RuntimeError,
     ValueError,
 )
-"""The exceptions of tarfile, zipfile and their codecs for a damaged archive. RecursionError is a RuntimeError."""
+"""The exceptions of tarfile, zipfile and their codecs for a damaged archive. A header may ask for a
+dictionary of any size (MemoryError). RecursionError is a RuntimeError."""
 
 _UNPACKERS: dict[bytes, Callable[[str], object]] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
 """The functions that open compressed files, by the first bytes of these."""

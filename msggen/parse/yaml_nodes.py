@@ -37,9 +37,10 @@ def read_yaml(data: bytes, path: str) -> yaml.Node | None:
         reason = " ".join(str(part) for part in (error.context, error.problem) if part)
         raise input_error(path, "Y101", f"not YAML: {reason}", line, column) from None
     except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        column = error.start - data.rfind(b"\n", 0, error.start)
-        raise input_error(path, "Y101", f"byte 0x{data[error.start]:02x} is not UTF-8", line, column) from None
+        before = error.object[: error.start].decode("utf-8", "replace")  # without a byte order mark
+        before = before.replace("\r\n", "\n").replace("\r", "\n")  # all of them end a line in YAML
+        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
+        raise input_error(path, "Y101", f"byte 0x{error.object[error.start]:02x} is not UTF-8", line, column) from None
     except yaml.YAMLError as error:
         raise input_error(path, "Y101", f"not YAML: {str(error).splitlines()[0]}") from None
     return root

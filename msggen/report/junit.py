@@ -27,15 +27,18 @@ def write_junit(report: Report) -> str:
 def write_errors(errors: Sequence[Diagnostic]) -> str:
     """Return JUnit XML with a test for each error that prevented a report, which has that error."""
     suite = TestSuite("ERRORS")
-    for error in errors:
-        case = TestCase(printable(f"{error.code} {error.location}"), classname="msggen.ERRORS")
-        result = Error(printable(error.message), error.code)
-        result.text = printable(str(error))
-        case.result = [result]
-        suite.add_testcase(case)
+    suite.add_testcases([_error(error) for error in errors])  # one by one, each would be counted again
     document = JUnitXml("msggen")
     document.add_testsuite(suite)
     return _text(document)
+
+
+def _error(error: Diagnostic) -> TestCase:
+    case = TestCase(printable(f"{error.code} {error.location}"), classname="msggen.ERRORS")
+    result = Error(printable(error.message), error.code)
+    result.text = printable(str(error))
+    case.result = [result]
+    return case
 
 
 def _text(document: JUnitXml) -> str:
@@ -48,8 +51,7 @@ def _suite(report: Report, category: Category, rules: Sequence[Rule]) -> TestSui
     suite = TestSuite(category.name)
     for name, value in (("previous", report.previous), ("current", report.current), ("summary", report.summary)):
         suite.add_property(name, printable(value))
-    for rule in rules:
-        suite.add_testcase(_case(rule, [finding for finding in report.findings if finding.rule.id == rule.id]))
+    suite.add_testcases([_case(rule, [each for each in report.findings if each.rule.id == rule.id]) for rule in rules])
     return suite
 
 

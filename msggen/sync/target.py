@@ -52,8 +52,7 @@ def default_name(path: str, *, create: bool) -> str:
     if os.path.lexists(manifest):
         name = ""
         if read_record(folder).files:
-            with open(manifest, "rb") as stream:
-                name = package_name(stream.read(), os.path.join(path, "package.xml"))
+            name = package_name(Folder(path).read("package.xml"), os.path.join(path, "package.xml"))
     else:
         name = os.path.basename(folder) if create else ""
     return name if re.fullmatch(_NAME, name) else DEFAULT_PACKAGE

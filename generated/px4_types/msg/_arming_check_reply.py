@@ -177,16 +177,16 @@ class ArmingCheckReply(_cdr.Message):
         """Return the message as a CDR sample: 4 bytes of header and 227 bytes of values."""
         try:
             (events_0, events_1, events_2, events_3, events_4) = self.events
-            if len(events_0.arguments) != 25:
-                raise _cdr.Refused
-            if len(events_1.arguments) != 25:
-                raise _cdr.Refused
-            if len(events_2.arguments) != 25:
-                raise _cdr.Refused
-            if len(events_3.arguments) != 25:
-                raise _cdr.Refused
-            if len(events_4.arguments) != 25:
-                raise _cdr.Refused
+            if type(events_0.arguments) is not bytes or len(events_0.arguments) != 25:
+                _cdr.check_bytes(events_0.arguments, 25)
+            if type(events_1.arguments) is not bytes or len(events_1.arguments) != 25:
+                _cdr.check_bytes(events_1.arguments, 25)
+            if type(events_2.arguments) is not bytes or len(events_2.arguments) != 25:
+                _cdr.check_bytes(events_2.arguments, 25)
+            if type(events_3.arguments) is not bytes or len(events_3.arguments) != 25:
+                _cdr.check_bytes(events_3.arguments, 25)
+            if type(events_4.arguments) is not bytes or len(events_4.arguments) != 25:
+                _cdr.check_bytes(events_4.arguments, 25)
             if (
                 False | self.health_component_is_present | self.health_component_warning
                 | self.health_component_error | self.can_arm_and_run | self.mode_req_angular_velocity

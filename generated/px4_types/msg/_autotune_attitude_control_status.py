@@ -159,7 +159,10 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
             (coeff_0, coeff_1, coeff_2, coeff_3, coeff_4) = self.coeff
             (coeff_var_0, coeff_var_1, coeff_var_2, coeff_var_3, coeff_var_4) = self.coeff_var
             (rate_sp_0, rate_sp_1, rate_sp_2) = self.rate_sp
-            if not (type(self.coeff) is type(self.coeff_var) is type(self.rate_sp) is tuple):
+            if (
+                type(self.coeff) is not tuple or type(self.coeff_var) is not tuple
+                or type(self.rate_sp) is not tuple
+            ):
                 _cdr.check_sequences(self.coeff, self.coeff_var, self.rate_sp)
             return _pack(
                 _USUAL, self.timestamp, coeff_0, coeff_1, coeff_2, coeff_3, coeff_4, coeff_var_0, coeff_var_1,

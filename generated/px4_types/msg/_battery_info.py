@@ -51,8 +51,8 @@ class BatteryInfo(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 41 bytes of values."""
         try:
-            if len(self.serial_number) != 32:
-                raise _cdr.Refused
+            if type(self.serial_number) is not bytes or len(self.serial_number) != 32:
+                _cdr.check_bytes(self.serial_number, 32)
             return _pack(_USUAL, self.timestamp, self.id, self.serial_number)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

@@ -186,8 +186,8 @@ class CellularStatus(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 64 bytes of values."""
         try:
-            if len(self.cell_tower_id) != 9:
-                raise _cdr.Refused
+            if type(self.cell_tower_id) is not bytes or len(self.cell_tower_id) != 9:
+                _cdr.check_bytes(self.cell_tower_id, 9)
             return _pack(
                 _USUAL, self.timestamp, self.status, self.failure_reason, self.type, self.quality, self.mcc,
                 self.mnc, self.lac, self.id, self.link_tx_rate, self.link_rx_rate, self.cell_tower_id,

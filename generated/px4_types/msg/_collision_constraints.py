@@ -54,7 +54,7 @@ class CollisionConstraints(_cdr.Message):
         try:
             (original_setpoint_0, original_setpoint_1) = self.original_setpoint
             (adapted_setpoint_0, adapted_setpoint_1) = self.adapted_setpoint
-            if not (type(self.original_setpoint) is type(self.adapted_setpoint) is tuple):
+            if type(self.original_setpoint) is not tuple or type(self.adapted_setpoint) is not tuple:
                 _cdr.check_sequences(self.original_setpoint, self.adapted_setpoint)
             return _pack(
                 _USUAL, self.timestamp, original_setpoint_0, original_setpoint_1, adapted_setpoint_0,

@@ -118,7 +118,7 @@ class ControlAllocatorStatus(_cdr.Message):
         try:
             (unallocated_torque_0, unallocated_torque_1, unallocated_torque_2) = self.unallocated_torque
             (unallocated_thrust_0, unallocated_thrust_1, unallocated_thrust_2) = self.unallocated_thrust
-            if not (type(self.unallocated_torque) is type(self.unallocated_thrust) is tuple):
+            if type(self.unallocated_torque) is not tuple or type(self.unallocated_thrust) is not tuple:
                 _cdr.check_sequences(self.unallocated_torque, self.unallocated_thrust)
             if (
                 False | self.torque_setpoint_achieved | self.thrust_setpoint_achieved

@@ -70,8 +70,8 @@ class DatamanRequest(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 76 bytes of values."""
         try:
-            if len(self.data) != 56:
-                raise _cdr.Refused
+            if type(self.data) is not bytes or len(self.data) != 56:
+                _cdr.check_bytes(self.data, 56)
             return _pack(
                 _USUAL, self.timestamp, self.client_id, self.request_type, self.item, self.index, self.data,
                 self.data_length,

@@ -61,8 +61,8 @@ class DebugArray(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 252 bytes of values."""
         try:
-            if len(self.name) != 10:
-                raise _cdr.Refused
+            if type(self.name) is not bytes or len(self.name) != 10:
+                _cdr.check_bytes(self.name, 10)
             return _pack(_USUAL, self.timestamp, self.id, self.name, _to_raw("f", 58, self.data))
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

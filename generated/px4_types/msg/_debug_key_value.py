@@ -50,8 +50,8 @@ class DebugKeyValue(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 24 bytes of values."""
         try:
-            if len(self.key) != 10:
-                raise _cdr.Refused
+            if type(self.key) is not bytes or len(self.key) != 10:
+                _cdr.check_bytes(self.key, 10)
             return _pack(_USUAL, self.timestamp, self.key, self.value)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

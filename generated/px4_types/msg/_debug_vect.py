@@ -60,8 +60,8 @@ class DebugVect(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 32 bytes of values."""
         try:
-            if len(self.name) != 10:
-                raise _cdr.Refused
+            if type(self.name) is not bytes or len(self.name) != 10:
+                _cdr.check_bytes(self.name, 10)
             return _pack(_USUAL, self.timestamp, self.name, self.x, self.y, self.z)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

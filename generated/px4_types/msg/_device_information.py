@@ -101,14 +101,14 @@ class DeviceInformation(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 177 bytes of values."""
         try:
-            if len(self.name) != 80:
-                raise _cdr.Refused
-            if len(self.firmware_version) != 24:
-                raise _cdr.Refused
-            if len(self.hardware_version) != 24:
-                raise _cdr.Refused
-            if len(self.serial_number) != 33:
-                raise _cdr.Refused
+            if type(self.name) is not bytes or len(self.name) != 80:
+                _cdr.check_bytes(self.name, 80)
+            if type(self.firmware_version) is not bytes or len(self.firmware_version) != 24:
+                _cdr.check_bytes(self.firmware_version, 24)
+            if type(self.hardware_version) is not bytes or len(self.hardware_version) != 24:
+                _cdr.check_bytes(self.hardware_version, 24)
+            if type(self.serial_number) is not bytes or len(self.serial_number) != 33:
+                _cdr.check_bytes(self.serial_number, 33)
             return _pack(
                 _USUAL, self.timestamp, self.device_type, self.name, self.device_id, self.firmware_version,
                 self.hardware_version, self.serial_number,

@@ -66,8 +66,8 @@ class EscEepromRead(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 60 bytes of values."""
         try:
-            if len(self.data) != 48:
-                raise _cdr.Refused
+            if type(self.data) is not bytes or len(self.data) != 48:
+                _cdr.check_bytes(self.data, 48)
             return _pack(_USUAL, self.timestamp, self.firmware, self.index, self.length, self.data)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

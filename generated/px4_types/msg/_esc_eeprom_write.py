@@ -72,8 +72,8 @@ class EscEepromWrite(_cdr.Message):
             (write_mask_0, write_mask_1) = self.write_mask
             if type(self.write_mask) is not tuple:
                 _cdr.check_sequences(self.write_mask)
-            if len(self.data) != 48:
-                raise _cdr.Refused
+            if type(self.data) is not bytes or len(self.data) != 48:
+                _cdr.check_bytes(self.data, 48)
             return _pack(
                 _USUAL, self.timestamp, self.firmware, self.index, self.length, self.data, write_mask_0,
                 write_mask_1,

@@ -126,10 +126,11 @@ class EstimatorAidSource2d(_cdr.Message):
             (innovation_variance_0, innovation_variance_1) = self.innovation_variance
             (test_ratio_0, test_ratio_1) = self.test_ratio
             (test_ratio_filtered_0, test_ratio_filtered_1) = self.test_ratio_filtered
-            if not (
-                type(self.observation) is type(self.observation_variance) is type(self.innovation)
-                is type(self.innovation_filtered) is type(self.innovation_variance) is type(self.test_ratio)
-                is type(self.test_ratio_filtered) is tuple
+            if (
+                type(self.observation) is not tuple or type(self.observation_variance) is not tuple
+                or type(self.innovation) is not tuple or type(self.innovation_filtered) is not tuple
+                or type(self.innovation_variance) is not tuple or type(self.test_ratio) is not tuple
+                or type(self.test_ratio_filtered) is not tuple
             ):
                 _cdr.check_sequences(
                     self.observation, self.observation_variance, self.innovation, self.innovation_filtered,

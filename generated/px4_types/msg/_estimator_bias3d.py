@@ -87,9 +87,10 @@ class EstimatorBias3d(_cdr.Message):
             (innov_0, innov_1, innov_2) = self.innov
             (innov_var_0, innov_var_1, innov_var_2) = self.innov_var
             (innov_test_ratio_0, innov_test_ratio_1, innov_test_ratio_2) = self.innov_test_ratio
-            if not (
-                type(self.bias) is type(self.bias_var) is type(self.innov) is type(self.innov_var)
-                is type(self.innov_test_ratio) is tuple
+            if (
+                type(self.bias) is not tuple or type(self.bias_var) is not tuple
+                or type(self.innov) is not tuple or type(self.innov_var) is not tuple
+                or type(self.innov_test_ratio) is not tuple
             ):
                 _cdr.check_sequences(
                     self.bias, self.bias_var, self.innov, self.innov_var, self.innov_test_ratio,

@@ -145,9 +145,9 @@ class EstimatorFusionControl(_cdr.Message):
             (agp_intended_0, agp_intended_1, agp_intended_2, agp_intended_3) = self.agp_intended
             (gps_active_0, gps_active_1) = self.gps_active
             (agp_active_0, agp_active_1, agp_active_2, agp_active_3) = self.agp_active
-            if not (
-                type(self.gps_intended) is type(self.agp_intended) is type(self.gps_active)
-                is type(self.agp_active) is tuple
+            if (
+                type(self.gps_intended) is not tuple or type(self.agp_intended) is not tuple
+                or type(self.gps_active) is not tuple or type(self.agp_active) is not tuple
             ):
                 _cdr.check_sequences(self.gps_intended, self.agp_intended, self.gps_active, self.agp_active)
             if (

@@ -167,10 +167,12 @@ class EstimatorInnovations(_cdr.Message):
             (mag_field_0, mag_field_1, mag_field_2) = self.mag_field
             (gravity_0, gravity_1, gravity_2) = self.gravity
             (drag_0, drag_1) = self.drag
-            if not (
-                type(self.gps_hvel) is type(self.gps_hpos) is type(self.ev_hvel) is type(self.ev_hpos)
-                is type(self.aux_hvel) is type(self.flow) is type(self.mag_field) is type(self.gravity)
-                is type(self.drag) is tuple
+            if (
+                type(self.gps_hvel) is not tuple or type(self.gps_hpos) is not tuple
+                or type(self.ev_hvel) is not tuple or type(self.ev_hpos) is not tuple
+                or type(self.aux_hvel) is not tuple or type(self.flow) is not tuple
+                or type(self.mag_field) is not tuple or type(self.gravity) is not tuple
+                or type(self.drag) is not tuple
             ):
                 _cdr.check_sequences(
                     self.gps_hvel, self.gps_hpos, self.ev_hvel, self.ev_hpos, self.aux_hvel, self.flow,

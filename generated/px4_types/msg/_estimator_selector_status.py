@@ -151,9 +151,10 @@ class EstimatorSelectorStatus(_cdr.Message):
                 accumulated_accel_error_0, accumulated_accel_error_1, accumulated_accel_error_2,
                 accumulated_accel_error_3,
             ) = self.accumulated_accel_error
-            if not (
-                type(self.combined_test_ratio) is type(self.relative_test_ratio) is type(self.healthy)
-                is type(self.accumulated_gyro_error) is type(self.accumulated_accel_error) is tuple
+            if (
+                type(self.combined_test_ratio) is not tuple or type(self.relative_test_ratio) is not tuple
+                or type(self.healthy) is not tuple or type(self.accumulated_gyro_error) is not tuple
+                or type(self.accumulated_accel_error) is not tuple
             ):
                 _cdr.check_sequences(
                     self.combined_test_ratio, self.relative_test_ratio, self.healthy,

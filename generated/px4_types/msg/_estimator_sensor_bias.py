@@ -156,10 +156,10 @@ class EstimatorSensorBias(_cdr.Message):
             (accel_bias_variance_0, accel_bias_variance_1, accel_bias_variance_2) = self.accel_bias_variance
             (mag_bias_0, mag_bias_1, mag_bias_2) = self.mag_bias
             (mag_bias_variance_0, mag_bias_variance_1, mag_bias_variance_2) = self.mag_bias_variance
-            if not (
-                type(self.gyro_bias) is type(self.gyro_bias_variance) is type(self.accel_bias)
-                is type(self.accel_bias_variance) is type(self.mag_bias) is type(self.mag_bias_variance)
-                is tuple
+            if (
+                type(self.gyro_bias) is not tuple or type(self.gyro_bias_variance) is not tuple
+                or type(self.accel_bias) is not tuple or type(self.accel_bias_variance) is not tuple
+                or type(self.mag_bias) is not tuple or type(self.mag_bias_variance) is not tuple
             ):
                 _cdr.check_sequences(
                     self.gyro_bias, self.gyro_bias_variance, self.accel_bias, self.accel_bias_variance,

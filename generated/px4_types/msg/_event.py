@@ -67,8 +67,8 @@ class Event(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 40 bytes of values."""
         try:
-            if len(self.arguments) != 25:
-                raise _cdr.Refused
+            if type(self.arguments) is not bytes or len(self.arguments) != 25:
+                _cdr.check_bytes(self.arguments, 25)
             return _pack(
                 _USUAL, self.timestamp, self.id, self.event_sequence, self.arguments, self.log_levels,
             )

@@ -109,10 +109,10 @@ class FailureInjection(_cdr.Message):
             (instance_mask_0, instance_mask_1, instance_mask_2, instance_mask_3) = self.instance_mask
             if type(self.instance_mask) is not tuple:
                 _cdr.check_sequences(self.instance_mask)
-            if len(self.unit) != 4:
-                raise _cdr.Refused
-            if len(self.failure_type) != 4:
-                raise _cdr.Refused
+            if type(self.unit) is not bytes or len(self.unit) != 4:
+                _cdr.check_bytes(self.unit, 4)
+            if type(self.failure_type) is not bytes or len(self.failure_type) != 4:
+                _cdr.check_bytes(self.failure_type, 4)
             return _pack(
                 _USUAL, self.timestamp, self.count, self.unit, instance_mask_0, instance_mask_1,
                 instance_mask_2, instance_mask_3, self.failure_type,

@@ -63,7 +63,10 @@ class FiducialMarkerPosReport(_cdr.Message):
             (rel_pos_0, rel_pos_1, rel_pos_2) = self.rel_pos
             (cov_rel_pos_0, cov_rel_pos_1, cov_rel_pos_2) = self.cov_rel_pos
             (q_0, q_1, q_2, q_3) = self.q
-            if not (type(self.rel_pos) is type(self.cov_rel_pos) is type(self.q) is tuple):
+            if (
+                type(self.rel_pos) is not tuple or type(self.cov_rel_pos) is not tuple
+                or type(self.q) is not tuple
+            ):
                 _cdr.check_sequences(self.rel_pos, self.cov_rel_pos, self.q)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, rel_pos_0, rel_pos_1, rel_pos_2, cov_rel_pos_0,

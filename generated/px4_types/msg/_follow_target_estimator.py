@@ -104,7 +104,10 @@ class FollowTargetEstimator(_cdr.Message):
             (pos_est_0, pos_est_1, pos_est_2) = self.pos_est
             (vel_est_0, vel_est_1, vel_est_2) = self.vel_est
             (acc_est_0, acc_est_1, acc_est_2) = self.acc_est
-            if not (type(self.pos_est) is type(self.vel_est) is type(self.acc_est) is tuple):
+            if (
+                type(self.pos_est) is not tuple or type(self.vel_est) is not tuple
+                or type(self.acc_est) is not tuple
+            ):
                 _cdr.check_sequences(self.pos_est, self.vel_est, self.acc_est)
             if (False | self.valid | self.stale) not in (0, 1):
                 raise _cdr.Refused

@@ -60,9 +60,9 @@ class GainCompression(_cdr.Message):
             (compression_gains_0, compression_gains_1, compression_gains_2) = self.compression_gains
             (spectral_damper_hpf_0, spectral_damper_hpf_1, spectral_damper_hpf_2) = self.spectral_damper_hpf
             (spectral_damper_out_0, spectral_damper_out_1, spectral_damper_out_2) = self.spectral_damper_out
-            if not (
-                type(self.compression_gains) is type(self.spectral_damper_hpf)
-                is type(self.spectral_damper_out) is tuple
+            if (
+                type(self.compression_gains) is not tuple or type(self.spectral_damper_hpf) is not tuple
+                or type(self.spectral_damper_out) is not tuple
             ):
                 _cdr.check_sequences(
                     self.compression_gains, self.spectral_damper_hpf, self.spectral_damper_out,

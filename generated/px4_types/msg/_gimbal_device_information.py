@@ -141,12 +141,12 @@ class GimbalDeviceInformation(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 149 bytes of values."""
         try:
-            if len(self.vendor_name) != 32:
-                raise _cdr.Refused
-            if len(self.model_name) != 32:
-                raise _cdr.Refused
-            if len(self.custom_name) != 32:
-                raise _cdr.Refused
+            if type(self.vendor_name) is not bytes or len(self.vendor_name) != 32:
+                _cdr.check_bytes(self.vendor_name, 32)
+            if type(self.model_name) is not bytes or len(self.model_name) != 32:
+                _cdr.check_bytes(self.model_name, 32)
+            if type(self.custom_name) is not bytes or len(self.custom_name) != 32:
+                _cdr.check_bytes(self.custom_name, 32)
             return _pack(
                 _USUAL, self.timestamp, self.vendor_name, self.model_name, self.custom_name,
                 self.firmware_version, self.hardware_version, self.uid, self.cap_flags, self.custom_cap_flags,

@@ -72,8 +72,8 @@ class GpsDump(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 96 bytes of values."""
         try:
-            if len(self.data) != 79:
-                raise _cdr.Refused
+            if type(self.data) is not bytes or len(self.data) != 79:
+                _cdr.check_bytes(self.data, 79)
             return _pack(_USUAL, self.timestamp, self.instance, self.device_id, self.len, self.data)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

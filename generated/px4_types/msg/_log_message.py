@@ -53,8 +53,8 @@ class LogMessage(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 136 bytes of values."""
         try:
-            if len(self.text) != 127:
-                raise _cdr.Refused
+            if type(self.text) is not bytes or len(self.text) != 127:
+                _cdr.check_bytes(self.text, 127)
             return _pack(_USUAL, self.timestamp, self.severity, self.text)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

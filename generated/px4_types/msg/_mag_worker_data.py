@@ -107,9 +107,10 @@ class MagWorkerData(_cdr.Message):
             (x_0, x_1, x_2, x_3) = self.x
             (y_0, y_1, y_2, y_3) = self.y
             (z_0, z_1, z_2, z_3) = self.z
-            if not (
-                type(self.calibration_counter_total) is type(self.side_data_collected) is type(self.x)
-                is type(self.y) is type(self.z) is tuple
+            if (
+                type(self.calibration_counter_total) is not tuple
+                or type(self.side_data_collected) is not tuple or type(self.x) is not tuple
+                or type(self.y) is not tuple or type(self.z) is not tuple
             ):
                 _cdr.check_sequences(
                     self.calibration_counter_total, self.side_data_collected, self.x, self.y, self.z,

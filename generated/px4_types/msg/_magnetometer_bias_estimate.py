@@ -71,9 +71,10 @@ class MagnetometerBiasEstimate(_cdr.Message):
             (bias_z_0, bias_z_1, bias_z_2, bias_z_3) = self.bias_z
             (valid_0, valid_1, valid_2, valid_3) = self.valid
             (stable_0, stable_1, stable_2, stable_3) = self.stable
-            if not (
-                type(self.bias_x) is type(self.bias_y) is type(self.bias_z) is type(self.valid)
-                is type(self.stable) is tuple
+            if (
+                type(self.bias_x) is not tuple or type(self.bias_y) is not tuple
+                or type(self.bias_z) is not tuple or type(self.valid) is not tuple
+                or type(self.stable) is not tuple
             ):
                 _cdr.check_sequences(self.bias_x, self.bias_y, self.bias_z, self.valid, self.stable)
             if (False | valid_0 | valid_1 | valid_2 | valid_3 | stable_0 | stable_1 | stable_2 | stable_3) not in (0, 1):

@@ -87,8 +87,8 @@ class MavlinkTunnel(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 141 bytes of values."""
         try:
-            if len(self.payload) != 128:
-                raise _cdr.Refused
+            if type(self.payload) is not bytes or len(self.payload) != 128:
+                _cdr.check_bytes(self.payload, 128)
             return _pack(
                 _USUAL, self.timestamp, self.payload_type, self.target_system, self.target_component,
                 self.payload_length, self.payload,

@@ -57,8 +57,8 @@ class MessageFormatRequest(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 60 bytes of values."""
         try:
-            if len(self.topic_name) != 50:
-                raise _cdr.Refused
+            if type(self.topic_name) is not bytes or len(self.topic_name) != 50:
+                _cdr.check_bytes(self.topic_name, 50)
             return _pack(_USUAL, self.timestamp, self.protocol_version, self.topic_name)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

@@ -60,8 +60,8 @@ class MessageFormatResponse(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 68 bytes of values."""
         try:
-            if len(self.topic_name) != 50:
-                raise _cdr.Refused
+            if type(self.topic_name) is not bytes or len(self.topic_name) != 50:
+                _cdr.check_bytes(self.topic_name, 50)
             if (False | self.success) not in (0, 1):
                 raise _cdr.Refused
             return _pack(

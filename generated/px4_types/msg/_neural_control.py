@@ -65,7 +65,7 @@ class NeuralControl(_cdr.Message):
                 observation_12, observation_13, observation_14,
             ) = self.observation
             (network_output_0, network_output_1, network_output_2, network_output_3) = self.network_output
-            if not (type(self.observation) is type(self.network_output) is tuple):
+            if type(self.observation) is not tuple or type(self.network_output) is not tuple:
                 _cdr.check_sequences(self.observation, self.network_output)
             return _pack(
                 _USUAL, self.timestamp, observation_0, observation_1, observation_2, observation_3,

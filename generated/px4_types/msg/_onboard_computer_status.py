@@ -177,25 +177,26 @@ class OnboardComputerStatus(_cdr.Message):
             (
                 link_rx_max_0, link_rx_max_1, link_rx_max_2, link_rx_max_3, link_rx_max_4, link_rx_max_5,
             ) = self.link_rx_max
-            if not (
-                type(self.temperature_core) is type(self.fan_speed) is type(self.storage_type)
-                is type(self.storage_usage) is type(self.storage_total) is type(self.link_type)
-                is type(self.link_tx_rate) is type(self.link_rx_rate) is type(self.link_tx_max)
-                is type(self.link_rx_max) is tuple
+            if (
+                type(self.temperature_core) is not tuple or type(self.fan_speed) is not tuple
+                or type(self.storage_type) is not tuple or type(self.storage_usage) is not tuple
+                or type(self.storage_total) is not tuple or type(self.link_type) is not tuple
+                or type(self.link_tx_rate) is not tuple or type(self.link_rx_rate) is not tuple
+                or type(self.link_tx_max) is not tuple or type(self.link_rx_max) is not tuple
             ):
                 _cdr.check_sequences(
                     self.temperature_core, self.fan_speed, self.storage_type, self.storage_usage,
                     self.storage_total, self.link_type, self.link_tx_rate, self.link_rx_rate,
                     self.link_tx_max, self.link_rx_max,
                 )
-            if len(self.cpu_cores) != 8:
-                raise _cdr.Refused
-            if len(self.cpu_combined) != 10:
-                raise _cdr.Refused
-            if len(self.gpu_cores) != 4:
-                raise _cdr.Refused
-            if len(self.gpu_combined) != 10:
-                raise _cdr.Refused
+            if type(self.cpu_cores) is not bytes or len(self.cpu_cores) != 8:
+                _cdr.check_bytes(self.cpu_cores, 8)
+            if type(self.cpu_combined) is not bytes or len(self.cpu_combined) != 10:
+                _cdr.check_bytes(self.cpu_combined, 10)
+            if type(self.gpu_cores) is not bytes or len(self.gpu_cores) != 4:
+                _cdr.check_bytes(self.gpu_cores, 4)
+            if type(self.gpu_combined) is not bytes or len(self.gpu_combined) != 10:
+                _cdr.check_bytes(self.gpu_combined, 10)
             return _pack(
                 _USUAL, self.timestamp, self.uptime, self.type, self.cpu_cores, self.cpu_combined,
                 self.gpu_cores, self.gpu_combined, self.temperature_board, temperature_core_0,

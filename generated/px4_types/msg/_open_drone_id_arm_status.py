@@ -51,8 +51,8 @@ class OpenDroneIdArmStatus(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 59 bytes of values."""
         try:
-            if len(self.error) != 50:
-                raise _cdr.Refused
+            if type(self.error) is not bytes or len(self.error) != 50:
+                _cdr.check_bytes(self.error, 50)
             return _pack(_USUAL, self.timestamp, self.status, self.error)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

@@ -62,10 +62,10 @@ class OpenDroneIdBasicId(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 50 bytes of values."""
         try:
-            if len(self.id_or_mac) != 20:
-                raise _cdr.Refused
-            if len(self.uas_id) != 20:
-                raise _cdr.Refused
+            if type(self.id_or_mac) is not bytes or len(self.id_or_mac) != 20:
+                _cdr.check_bytes(self.id_or_mac, 20)
+            if type(self.uas_id) is not bytes or len(self.uas_id) != 20:
+                _cdr.check_bytes(self.uas_id, 20)
             return _pack(
                 _USUAL, self.timestamp, self.id_or_mac, self.id_type, self.ua_type, self.uas_id,
             )

@@ -56,10 +56,10 @@ class OpenDroneIdOperatorId(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 49 bytes of values."""
         try:
-            if len(self.id_or_mac) != 20:
-                raise _cdr.Refused
-            if len(self.operator_id) != 20:
-                raise _cdr.Refused
+            if type(self.id_or_mac) is not bytes or len(self.id_or_mac) != 20:
+                _cdr.check_bytes(self.id_or_mac, 20)
+            if type(self.operator_id) is not bytes or len(self.operator_id) != 20:
+                _cdr.check_bytes(self.operator_id, 20)
             return _pack(
                 _USUAL, self.timestamp, self.id_or_mac, self.operator_id_type, self.operator_id,
             )

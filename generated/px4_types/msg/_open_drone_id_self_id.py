@@ -55,10 +55,10 @@ class OpenDroneIdSelfId(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 52 bytes of values."""
         try:
-            if len(self.id_or_mac) != 20:
-                raise _cdr.Refused
-            if len(self.description) != 23:
-                raise _cdr.Refused
+            if type(self.id_or_mac) is not bytes or len(self.id_or_mac) != 20:
+                _cdr.check_bytes(self.id_or_mac, 20)
+            if type(self.description) is not bytes or len(self.description) != 23:
+                _cdr.check_bytes(self.description, 23)
             return _pack(
                 _USUAL, self.timestamp, self.id_or_mac, self.description_type, self.description,
             )

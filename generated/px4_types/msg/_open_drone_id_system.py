@@ -110,8 +110,8 @@ class OpenDroneIdSystem(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 60 bytes of values."""
         try:
-            if len(self.id_or_mac) != 20:
-                raise _cdr.Refused
+            if type(self.id_or_mac) is not bytes or len(self.id_or_mac) != 20:
+                _cdr.check_bytes(self.id_or_mac, 20)
             return _pack(
                 _USUAL, self.timestamp, self.id_or_mac, self.operator_location_type, self.classification_type,
                 self.operator_latitude, self.operator_longitude, self.area_count, self.area_radius,

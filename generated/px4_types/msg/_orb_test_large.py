@@ -49,8 +49,8 @@ class OrbTestLarge(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 524 bytes of values."""
         try:
-            if len(self.junk) != 512:
-                raise _cdr.Refused
+            if type(self.junk) is not bytes or len(self.junk) != 512:
+                _cdr.check_bytes(self.junk, 512)
             return _pack(_USUAL, self.timestamp, self.val, self.junk)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

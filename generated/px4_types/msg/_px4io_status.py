@@ -232,9 +232,9 @@ class Px4ioStatus(_cdr.Message):
                 pwm_rate_hz_0, pwm_rate_hz_1, pwm_rate_hz_2, pwm_rate_hz_3, pwm_rate_hz_4, pwm_rate_hz_5,
                 pwm_rate_hz_6, pwm_rate_hz_7,
             ) = self.pwm_rate_hz
-            if not (
-                type(self.pwm) is type(self.pwm_disarmed) is type(self.pwm_failsafe)
-                is type(self.pwm_rate_hz) is tuple
+            if (
+                type(self.pwm) is not tuple or type(self.pwm_disarmed) is not tuple
+                or type(self.pwm_failsafe) is not tuple or type(self.pwm_rate_hz) is not tuple
             ):
                 _cdr.check_sequences(self.pwm, self.pwm_disarmed, self.pwm_failsafe, self.pwm_rate_hz)
             if (

@@ -59,8 +59,8 @@ class QshellReq(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 116 bytes of values."""
         try:
-            if len(self.cmd) != 100:
-                raise _cdr.Refused
+            if type(self.cmd) is not bytes or len(self.cmd) != 100:
+                _cdr.check_bytes(self.cmd, 100)
             return _pack(_USUAL, self.timestamp, self.cmd, self.strlen, self.request_sequence)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

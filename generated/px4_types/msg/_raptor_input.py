@@ -93,9 +93,10 @@ class RaptorInput(_cdr.Message):
             (linear_velocity_0, linear_velocity_1, linear_velocity_2) = self.linear_velocity
             (angular_velocity_0, angular_velocity_1, angular_velocity_2) = self.angular_velocity
             (previous_action_0, previous_action_1, previous_action_2, previous_action_3) = self.previous_action
-            if not (
-                type(self.position) is type(self.orientation) is type(self.linear_velocity)
-                is type(self.angular_velocity) is type(self.previous_action) is tuple
+            if (
+                type(self.position) is not tuple or type(self.orientation) is not tuple
+                or type(self.linear_velocity) is not tuple or type(self.angular_velocity) is not tuple
+                or type(self.previous_action) is not tuple
             ):
                 _cdr.check_sequences(
                     self.position, self.orientation, self.linear_velocity, self.angular_velocity,

@@ -217,9 +217,9 @@ class RaptorStatus(_cdr.Message):
                 internal_reference_linear_velocity_0, internal_reference_linear_velocity_1,
                 internal_reference_linear_velocity_2,
             ) = self.internal_reference_linear_velocity
-            if not (
-                type(self.internal_reference_position) is type(self.internal_reference_linear_velocity)
-                is tuple
+            if (
+                type(self.internal_reference_position) is not tuple
+                or type(self.internal_reference_linear_velocity) is not tuple
             ):
                 _cdr.check_sequences(
                     self.internal_reference_position, self.internal_reference_linear_velocity,

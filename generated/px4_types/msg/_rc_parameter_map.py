@@ -90,15 +90,16 @@ class RcParameterMap(_cdr.Message):
             (value0_0, value0_1, value0_2) = self.value0
             (value_min_0, value_min_1, value_min_2) = self.value_min
             (value_max_0, value_max_1, value_max_2) = self.value_max
-            if not (
-                type(self.valid) is type(self.param_index) is type(self.scale) is type(self.value0)
-                is type(self.value_min) is type(self.value_max) is tuple
+            if (
+                type(self.valid) is not tuple or type(self.param_index) is not tuple
+                or type(self.scale) is not tuple or type(self.value0) is not tuple
+                or type(self.value_min) is not tuple or type(self.value_max) is not tuple
             ):
                 _cdr.check_sequences(
                     self.valid, self.param_index, self.scale, self.value0, self.value_min, self.value_max,
                 )
-            if len(self.param_id) != 51:
-                raise _cdr.Refused
+            if type(self.param_id) is not bytes or len(self.param_id) != 51:
+                _cdr.check_bytes(self.param_id, 51)
             if (False | valid_0 | valid_1 | valid_2) not in (0, 1):
                 raise _cdr.Refused
             return _pack(

@@ -95,8 +95,8 @@ class RegisterExtComponentReply(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 49 bytes of values."""
         try:
-            if len(self.name) != 25:
-                raise _cdr.Refused
+            if type(self.name) is not bytes or len(self.name) != 25:
+                _cdr.check_bytes(self.name, 25)
             if (False | self.success | self.not_user_selectable) not in (0, 1):
                 raise _cdr.Refused
             return _pack(

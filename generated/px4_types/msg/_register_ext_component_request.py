@@ -116,8 +116,8 @@ class RegisterExtComponentRequest(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 52 bytes of values."""
         try:
-            if len(self.name) != 25:
-                raise _cdr.Refused
+            if type(self.name) is not bytes or len(self.name) != 25:
+                _cdr.check_bytes(self.name, 25)
             if (
                 False | self.register_arming_check | self.register_mode | self.register_mode_executor
                 | self.enable_replace_internal_mode | self.activate_mode_immediately

@@ -72,7 +72,7 @@ class RoverPositionSetpoint(_cdr.Message):
         try:
             (position_ned_0, position_ned_1) = self.position_ned
             (start_ned_0, start_ned_1) = self.start_ned
-            if not (type(self.position_ned) is type(self.start_ned) is tuple):
+            if type(self.position_ned) is not tuple or type(self.start_ned) is not tuple:
                 _cdr.check_sequences(self.position_ned, self.start_ned)
             return _pack(
                 _USUAL, self.timestamp, position_ned_0, position_ned_1, start_ned_0, start_ned_1,

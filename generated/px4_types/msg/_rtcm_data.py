@@ -68,8 +68,8 @@ class RtcmData(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 315 bytes of values."""
         try:
-            if len(self.data) != 300:
-                raise _cdr.Refused
+            if type(self.data) is not bytes or len(self.data) != 300:
+                _cdr.check_bytes(self.data, 300)
             return _pack(_USUAL, self.timestamp, self.device_id, self.len, self.flags, self.data)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

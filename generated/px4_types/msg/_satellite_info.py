@@ -80,18 +80,18 @@ class SatelliteInfo(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 249 bytes of values."""
         try:
-            if len(self.svid) != 40:
-                raise _cdr.Refused
-            if len(self.used) != 40:
-                raise _cdr.Refused
-            if len(self.elevation) != 40:
-                raise _cdr.Refused
-            if len(self.azimuth) != 40:
-                raise _cdr.Refused
-            if len(self.snr) != 40:
-                raise _cdr.Refused
-            if len(self.prn) != 40:
-                raise _cdr.Refused
+            if type(self.svid) is not bytes or len(self.svid) != 40:
+                _cdr.check_bytes(self.svid, 40)
+            if type(self.used) is not bytes or len(self.used) != 40:
+                _cdr.check_bytes(self.used, 40)
+            if type(self.elevation) is not bytes or len(self.elevation) != 40:
+                _cdr.check_bytes(self.elevation, 40)
+            if type(self.azimuth) is not bytes or len(self.azimuth) != 40:
+                _cdr.check_bytes(self.azimuth, 40)
+            if type(self.snr) is not bytes or len(self.snr) != 40:
+                _cdr.check_bytes(self.snr, 40)
+            if type(self.prn) is not bytes or len(self.prn) != 40:
+                _cdr.check_bytes(self.prn, 40)
             return _pack(
                 _USUAL, self.timestamp, self.count, self.svid, self.used, self.elevation, self.azimuth,
                 self.snr, self.prn,

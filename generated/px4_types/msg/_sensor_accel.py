@@ -96,8 +96,8 @@ class SensorAccel(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 44 bytes of values."""
         try:
-            if len(self.clip_counter) != 3:
-                raise _cdr.Refused
+            if type(self.clip_counter) is not bytes or len(self.clip_counter) != 3:
+                _cdr.check_bytes(self.clip_counter, 3)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, self.x, self.y, self.z,
                 self.temperature, self.error_count, self.clip_counter, self.samples,

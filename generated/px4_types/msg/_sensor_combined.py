@@ -110,7 +110,7 @@ class SensorCombined(_cdr.Message):
         try:
             (gyro_rad_0, gyro_rad_1, gyro_rad_2) = self.gyro_rad
             (accelerometer_m_s2_0, accelerometer_m_s2_1, accelerometer_m_s2_2) = self.accelerometer_m_s2
-            if not (type(self.gyro_rad) is type(self.accelerometer_m_s2) is tuple):
+            if type(self.gyro_rad) is not tuple or type(self.accelerometer_m_s2) is not tuple:
                 _cdr.check_sequences(self.gyro_rad, self.accelerometer_m_s2)
             return _pack(
                 _USUAL, self.timestamp, gyro_rad_0, gyro_rad_1, gyro_rad_2, self.gyro_integral_dt,

@@ -206,14 +206,17 @@ class SensorCorrection(_cdr.Message):
             (
                 baro_temperature_0, baro_temperature_1, baro_temperature_2, baro_temperature_3,
             ) = self.baro_temperature
-            if not (
-                type(self.accel_device_ids) is type(self.accel_temperature) is type(self.accel_offset_0)
-                is type(self.accel_offset_1) is type(self.accel_offset_2) is type(self.accel_offset_3)
-                is type(self.gyro_device_ids) is type(self.gyro_temperature) is type(self.gyro_offset_0)
-                is type(self.gyro_offset_1) is type(self.gyro_offset_2) is type(self.gyro_offset_3)
-                is type(self.mag_device_ids) is type(self.mag_temperature) is type(self.mag_offset_0)
-                is type(self.mag_offset_1) is type(self.mag_offset_2) is type(self.mag_offset_3)
-                is type(self.baro_device_ids) is type(self.baro_temperature) is tuple
+            if (
+                type(self.accel_device_ids) is not tuple or type(self.accel_temperature) is not tuple
+                or type(self.accel_offset_0) is not tuple or type(self.accel_offset_1) is not tuple
+                or type(self.accel_offset_2) is not tuple or type(self.accel_offset_3) is not tuple
+                or type(self.gyro_device_ids) is not tuple or type(self.gyro_temperature) is not tuple
+                or type(self.gyro_offset_0) is not tuple or type(self.gyro_offset_1) is not tuple
+                or type(self.gyro_offset_2) is not tuple or type(self.gyro_offset_3) is not tuple
+                or type(self.mag_device_ids) is not tuple or type(self.mag_temperature) is not tuple
+                or type(self.mag_offset_0) is not tuple or type(self.mag_offset_1) is not tuple
+                or type(self.mag_offset_2) is not tuple or type(self.mag_offset_3) is not tuple
+                or type(self.baro_device_ids) is not tuple or type(self.baro_temperature) is not tuple
             ):
                 _cdr.check_sequences(
                     self.accel_device_ids, self.accel_temperature, self.accel_offset_0, self.accel_offset_1,

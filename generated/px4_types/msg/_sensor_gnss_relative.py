@@ -159,7 +159,7 @@ class SensorGnssRelative(_cdr.Message):
         try:
             (position_0, position_1, position_2) = self.position
             (position_accuracy_0, position_accuracy_1, position_accuracy_2) = self.position_accuracy
-            if not (type(self.position) is type(self.position_accuracy) is tuple):
+            if type(self.position) is not tuple or type(self.position_accuracy) is not tuple:
                 _cdr.check_sequences(self.position, self.position_accuracy)
             if (
                 False | self.gnss_fix_ok | self.differential_solution | self.relative_position_valid

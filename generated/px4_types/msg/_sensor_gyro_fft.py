@@ -106,10 +106,10 @@ class SensorGyroFft(_cdr.Message):
             (peak_snr_x_0, peak_snr_x_1, peak_snr_x_2) = self.peak_snr_x
             (peak_snr_y_0, peak_snr_y_1, peak_snr_y_2) = self.peak_snr_y
             (peak_snr_z_0, peak_snr_z_1, peak_snr_z_2) = self.peak_snr_z
-            if not (
-                type(self.peak_frequencies_x) is type(self.peak_frequencies_y)
-                is type(self.peak_frequencies_z) is type(self.peak_snr_x) is type(self.peak_snr_y)
-                is type(self.peak_snr_z) is tuple
+            if (
+                type(self.peak_frequencies_x) is not tuple or type(self.peak_frequencies_y) is not tuple
+                or type(self.peak_frequencies_z) is not tuple or type(self.peak_snr_x) is not tuple
+                or type(self.peak_snr_y) is not tuple or type(self.peak_snr_z) is not tuple
             ):
                 _cdr.check_sequences(
                     self.peak_frequencies_x, self.peak_frequencies_y, self.peak_frequencies_z,

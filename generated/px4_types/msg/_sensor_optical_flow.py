@@ -134,7 +134,7 @@ class SensorOpticalFlow(_cdr.Message):
         try:
             (pixel_flow_0, pixel_flow_1) = self.pixel_flow
             (delta_angle_0, delta_angle_1, delta_angle_2) = self.delta_angle
-            if not (type(self.pixel_flow) is type(self.delta_angle) is tuple):
+            if type(self.pixel_flow) is not tuple or type(self.delta_angle) is not tuple:
                 _cdr.check_sequences(self.pixel_flow, self.delta_angle)
             if (False | self.delta_angle_available | self.distance_available) not in (0, 1):
                 raise _cdr.Refused

@@ -87,15 +87,16 @@ class SensorsStatus(_cdr.Message):
             (healthy_0, healthy_1, healthy_2, healthy_3) = self.healthy
             (enabled_0, enabled_1, enabled_2, enabled_3) = self.enabled
             (external_0, external_1, external_2, external_3) = self.external
-            if not (
-                type(self.device_ids) is type(self.inconsistency) is type(self.healthy)
-                is type(self.enabled) is type(self.external) is tuple
+            if (
+                type(self.device_ids) is not tuple or type(self.inconsistency) is not tuple
+                or type(self.healthy) is not tuple or type(self.enabled) is not tuple
+                or type(self.external) is not tuple
             ):
                 _cdr.check_sequences(
                     self.device_ids, self.inconsistency, self.healthy, self.enabled, self.external,
                 )
-            if len(self.priority) != 4:
-                raise _cdr.Refused
+            if type(self.priority) is not bytes or len(self.priority) != 4:
+                _cdr.check_bytes(self.priority, 4)
             if (
                 False | healthy_0 | healthy_1 | healthy_2 | healthy_3 | enabled_0 | enabled_1 | enabled_2
                 | enabled_3 | external_0 | external_1 | external_2 | external_3

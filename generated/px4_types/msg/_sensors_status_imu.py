@@ -114,19 +114,20 @@ class SensorsStatusImu(_cdr.Message):
                 gyro_inconsistency_rad_s_3,
             ) = self.gyro_inconsistency_rad_s
             (gyro_healthy_0, gyro_healthy_1, gyro_healthy_2, gyro_healthy_3) = self.gyro_healthy
-            if not (
-                type(self.accel_device_ids) is type(self.accel_inconsistency_m_s_s)
-                is type(self.accel_healthy) is type(self.gyro_device_ids)
-                is type(self.gyro_inconsistency_rad_s) is type(self.gyro_healthy) is tuple
+            if (
+                type(self.accel_device_ids) is not tuple
+                or type(self.accel_inconsistency_m_s_s) is not tuple or type(self.accel_healthy) is not tuple
+                or type(self.gyro_device_ids) is not tuple or type(self.gyro_inconsistency_rad_s) is not tuple
+                or type(self.gyro_healthy) is not tuple
             ):
                 _cdr.check_sequences(
                     self.accel_device_ids, self.accel_inconsistency_m_s_s, self.accel_healthy,
                     self.gyro_device_ids, self.gyro_inconsistency_rad_s, self.gyro_healthy,
                 )
-            if len(self.accel_priority) != 4:
-                raise _cdr.Refused
-            if len(self.gyro_priority) != 4:
-                raise _cdr.Refused
+            if type(self.accel_priority) is not bytes or len(self.accel_priority) != 4:
+                _cdr.check_bytes(self.accel_priority, 4)
+            if type(self.gyro_priority) is not bytes or len(self.gyro_priority) != 4:
+                _cdr.check_bytes(self.gyro_priority, 4)
             if (
                 False | accel_healthy_0 | accel_healthy_1 | accel_healthy_2 | accel_healthy_3
                 | gyro_healthy_0 | gyro_healthy_1 | gyro_healthy_2 | gyro_healthy_3

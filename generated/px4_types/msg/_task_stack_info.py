@@ -55,8 +55,8 @@ class TaskStackInfo(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 34 bytes of values."""
         try:
-            if len(self.task_name) != 24:
-                raise _cdr.Refused
+            if type(self.task_name) is not bytes or len(self.task_name) != 24:
+                _cdr.check_bytes(self.task_name, 24)
             return _pack(_USUAL, self.timestamp, self.stack_free, self.task_name)
         except _cdr.ENCODE_FAILURES as error:
             raise _cdr.encode_error(self, error) from None

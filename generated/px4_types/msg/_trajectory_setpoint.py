@@ -87,9 +87,9 @@ class TrajectorySetpoint(_cdr.Message):
             (velocity_0, velocity_1, velocity_2) = self.velocity
             (acceleration_0, acceleration_1, acceleration_2) = self.acceleration
             (jerk_0, jerk_1, jerk_2) = self.jerk
-            if not (
-                type(self.position) is type(self.velocity) is type(self.acceleration) is type(self.jerk)
-                is tuple
+            if (
+                type(self.position) is not tuple or type(self.velocity) is not tuple
+                or type(self.acceleration) is not tuple or type(self.jerk) is not tuple
             ):
                 _cdr.check_sequences(self.position, self.velocity, self.acceleration, self.jerk)
             return _pack(

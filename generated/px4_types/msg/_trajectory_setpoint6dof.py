@@ -81,9 +81,10 @@ class TrajectorySetpoint6dof(_cdr.Message):
             (jerk_0, jerk_1, jerk_2) = self.jerk
             (quaternion_0, quaternion_1, quaternion_2, quaternion_3) = self.quaternion
             (angular_velocity_0, angular_velocity_1, angular_velocity_2) = self.angular_velocity
-            if not (
-                type(self.position) is type(self.velocity) is type(self.acceleration) is type(self.jerk)
-                is type(self.quaternion) is type(self.angular_velocity) is tuple
+            if (
+                type(self.position) is not tuple or type(self.velocity) is not tuple
+                or type(self.acceleration) is not tuple or type(self.jerk) is not tuple
+                or type(self.quaternion) is not tuple or type(self.angular_velocity) is not tuple
             ):
                 _cdr.check_sequences(
                     self.position, self.velocity, self.acceleration, self.jerk, self.quaternion,

@@ -160,10 +160,10 @@ class TransponderReport(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 86 bytes of values."""
         try:
-            if len(self.callsign) != 9:
-                raise _cdr.Refused
-            if len(self.uas_id) != 18:
-                raise _cdr.Refused
+            if type(self.callsign) is not bytes or len(self.callsign) != 9:
+                _cdr.check_bytes(self.callsign, 9)
+            if type(self.uas_id) is not bytes or len(self.uas_id) != 18:
+                _cdr.check_bytes(self.uas_id, 18)
             return _pack(
                 _USUAL, self.timestamp, self.icao_address, self.lat, self.lon, self.altitude_type,
                 self.altitude, self.heading, self.hor_velocity, self.ver_velocity, self.callsign,

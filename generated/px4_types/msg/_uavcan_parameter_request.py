@@ -93,8 +93,8 @@ class UavcanParameterRequest(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 44 bytes of values."""
         try:
-            if len(self.param_id) != 17:
-                raise _cdr.Refused
+            if type(self.param_id) is not bytes or len(self.param_id) != 17:
+                _cdr.check_bytes(self.param_id, 17)
             return _pack(
                 _USUAL, self.timestamp, self.message_type, self.node_id, self.param_id, self.param_index,
                 self.param_type, self.int_value, self.real_value,

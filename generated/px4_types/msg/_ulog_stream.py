@@ -73,8 +73,8 @@ class UlogStream(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 262 bytes of values."""
         try:
-            if len(self.data) != 249:
-                raise _cdr.Refused
+            if type(self.data) is not bytes or len(self.data) != 249:
+                _cdr.check_bytes(self.data, 249)
             return _pack(
                 _USUAL, self.timestamp, self.length, self.first_message_offset, self.msg_sequence, self.flags,
                 self.data,

@@ -64,8 +64,8 @@ class UnregisterExtComponent(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 36 bytes of values."""
         try:
-            if len(self.name) != 25:
-                raise _cdr.Refused
+            if type(self.name) is not bytes or len(self.name) != 25:
+                _cdr.check_bytes(self.name, 25)
             return _pack(
                 _USUAL, self.timestamp, self.name, self.arming_check_id, self.mode_id, self.mode_executor_id,
             )

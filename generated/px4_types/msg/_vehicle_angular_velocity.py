@@ -61,7 +61,7 @@ class VehicleAngularVelocity(_cdr.Message):
         try:
             (xyz_0, xyz_1, xyz_2) = self.xyz
             (xyz_derivative_0, xyz_derivative_1, xyz_derivative_2) = self.xyz_derivative
-            if not (type(self.xyz) is type(self.xyz_derivative) is tuple):
+            if type(self.xyz) is not tuple or type(self.xyz_derivative) is not tuple:
                 _cdr.check_sequences(self.xyz, self.xyz_derivative)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, xyz_0, xyz_1, xyz_2, xyz_derivative_0,

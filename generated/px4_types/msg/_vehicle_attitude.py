@@ -68,7 +68,7 @@ class VehicleAttitude(_cdr.Message):
         try:
             (q_0, q_1, q_2, q_3) = self.q
             (delta_q_reset_0, delta_q_reset_1, delta_q_reset_2, delta_q_reset_3) = self.delta_q_reset
-            if not (type(self.q) is type(self.delta_q_reset) is tuple):
+            if type(self.q) is not tuple or type(self.delta_q_reset) is not tuple:
                 _cdr.check_sequences(self.q, self.delta_q_reset)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, q_0, q_1, q_2, q_3, delta_q_reset_0,

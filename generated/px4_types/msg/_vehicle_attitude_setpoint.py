@@ -65,7 +65,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
         try:
             (q_d_0, q_d_1, q_d_2, q_d_3) = self.q_d
             (thrust_body_0, thrust_body_1, thrust_body_2) = self.thrust_body
-            if not (type(self.q_d) is type(self.thrust_body) is tuple):
+            if type(self.q_d) is not tuple or type(self.thrust_body) is not tuple:
                 _cdr.check_sequences(self.q_d, self.thrust_body)
             return _pack(
                 _USUAL, self.timestamp, self.yaw_sp_move_rate, q_d_0, q_d_1, q_d_2, q_d_3, thrust_body_0,

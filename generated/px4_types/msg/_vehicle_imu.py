@@ -113,7 +113,7 @@ class VehicleImu(_cdr.Message):
         try:
             (delta_angle_0, delta_angle_1, delta_angle_2) = self.delta_angle
             (delta_velocity_0, delta_velocity_1, delta_velocity_2) = self.delta_velocity
-            if not (type(self.delta_angle) is type(self.delta_velocity) is tuple):
+            if type(self.delta_angle) is not tuple or type(self.delta_velocity) is not tuple:
                 _cdr.check_sequences(self.delta_angle, self.delta_velocity)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.accel_device_id, self.gyro_device_id,

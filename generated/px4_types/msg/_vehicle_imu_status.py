@@ -155,9 +155,10 @@ class VehicleImuStatus(_cdr.Message):
             (mean_gyro_0, mean_gyro_1, mean_gyro_2) = self.mean_gyro
             (var_accel_0, var_accel_1, var_accel_2) = self.var_accel
             (var_gyro_0, var_gyro_1, var_gyro_2) = self.var_gyro
-            if not (
-                type(self.accel_clipping) is type(self.gyro_clipping) is type(self.mean_accel)
-                is type(self.mean_gyro) is type(self.var_accel) is type(self.var_gyro) is tuple
+            if (
+                type(self.accel_clipping) is not tuple or type(self.gyro_clipping) is not tuple
+                or type(self.mean_accel) is not tuple or type(self.mean_gyro) is not tuple
+                or type(self.var_accel) is not tuple or type(self.var_gyro) is not tuple
             ):
                 _cdr.check_sequences(
                     self.accel_clipping, self.gyro_clipping, self.mean_accel, self.mean_gyro, self.var_accel,

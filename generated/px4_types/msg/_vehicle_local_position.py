@@ -343,7 +343,7 @@ class VehicleLocalPosition(_cdr.Message):
         try:
             (delta_xy_0, delta_xy_1) = self.delta_xy
             (delta_vxy_0, delta_vxy_1) = self.delta_vxy
-            if not (type(self.delta_xy) is type(self.delta_vxy) is tuple):
+            if type(self.delta_xy) is not tuple or type(self.delta_vxy) is not tuple:
                 _cdr.check_sequences(self.delta_xy, self.delta_vxy)
             if (
                 False | self.xy_valid | self.z_valid | self.v_xy_valid | self.v_z_valid

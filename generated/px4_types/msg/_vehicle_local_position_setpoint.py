@@ -97,7 +97,7 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
         try:
             (acceleration_0, acceleration_1, acceleration_2) = self.acceleration
             (thrust_0, thrust_1, thrust_2) = self.thrust
-            if not (type(self.acceleration) is type(self.thrust) is tuple):
+            if type(self.acceleration) is not tuple or type(self.thrust) is not tuple:
                 _cdr.check_sequences(self.acceleration, self.thrust)
             return _pack(
                 _USUAL, self.timestamp, self.x, self.y, self.z, self.vx, self.vy, self.vz, acceleration_0,

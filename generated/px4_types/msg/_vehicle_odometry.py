@@ -156,10 +156,11 @@ class VehicleOdometry(_cdr.Message):
             (position_variance_0, position_variance_1, position_variance_2) = self.position_variance
             (orientation_variance_0, orientation_variance_1, orientation_variance_2) = self.orientation_variance
             (velocity_variance_0, velocity_variance_1, velocity_variance_2) = self.velocity_variance
-            if not (
-                type(self.position) is type(self.q) is type(self.velocity) is type(self.angular_velocity)
-                is type(self.position_variance) is type(self.orientation_variance)
-                is type(self.velocity_variance) is tuple
+            if (
+                type(self.position) is not tuple or type(self.q) is not tuple
+                or type(self.velocity) is not tuple or type(self.angular_velocity) is not tuple
+                or type(self.position_variance) is not tuple or type(self.orientation_variance) is not tuple
+                or type(self.velocity_variance) is not tuple
             ):
                 _cdr.check_sequences(
                     self.position, self.q, self.velocity, self.angular_velocity, self.position_variance,

@@ -100,7 +100,7 @@ class VehicleOpticalFlow(_cdr.Message):
         try:
             (pixel_flow_0, pixel_flow_1) = self.pixel_flow
             (delta_angle_0, delta_angle_1, delta_angle_2) = self.delta_angle
-            if not (type(self.pixel_flow) is type(self.delta_angle) is tuple):
+            if type(self.pixel_flow) is not tuple or type(self.delta_angle) is not tuple:
                 _cdr.check_sequences(self.pixel_flow, self.delta_angle)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.device_id, pixel_flow_0, pixel_flow_1,

@@ -107,11 +107,12 @@ class VehicleOpticalFlowVel(_cdr.Message):
             (gyro_rate_0, gyro_rate_1, gyro_rate_2) = self.gyro_rate
             (gyro_bias_0, gyro_bias_1, gyro_bias_2) = self.gyro_bias
             (ref_gyro_0, ref_gyro_1, ref_gyro_2) = self.ref_gyro
-            if not (
-                type(self.vel_body) is type(self.vel_ne) is type(self.vel_body_filtered)
-                is type(self.vel_ne_filtered) is type(self.flow_rate_uncompensated)
-                is type(self.flow_rate_compensated) is type(self.gyro_rate) is type(self.gyro_bias)
-                is type(self.ref_gyro) is tuple
+            if (
+                type(self.vel_body) is not tuple or type(self.vel_ne) is not tuple
+                or type(self.vel_body_filtered) is not tuple or type(self.vel_ne_filtered) is not tuple
+                or type(self.flow_rate_uncompensated) is not tuple
+                or type(self.flow_rate_compensated) is not tuple or type(self.gyro_rate) is not tuple
+                or type(self.gyro_bias) is not tuple or type(self.ref_gyro) is not tuple
             ):
                 _cdr.check_sequences(
                     self.vel_body, self.vel_ne, self.vel_body_filtered, self.vel_ne_filtered,

@@ -136,16 +136,17 @@ class VteAidSource3d(_cdr.Message):
             (innovation_0, innovation_1, innovation_2) = self.innovation
             (innovation_variance_0, innovation_variance_1, innovation_variance_2) = self.innovation_variance
             (test_ratio_0, test_ratio_1, test_ratio_2) = self.test_ratio
-            if not (
-                type(self.observation) is type(self.observation_variance) is type(self.innovation)
-                is type(self.innovation_variance) is type(self.test_ratio) is tuple
+            if (
+                type(self.observation) is not tuple or type(self.observation_variance) is not tuple
+                or type(self.innovation) is not tuple or type(self.innovation_variance) is not tuple
+                or type(self.test_ratio) is not tuple
             ):
                 _cdr.check_sequences(
                     self.observation, self.observation_variance, self.innovation, self.innovation_variance,
                     self.test_ratio,
                 )
-            if len(self.fusion_status) != 3:
-                raise _cdr.Refused
+            if type(self.fusion_status) is not bytes or len(self.fusion_status) != 3:
+                _cdr.check_bytes(self.fusion_status, 3)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, self.time_last_predict, observation_0,
                 observation_1, observation_2, observation_variance_0, observation_variance_1,

@@ -57,7 +57,7 @@ class VteBiasInitStatus(_cdr.Message):
         try:
             (raw_bias_0, raw_bias_1, raw_bias_2) = self.raw_bias
             (filtered_bias_0, filtered_bias_1, filtered_bias_2) = self.filtered_bias
-            if not (type(self.raw_bias) is type(self.filtered_bias) is tuple):
+            if type(self.raw_bias) is not tuple or type(self.filtered_bias) is not tuple:
                 _cdr.check_sequences(self.raw_bias, self.filtered_bias)
             return _pack(
                 _USUAL, self.timestamp, raw_bias_0, raw_bias_1, raw_bias_2, filtered_bias_0, filtered_bias_1,

@@ -63,7 +63,7 @@ class VteInput(_cdr.Message):
         try:
             (acc_xyz_0, acc_xyz_1, acc_xyz_2) = self.acc_xyz
             (q_att_0, q_att_1, q_att_2, q_att_3) = self.q_att
-            if not (type(self.acc_xyz) is type(self.q_att) is tuple):
+            if type(self.acc_xyz) is not tuple or type(self.q_att) is not tuple:
                 _cdr.check_sequences(self.acc_xyz, self.q_att)
             return _pack(
                 _USUAL, self.timestamp, self.timestamp_sample, acc_xyz_0, acc_xyz_1, acc_xyz_2, q_att_0,

@@ -119,10 +119,12 @@ class VtePosition(_cdr.Message):
             (cov_bias_0, cov_bias_1, cov_bias_2) = self.cov_bias
             (cov_vel_target_0, cov_vel_target_1, cov_vel_target_2) = self.cov_vel_target
             (cov_acc_target_0, cov_acc_target_1, cov_acc_target_2) = self.cov_acc_target
-            if not (
-                type(self.rel_pos) is type(self.vel_uav) is type(self.vel_target) is type(self.bias)
-                is type(self.acc_target) is type(self.cov_rel_pos) is type(self.cov_vel_uav)
-                is type(self.cov_bias) is type(self.cov_vel_target) is type(self.cov_acc_target) is tuple
+            if (
+                type(self.rel_pos) is not tuple or type(self.vel_uav) is not tuple
+                or type(self.vel_target) is not tuple or type(self.bias) is not tuple
+                or type(self.acc_target) is not tuple or type(self.cov_rel_pos) is not tuple
+                or type(self.cov_vel_uav) is not tuple or type(self.cov_bias) is not tuple
+                or type(self.cov_vel_target) is not tuple or type(self.cov_acc_target) is not tuple
             ):
                 _cdr.check_sequences(
                     self.rel_pos, self.vel_uav, self.vel_target, self.bias, self.acc_target, self.cov_rel_pos,

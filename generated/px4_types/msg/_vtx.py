@@ -123,10 +123,10 @@ class Vtx(_cdr.Message):
     def encode(self) -> bytes:
         """Return the message as a CDR sample: 4 bytes of header and 34 bytes of values."""
         try:
-            if len(self.band_name) != 12:
-                raise _cdr.Refused
-            if len(self.power_label) != 4:
-                raise _cdr.Refused
+            if type(self.band_name) is not bytes or len(self.band_name) != 12:
+                _cdr.check_bytes(self.band_name, 12)
+            if type(self.power_label) is not bytes or len(self.power_label) != 4:
+                _cdr.check_bytes(self.power_label, 4)
             return _pack(
                 _USUAL, self.timestamp, self.protocol, self.device, self.mode, self.band, self.channel,
                 self.frequency, self.band_letter, self.band_name, self.power_level, self.power_label,

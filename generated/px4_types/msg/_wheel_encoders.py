@@ -52,7 +52,7 @@ class WheelEncoders(_cdr.Message):
         try:
             (wheel_speed_0, wheel_speed_1) = self.wheel_speed
             (wheel_angle_0, wheel_angle_1) = self.wheel_angle
-            if not (type(self.wheel_speed) is type(self.wheel_angle) is tuple):
+            if type(self.wheel_speed) is not tuple or type(self.wheel_angle) is not tuple:
                 _cdr.check_sequences(self.wheel_speed, self.wheel_angle)
             return _pack(
                 _USUAL, self.timestamp, wheel_speed_0, wheel_speed_1, wheel_angle_0, wheel_angle_1,

@@ -91,7 +91,10 @@ class YawEstimatorStatus(_cdr.Message):
             (innov_vn_0, innov_vn_1, innov_vn_2, innov_vn_3, innov_vn_4) = self.innov_vn
             (innov_ve_0, innov_ve_1, innov_ve_2, innov_ve_3, innov_ve_4) = self.innov_ve
             (weight_0, weight_1, weight_2, weight_3, weight_4) = self.weight
-            if not (type(self.yaw) is type(self.innov_vn) is type(self.innov_ve) is type(self.weight) is tuple):
+            if (
+                type(self.yaw) is not tuple or type(self.innov_vn) is not tuple
+                or type(self.innov_ve) is not tuple or type(self.weight) is not tuple
+            ):
                 _cdr.check_sequences(self.yaw, self.innov_vn, self.innov_ve, self.weight)
             if (False | self.yaw_composite_valid) not in (0, 1):
                 raise _cdr.Refused

@@ -24,7 +24,7 @@ ClassOf = Callable[[Message], str]
 """A function that returns the class name of a message in the module that nests it."""
 
 _TAKEN = frozenset(
-    {"cls", "self", "data", "allow_surplus", "message", "header", "error", "len", "tuple", "type", "unpack"}
+    {"bytes", "cls", "self", "data", "allow_surplus", "message", "header", "error", "len", "tuple", "type", "unpack"}
 )
 _LARGEST_GROUP = 100
 """The largest number of operands in a chain, because the compiler of Python recurses for each operator."""
@@ -70,10 +70,8 @@ class Values:
 
     def not_tuples(self, indent: int) -> str:
         """Return the condition that a sequence is not a tuple, as all are after decoding."""
-        if len(self.sequences) == 1:
-            return f"type({self.sequences[0]}) is not tuple"
-        types = [*(f"type({attribute})" for attribute in self.sequences), "tuple"]
-        return f"not ({joined_by(types, ' is ', indent)})"
+        text = joined_by([f"type({attribute}) is not tuple" for attribute in self.sequences], " or ", indent)
+        return f"({text})" if "\n" in text else text
 
     def groups_of_bools(self) -> list[list[str]]:
         """Return the bools in groups whose items are joined by an operator.

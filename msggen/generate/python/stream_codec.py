@@ -18,7 +18,7 @@ from msggen.generate.python.static_codec import ClassOf, Names, Values
 from msggen.model import ArrayKind, Catalog, FieldType, Message, snake_case
 from msggen.primitives import PRIMITIVES, STRINGS
 
-_TAKEN = frozenset({"message", "data", "parts", "at", "wire", "run", "error", "len", "name", "tuple", "type"})
+_TAKEN = frozenset({"bytes", "message", "data", "parts", "at", "wire", "run", "error", "len", "name", "tuple", "type"})
 
 _DELIMITER, _COUNT, _NOTHING = "D", "I", "x"
 """The codes of a run that are not values: the delimiter header of XCDR2, a count, the byte of an empty message."""

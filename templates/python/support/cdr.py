@@ -89,6 +89,12 @@ class Refused(Exception):  # noqa: N818
     """A value that `struct` accepts and the definition does not; raised and caught inside `encode`."""
 
 
+def check_bytes(value: Any, length: int) -> None:
+    """Raise Refused if `value` is not `length` bytes, which `struct` would pad or truncate."""
+    if not isinstance(value, (bytes, bytearray)) or memoryview(value).nbytes != length:
+        raise Refused
+
+
 def check_sequences(*values: object) -> None:
     """Raise Refused if one of `values` is not a sequence of numbers, but for example a set, a dict or bytes."""
     for value in values:

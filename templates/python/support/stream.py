@@ -354,7 +354,7 @@ def instances(
 
 def octets_bytes(value: BytesLike, wire: int, most: int = 0) -> bytes:
     """Return the bytes of a buffer after a check of their number. Raises one of ENCODE_FAILURES."""
-    if isinstance(value, bytes):
+    if value.__class__ is bytes:
         raw = value
     else:
         view = memoryview(value)
