@@ -9,6 +9,8 @@ from __future__ import annotations
 import os
 import subprocess
 from tempfile import TemporaryFile
+from threading import Timer
+from typing import IO
 
 _OWN_REPOSITORY = {
     "GIT_ALTERNATE_OBJECT_DIRECTORIES",
@@ -39,6 +41,9 @@ _OPTIONS = ("--no-pager", "-c", "core.fsmonitor=false", "-c", f"core.hooksPath={
 _NO_FILTER = ("clean=", "smudge=", "process=", "required=false")
 """Settings that turn off a filter. A repository's `.gitattributes` names the files that each filter is applied to."""
 
+SECONDS = 60
+"""The time after which git is stopped. It waits for ever for a pipe in place of a file of the repository."""
+
 _LARGEST_OUTPUT = 2**29
 _CHUNK = 2**16
 
@@ -59,8 +64,8 @@ def git(folder: str, *arguments: str, stdin: bytes = b"") -> bytes:
             process = subprocess.Popen(command, stdin=given, stdout=subprocess.PIPE, stderr=errors, env=environment)  # noqa: S603
         except FileNotFoundError:
             raise GitError("the program 'git' is not installed") from None
-        answer = _read(process)
-        if process.wait():
+        code, answer = _finish(process)
+        if code:
             errors.seek(0)
             lines = errors.read(_CHUNK).decode(errors="replace").strip().splitlines() or [f"git {arguments[0]} failed"]
             raise GitError(lines[0].removeprefix("fatal: "))
@@ -85,18 +90,31 @@ def _without_filters(folder: str) -> list[str]:
     return [part for name in names for setting in _NO_FILTER for part in ("-c", f"{name}.{setting}")]
 
 
-def _read(process: subprocess.Popen[bytes]) -> bytes:
-    """Return all that git prints. Raises GitError if it is too much."""
+def _finish(process: subprocess.Popen[bytes]) -> tuple[int, bytes]:
+    """Return the exit code of git and all that it prints. Raises GitError if it prints too much, or takes too long."""
+    clock = Timer(SECONDS, process.kill)
+    clock.start()
+    try:
+        with process.stdout or TemporaryFile() as stream:
+            answer = _read(stream)
+        code = process.wait()
+        if not clock.is_alive():
+            raise GitError(f"git does not finish within {SECONDS} s: a file in .git may be a pipe")
+        return code, answer
+    finally:
+        clock.cancel()
+        process.kill()  # after an interruption
+        process.wait()
+
+
+def _read(stream: IO[bytes]) -> bytes:
     parts: list[bytes] = []
     size = 0
-    with process.stdout or TemporaryFile() as stream:
-        while part := stream.read(_CHUNK):
-            parts.append(part)
-            size += len(part)
-            if size > _LARGEST_OUTPUT:
-                process.kill()
-                process.wait()
-                raise GitError(f"git prints more than {_LARGEST_OUTPUT // 2**20} MiB")
+    while part := stream.read(_CHUNK):
+        parts.append(part)
+        size += len(part)
+        if size > _LARGEST_OUTPUT:
+            raise GitError(f"git prints more than {_LARGEST_OUTPUT // 2**20} MiB")
     return b"".join(parts)
 
 

@@ -181,3 +181,13 @@ def test_a_large_file_of_a_revision_is_refused(capsys: pytest.CaptureFixture[str
     repository("firmware", {**FIRMWARE, "msg/Large.msg": "#" * (2**24 + 1)})
     assert main(["build", "--px4", "firmware@HEAD"]) == 2
     assert "S108 'msg/Large.msg' is larger than 16 MiB, the limit for a file" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes in folders")
+def test_a_pipe_in_place_of_the_configuration_stops_git(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run(tmp_path, "init", "-q")
+    (tmp_path / ".git/config").unlink()
+    os.mkfifo(tmp_path / ".git/config")
+    monkeypatch.setattr("msggen.disk.git.SECONDS", 1)
+    with pytest.raises(GitError, match="does not finish within 1 s"):
+        status(str(tmp_path))

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
+from unittest.mock import patch
 
 from msggen.disk.record import digest
 from support.catalogs import write_definitions
@@ -152,7 +153,7 @@ _TARGETS = (
 
 def check(case: Case) -> None:
     arguments, target = COMMANDS[case.command]
-    with scratch_folder() as folder:
+    with scratch_folder() as folder, patch("msggen.disk.git.SECONDS", 2):  # git waits for a fifo
         copy_start(folder / "work")
         write_definitions(folder / "outside", OUTSIDE)
         write_definitions(folder / "work", {"a.em": "text\n", "new/dds_topics.yaml": "publications: []\n"})

@@ -204,7 +204,7 @@ def same(found: Any, given: Any, type_: str) -> bool:
 
 def _same_number(found: float, given: Any, type_: str) -> bool:
     if type_ in (*INTEGERS, "byte", "char"):
-        return bool(found == given.__index__())
+        return bool(found == int(given))  # an integer or a bool: else it would not have been encoded
     if isinstance(given, (complex, np.complexfloating)):
         return bool(found == given)
     number = float(given)
