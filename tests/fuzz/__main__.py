@@ -9,6 +9,7 @@ import shutil
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
@@ -42,6 +43,7 @@ def main() -> int:
     names = options.campaigns or NAMES
     seconds = options.minutes * 60 / len(names) if options.minutes else None
     failed = False
+    warnings.simplefilter("ignore")  # numpy warns about some of the hostile values
     tempfile.tempdir = scratch = scratch_root()
     atexit.register(shutil.rmtree, scratch, ignore_errors=True)
     for name in names:
