@@ -149,4 +149,6 @@ def given(value: Any) -> str:
         text = repr(value)
     except ValueError:
         return f"a {value.__class__.__name__} with thousands of digits"
+    except (*ENCODE_FAILURES, LookupError, RuntimeError):  # such as a message without one of its fields
+        return f"a {value.__class__.__name__}"
     return text if len(text) <= 60 else f"{text[:57]}..."
