@@ -37,16 +37,20 @@ def error_texts() -> Mapping[str, ErrorText]:
 def explain_code(code: str, *, width: int) -> str:
     """Return the text about `code`, formatted for a terminal."""
     text = error_texts()[code]
-    width = min(width, _WIDEST)
     return "\n\n".join(
         [
             f"{code} ({CODES[code].value}): {text.title}",
             paragraph(_LINK.sub(r"\1", text.meaning), width),
             "For example:",
             indent(text.example, "    ").rstrip("\n"),
-            paragraph(_LINK.sub(r"\1", f"How to fix it: {text.fix}"), width),
+            how_to_fix(_LINK.sub(r"\1", text.fix), width),
         ]
     )
+
+
+def how_to_fix(fix: str, width: int) -> str:
+    """Return the last paragraph of an explanation."""
+    return paragraph(f"How to fix it: {fix}", width)
 
 
 def nearest_code(wrong: str) -> str:
@@ -58,6 +62,6 @@ def nearest_code(wrong: str) -> str:
 
 
 def paragraph(text: str, width: int) -> str:
-    """Return `text` in lines of at most `width`, without breaks inside code."""
+    """Return `text` in lines of at most `width`, and of at most 100 characters, without breaks inside code."""
     together = _CODE.sub(lambda code: code[0].replace(" ", _NO_BREAK), text)
-    return fill(together, width, break_long_words=False, break_on_hyphens=False).replace(_NO_BREAK, " ")
+    return fill(together, min(width, _WIDEST), break_long_words=False, break_on_hyphens=False).replace(_NO_BREAK, " ")
