@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from msggen.cli.options import (
+    COMPARING_CODES,
     DONE,
     FINDINGS,
     Commands,
@@ -41,7 +42,7 @@ def add_to(commands: Commands) -> None:
         description="Compare the current definitions with previous ones, and report by rule what the change breaks; "
         "`msggen rules` lists the rules. The current definitions are those of --px4, by default the setting px4, or "
         "else the current folder.",
-        epilog="Exit codes: 0 no findings, 1 findings, 2 usage, input or I/O error. Sources and rules (select, ignore, "
+        epilog=f"{COMPARING_CODES} Sources and rules (select, ignore, "
         "per-message-ignores) can be set in [tool.msggen] of pyproject.toml.",
     )
     add_sources(parser, "--board")
