@@ -296,8 +296,8 @@ BREAKING = tuple(rule for rule in RULES if rule.category is not _DRIFT)
 
 
 def named(name: str) -> tuple[Rule, ...]:
-    """Return the rule with the ID `name`, or the rules in the category `name`; empty if neither exists."""
-    return tuple(rule for rule in RULES if name in (rule.id, rule.category.name))
+    """Return the rule with the ID `name`, or the rules in the category `name`, in any case; empty if neither exists."""
+    return tuple(rule for rule in RULES if name.upper() in (rule.id, rule.category.name))
 
 
 _BUMPED = ("VERSION_NOT_RAISED", "VERSION_NOT_ARCHIVED", "TRANSLATION_MISSING")

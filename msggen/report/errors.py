@@ -40,7 +40,7 @@ def explain_code(code: str, *, width: int) -> str:
     return "\n\n".join(
         [
             f"{code} ({CODES[code].value}): {text.title}",
-            paragraph(_LINK.sub(r"\1", text.meaning), width),
+            explanation(_LINK.sub(r"\1", text.meaning), width),
             "For example:",
             indent(text.example, "    ").rstrip("\n"),
             how_to_fix(_LINK.sub(r"\1", text.fix), width),
@@ -50,7 +50,12 @@ def explain_code(code: str, *, width: int) -> str:
 
 def how_to_fix(fix: str, width: int) -> str:
     """Return the last paragraph of an explanation."""
-    return paragraph(f"How to fix it: {fix}", width)
+    return explanation(f"How to fix it: {fix}", width)
+
+
+def explanation(text: str, width: int) -> str:
+    """Return `text` in lines for a terminal of this width, but not too wide to read."""
+    return paragraph(text, min(width, _WIDEST))
 
 
 def nearest_code(wrong: str) -> str:
@@ -62,6 +67,6 @@ def nearest_code(wrong: str) -> str:
 
 
 def paragraph(text: str, width: int) -> str:
-    """Return `text` in lines of at most `width`, and of at most 100 characters, without breaks inside code."""
+    """Return `text` in lines of at most `width`, without breaks inside code."""
     together = _CODE.sub(lambda code: code[0].replace(" ", _NO_BREAK), text)
-    return fill(together, min(width, _WIDEST), break_long_words=False, break_on_hyphens=False).replace(_NO_BREAK, " ")
+    return fill(together, width, break_long_words=False, break_on_hyphens=False).replace(_NO_BREAK, " ")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from msggen.compare.finding import Category, Report, Rule, Severity
 from msggen.compare.rules import BREAKING, CHECKED
 from msggen.report import render
-from msggen.report.errors import how_to_fix, paragraph
+from msggen.report.errors import explanation, how_to_fix
 from msggen.report.json import dump
 
 _LEVELS = {Severity.ERROR: "an error", Severity.WARNING: "a warning"}
@@ -86,7 +86,7 @@ def _severities(rule: Rule) -> list[tuple[str, Severity]]:
 
 def explain_category(category: Category, rules: Sequence[Rule], *, width: int) -> str:
     """Return the meaning of a category, and the list of its `rules`."""
-    return f"{paragraph(f'{category.name}: {category.value}.', width)}\n\n{list_rules(rules)}"
+    return f"{explanation(f'{category.name}: {category.value}.', width)}\n\n{list_rules(rules)}"
 
 
 def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> str:
@@ -100,7 +100,7 @@ def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> st
         [
             f"{rule.id} ({rule.category.name}): {rule.purpose}.",
             "",
-            paragraph(f"{rule.category.name}: {rule.category.value}. Reported {reported}.", width),
+            explanation(f"{rule.category.name}: {rule.category.value}. Reported {reported}.", width),
             "",
             "For example:",
             "",
@@ -114,4 +114,4 @@ def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> st
 def explain_mark(mark: str, *, width: int) -> str:
     """Return the meaning of a mark in `MARKS`, and what to do about findings that have it."""
     text = MARKS[mark]
-    return f"{paragraph(f'{mark}: {text.meaning}', width)}\n\n{how_to_fix(text.fix, width)}"
+    return f"{explanation(f'{mark}: {text.meaning}', width)}\n\n{how_to_fix(text.fix, width)}"
