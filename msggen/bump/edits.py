@@ -24,7 +24,7 @@ from msggen.firmware.catalog import COMPARABLE, read_catalog
 from msggen.firmware.history import ALL_TRANSLATIONS, ARCHIVE, TRANSLATIONS, VERSIONED
 from msggen.firmware.path_hint import path_hint
 from msggen.firmware.revision import revised
-from msggen.firmware.sources import find_sources, open_tree
+from msggen.firmware.sources import find_sources, open_tree, refuse_part_of_tree
 from msggen.firmware.tree import Folder
 from msggen.model import DEFAULT_PACKAGE, VERSION, Catalog, Message
 
@@ -78,6 +78,7 @@ def _open_firmware(path: str) -> Folder:
         is_other = "@" in path or os.path.exists(path)
         problem, hint = ("not a folder", "") if is_other else ("no such folder", path_hint(path))
         raise input_error(path, "B101", f"{problem}: expected the folder of a PX4-Autopilot tree{hint}", 0)
+    refuse_part_of_tree(tree)
     if not tree.is_folder(VERSIONED) or (tree.is_file("package.xml") and not tree.is_folder("src/modules")):
         text = f"no {VERSIONED} here: expected a PX4-Autopilot tree of v1.16 or later, named with --px4"
         raise input_error(path, "B101", text, 0)

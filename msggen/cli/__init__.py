@@ -17,7 +17,7 @@ from functools import partial
 from typing import Any, NoReturn
 
 from msggen import __version__
-from msggen.cli.options import DONE, FAILED, FINDINGS, INTERRUPTED, writes
+from msggen.cli.options import DONE, FAILED, FAILED_CODES, FINDINGS, INTERRUPTED, writes
 from msggen.cli.printing import colour, discard_output, print_document, print_errors, print_notices, terminal_width
 from msggen.diagnostics import Diagnostic, InputError, printable, suggestion
 from msggen.location import Location
@@ -82,18 +82,7 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
     if not words:
         parser.print_help(sys.stderr)
         parser.exit(FAILED)
-    options, unknown = parser.parse_known_args(words)
-    if unknown:
-        options.parser.error(f"unknown argument '{unknown[0]}'{_hint(unknown[0], options)}")
-    return options
-
-
-def _hint(wrong: str, options: argparse.Namespace) -> str:
-    """Return what may be meant by the unknown argument `wrong`: an option of a similar name, or the firmware."""
-    takes_names = any(not action.option_strings for action in options.parser._actions)  # noqa: SLF001 - no public name
-    if "--px4" in options.known and not takes_names and not wrong.startswith("-"):
-        return f": name the firmware with --px4 {wrong}"
-    return suggestion(wrong, [name for name, action in options.known.items() if action.help is not argparse.SUPPRESS])
+    return parser.parse_args(words)
 
 
 def _output_format(words: Sequence[str]) -> str:
@@ -128,9 +117,10 @@ class _Formatter(argparse.HelpFormatter):
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that suggests the nearest choice of an option or a command.
+    """A parser that suggests the nearest option, choice of an option, or command.
 
-    It reports errors in `output_format` too, if that is a format for programs.
+    It reports unknown options before the errors that follow from them, such as a missing option. It reports errors in
+    `output_format` too, if that is a format for programs.
     """
 
     def __init__(self, *, output_format: str = "", **about: Any) -> None:
@@ -143,6 +133,42 @@ class _Parser(argparse.ArgumentParser):
         if sys.version_info >= (3, 14):  # where argparse has colours
             about["color"] = colour(sys.stdout)
         super().__init__(formatter_class=formatter, allow_abbrev=False, **about)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        for word in args[:1] if self._subparsers else args:  # the others belong to the command
+            if word == "--":
+                break
+            if self._is_unknown(word):
+                self._refuse(word)
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self._refuse(unknown[0])
+        return options, unknown
+
+    def _is_unknown(self, word: str) -> bool:
+        """Whether `word` is an option that this parser does not have. For argparse, a word with a space is a value."""
+        is_long = word.startswith("--")
+        name = word.partition("=")[0] if is_long else word[:2]
+        is_option = is_long or (word.startswith("-") and word[1:2].isalpha())
+        return is_option and " " not in word and name not in self._option_string_actions
+
+    def _refuse(self, wrong: str) -> NoReturn:
+        """Report the unknown argument `wrong`, an option without its value."""
+        wrong = wrong.partition("=")[0] if wrong.startswith("-") else wrong
+        self.error(f"unknown argument '{printable(wrong)}'{self._hint(wrong)}")
+
+    def _hint(self, wrong: str) -> str:
+        """Return what to do about `wrong`: use a similar option, name the firmware with --px4, or give fewer names."""
+        names = [str(action.metavar) for action in self._actions if not action.option_strings]
+        known = self._option_string_actions
+        if not wrong.startswith("-") and not names and "--px4" in known:
+            return f": name the firmware with --px4 {wrong}"
+        near = suggestion(wrong, [name for name, action in known.items() if action.help is not argparse.SUPPRESS])
+        if near or not names:
+            return near
+        if wrong.startswith("-"):
+            return ": name a command first" if self._subparsers else ""
+        return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
 
     def error(self, message: str) -> NoReturn:
         print_document([Diagnostic(Location(self.prog, 0), "usage", message)], self._output_format)
@@ -174,6 +200,7 @@ def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
         prog="msggen",
         description="Generate Python types, CDR codecs and a topic registry from PX4's message definitions, and keep "
         "ROS 2 packages up to date with them.",
+        epilog=f"Exit codes: 0 done, 1 findings or changes, {FAILED_CODES}",
     )
     parser.add_argument("-V", "--version", action="version", version=f"msggen {__version__}")
     parser.add_argument(

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from msggen.cli.options import (
+    COMPARING_CODES,
     DONE,
     FINDINGS,
     Commands,
@@ -19,7 +20,7 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_report
 from msggen.cli.sources import board_of, firmware_path, shell_options, sources_of
-from msggen.diagnostics import Diagnostic, input_error, suggestion
+from msggen.diagnostics import Diagnostic, InputError, suggestion
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.file import File
 from msggen.firmware.sources import Sources, find_sources, join_package, open_tree, split_package, with_board
@@ -41,7 +42,7 @@ def add_to(commands: Commands) -> None:
         description="Compare the current definitions with previous ones, and report by rule what the change breaks; "
         "`msggen rules` lists the rules. The current definitions are those of --px4, by default the setting px4, or "
         "else the current folder.",
-        epilog="Exit codes: 0 no findings, 1 findings, 2 usage, input or I/O error. Sources and rules (select, ignore, "
+        epilog=f"{COMPARING_CODES} Sources and rules (select, ignore, "
         "per-message-ignores) can be set in [tool.msggen] of pyproject.toml.",
     )
     add_sources(parser, "--board")
@@ -64,11 +65,7 @@ def _breaking(options: argparse.Namespace) -> int:
     settings = read_settings(".")
     named = options.px4
     options.px4 = firmware_path(options, settings)
-    rules = _rules(options, settings)
-    ignored = {
-        message: [rule for name in names for rule in _named(name, settings.place("per-message-ignores"))]
-        for message, names in settings.per_message_ignores.items()
-    }
+    rules, ignored = _rules(options, settings)
     current = sources_of(options, settings)
     if current.label == os.curdir:
         current = current._replace(label="the working tree")
@@ -115,25 +112,33 @@ def _bridge_in(folder: str, topics: str) -> File | str:
     return File(tree.place(name), name, tree) if tree.is_file(name) else topics
 
 
-def _rules(options: argparse.Namespace, settings: Settings) -> tuple[Rule, ...]:
-    from msggen.compare.rules import BREAKING
-
-    def all_named(key: str, names: Iterable[str] | None, option: Iterable[str] | None) -> set[str]:
-        place = settings.place(key) if option is None else Location(f"--{key}", 0)
-        return {rule.id for name in (names if option is None else option) or () for rule in _named(name, place)}
-
-    selected = all_named("select", settings.select, options.select) or {rule.id for rule in BREAKING}
-    ignored = all_named("ignore", settings.ignore, options.ignore)
-    return tuple(rule for rule in BREAKING if rule.id in selected - ignored)
-
-
-def _named(name: str, place: Location) -> tuple[Rule, ...]:
-    from msggen.compare.finding import Category
+def _rules(options: argparse.Namespace, settings: Settings) -> tuple[tuple[Rule, ...], dict[str, list[Rule]]]:
+    """Return the rules to apply, and those to ignore by message. Raises InputError with all unknown names."""
     from msggen.compare.rules import BREAKING, named
 
-    found = tuple(rule for rule in named(name) if rule in BREAKING)
-    if not found:
-        known = [*(category.name for category in Category), *(rule.id for rule in BREAKING)]
-        text = f"'{name}' is a rule of check only" if named(name) else f"unknown rule '{name}'{suggestion(name, known)}"
-        raise input_error(place.path, "C104", text, *place[1:])
-    return found
+    errors: list[Diagnostic] = []
+
+    def all_named(key: str, names: Iterable[str] | None, option: Iterable[str] | None = None) -> list[Rule]:
+        place = settings.place(key) if option is None else Location(f"--{key}", 0)
+        given = (names if option is None else option) or ()
+        found = {name: [rule for rule in named(name) if rule in BREAKING] for name in given}
+        errors.extend(Diagnostic(place, "C104", _unknown(name)) for name, rules in found.items() if not rules)
+        return [rule for rules in found.values() for rule in rules]
+
+    selected = all_named("select", settings.select, options.select) or BREAKING
+    ignored = all_named("ignore", settings.ignore, options.ignore)
+    by_message = {
+        message: all_named("per-message-ignores", names) for message, names in settings.per_message_ignores.items()
+    }
+    if errors:
+        raise InputError(errors)
+    return tuple(rule for rule in BREAKING if rule in selected and rule not in ignored), by_message
+
+
+def _unknown(name: str) -> str:
+    from msggen.compare.rules import BREAKING, named
+
+    if named(name):
+        return f"'{name}' is a rule of check only"
+    known = [*(rule.category.name for rule in BREAKING), *(rule.id for rule in BREAKING)]
+    return f"unknown rule '{name}'{suggestion(name, known)}"

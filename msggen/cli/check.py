@@ -6,6 +6,7 @@ import argparse
 from shlex import quote
 
 from msggen.cli.options import (
+    COMPARING_CODES,
     DONE,
     FINDINGS,
     Commands,
@@ -33,8 +34,7 @@ def add_to(commands: Commands) -> None:
         description="Compare a package with the firmware, or any two sources, by meaning: bytes, names, constants, "
         "nested types and services. Comments and white space are ignored. A single side is compared with --px4, by "
         "default the setting px4, or else the newest embedded release.",
-        epilog="Exit codes: 0 no findings, 1 findings, 2 usage, input or I/O error. Sources can be set in "
-        "[tool.msggen] of pyproject.toml.",
+        epilog=f"{COMPARING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
     )
     parser.add_argument("side", metavar="PKG", type=non_empty, help="source to check, such as a px4_msgs package")
     parser.add_argument("other", metavar="B", type=non_empty, nargs="?", help="source to check against the first one")

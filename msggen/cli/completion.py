@@ -119,8 +119,9 @@ def _rules(_: argparse.Namespace) -> Iterable[str]:
 
 def _explained(options: argparse.Namespace) -> Iterable[str]:
     from msggen.diagnostics import CODES
+    from msggen.report.rules import MARKS
 
-    return [*_rules(options), *CODES]
+    return [*_rules(options), *(mark for mark in MARKS if " " not in mark), *CODES]
 
 
 _NAMES: Mapping[str, Callable[[argparse.Namespace], Iterable[str]]] = {

@@ -15,8 +15,13 @@ Group: TypeAlias = "argparse._ActionsContainer"  # noqa: SLF001 - likewise, for 
 DONE, FINDINGS, FAILED, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: success, findings or changes, usage, input or I/O errors, and Ctrl-C as shells report it."""
 
-WRITING_CODES = "Exit codes: 0 done, 1 changes found by --check or --diff, 2 usage, input or I/O error."
-"""The exit codes of a command that writes."""
+FAILED_CODES = "2 usage, input or I/O error, 130 interrupted by Ctrl-C."
+WRITING_CODES = f"Exit codes: 0 done, 1 changes found by --check or --diff, {FAILED_CODES}"
+COMPARING_CODES = (
+    f"Exit codes: 0 no findings that fail the run, 1 findings that fail the run, {FAILED_CODES} Handled findings and "
+    "warnings do not fail the run."
+)
+"""The exit codes for the help: of failed runs, of commands that write, and of those that report findings."""
 
 SOURCE_KINDS = (
     "a PX4-Autopilot tree, a px4_msgs package, a folder of .msg files, PATH@REVISION of one of these in git, "
@@ -91,9 +96,8 @@ def add_command(
     commands: Commands, name: str, run: Callable[[argparse.Namespace], int], *, writes: bool = False, **about: Any
 ) -> argparse.ArgumentParser:
     """Return the parser of a new command `name`, which calls `run`. `writes` is True if it may write files."""
-    parser = commands.add_parser(name, **about)
-    known = parser._option_string_actions  # noqa: SLF001 - argparse has no public name
-    parser.set_defaults(run=run, parser=parser, known=known, writes=writes)
+    parser = commands.add_parser(name, **{"epilog": f"Exit codes: 0 done, {FAILED_CODES}", **about})
+    parser.set_defaults(run=run, parser=parser, writes=writes)
     return parser
 
 

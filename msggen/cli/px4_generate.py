@@ -18,7 +18,6 @@ def add_to(commands: Commands) -> None:
         help="run the firmware's own templates in place of its scripts",
         description="Generate the same files as the firmware's px_generate_uorb_topic_files.py and "
         "generate_dds_topics.py, from the same templates and arguments. Files that would not change are not written.",
-        epilog="Exit codes: 0 done, 2 usage, input or I/O error.",
     )
     _add_messages(parser)
     _add_bridge(parser)

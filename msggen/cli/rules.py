@@ -1,4 +1,4 @@
-"""`msggen rules` and `msggen explain`: list and explain rules, categories and error codes."""
+"""`msggen rules` and `msggen explain`: list and explain rules, categories, marks and error codes."""
 
 from __future__ import annotations
 
@@ -24,11 +24,15 @@ def add_to(commands: Commands) -> None:
         commands,
         "explain",
         _explain,
-        help="explain a rule, a category or an error code",
-        description="Explain a rule with its purpose and an example, or a category of rules, or an error code.",
+        help="explain a rule, a category, a mark or an error code",
+        description="Explain a rule with its purpose, an example and a fix, or a category of rules, a mark of findings "
+        "such as 'silent both ways', or an error code.",
     )
     explain.add_argument(
-        "rule", metavar="RULE", type=non_empty, help="rule, category or error code, such as FIELD_MOVED, WIRE or M301"
+        "rule",
+        metavar="RULE",
+        type=non_empty,
+        help="rule, category, mark or error code, such as FIELD_MOVED, WIRE, handled or M301",
     )
 
 
@@ -45,9 +49,9 @@ def _explain(options: argparse.Namespace) -> int:
     from msggen.compare.finding import Category
     from msggen.compare.rules import RULES, named
     from msggen.report.errors import explain_code, nearest_code
-    from msggen.report.rules import explain_category, explain_rule
+    from msggen.report.rules import MARKS, explain_category, explain_mark, explain_rule
 
-    name = options.rule.upper()
+    name, mark = options.rule.upper(), options.rule.lower()
     rules = named(name)
     if name in CODES:
         print(explain_code(name, width=width()))
@@ -55,10 +59,12 @@ def _explain(options: argparse.Namespace) -> int:
         print(explain_category(Category[name], rules, width=width()))
     elif rules:
         print(explain_rule(rules[0], example_of(rules[0]), width=width(), colour=colour(sys.stdout)))
+    elif mark in MARKS:
+        print(explain_mark(mark, width=width()))
     elif nearest := nearest_code(name):
         raise input_error("explain", "C104", f"unknown code '{options.rule}', did you mean '{nearest}'?", 0)
     else:
-        known = [*(rule.id for rule in RULES), *Category.__members__, *CODES]
+        known = [*(rule.id for rule in RULES), *Category.__members__, *MARKS, *CODES]
         hint = suggestion(options.rule, known) or ": `msggen rules` lists them"
         raise input_error("explain", "C104", f"unknown rule '{options.rule}'{hint}", 0)
     return DONE

@@ -1,4 +1,4 @@
-"""Rules and findings. A rule has only an ID, a purpose, a category, a severity and a function."""
+"""Rules and findings. A rule has only an ID, a purpose, a category, a severity, a function and the text of a fix."""
 
 from __future__ import annotations
 
@@ -54,12 +54,13 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A rule. `find` compares the two sides and yields the changes."""
+    """A rule. `find` compares the two sides and yields the changes. `fix` says what to do about them."""
 
     id: str
     purpose: str
     category: Category
     find: Callable[[Comparison], Iterable[Change]]
+    fix: str
     severity: Severity = Severity.ERROR
 
 

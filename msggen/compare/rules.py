@@ -15,55 +15,187 @@ from msggen.tags import COMPARED
 _WIRE, _HASH, _SOURCE, _SEMANTIC = Category.WIRE, Category.HASH, Category.SOURCE, Category.SEMANTIC
 _TOPIC, _VERSION, _DRIFT = Category.TOPIC, Category.VERSION, Category.DRIFT
 
+_SYNC = "Update packages with `msggen sync`."
+_RELEASE = (
+    "For a versioned message, run `msggen bump NAME`, so that PX4's translation node serves applications built with "
+    "the old version. For another message that crosses the bridge, update px4_msgs with `msggen sync`, and rebuild all "
+    "nodes that use its topics. For a message that does not cross the bridge, nothing outside the firmware changes."
+)
+_NESTED = "Do the following for each message that nests the changed one. " + _RELEASE
+_RETAG = (
+    "If the values changed, adapt all code that uses the field, and give a versioned message its next version with "
+    "`msggen bump NAME`. If only the comment changed, correct the wrong one. " + _SYNC
+)
+"""Texts about fixes that several rules have."""
+
 RULES = (
-    Rule("FIELD_ADDED", "a field was added", _WIRE, wire.find_added),
-    Rule("FIELD_REMOVED", "a field was removed", _WIRE, wire.find_removed),
-    Rule("FIELD_MOVED", "the order of fields changed", _WIRE, wire.find_moved),
-    Rule("FIELD_RETYPED", "the type of a field changed", _WIRE, wire.find_retyped),
-    Rule("ARRAY_LENGTH_CHANGED", "the length of an array changed", _WIRE, wire.find_other_length),
-    Rule("NESTED_LAYOUT_CHANGED", "the layout of a nested message changed, at any depth", _WIRE, wire.find_nested),
-    Rule("FIELD_RENAMED", "a field was renamed; its bytes are the same", _HASH, hash_names.find_renamed),
+    Rule("FIELD_ADDED", "a field was added", _WIRE, wire.find_added, fix=_RELEASE),
+    Rule(
+        "FIELD_REMOVED",
+        "a field was removed",
+        _WIRE,
+        wire.find_removed,
+        fix="Keep the field if applications still need it. " + _RELEASE,
+    ),
+    Rule(
+        "FIELD_MOVED",
+        "the order of fields changed",
+        _WIRE,
+        wire.find_moved,
+        fix="Restore the order if nothing needs the new one. " + _RELEASE,
+    ),
+    Rule(
+        "FIELD_RETYPED",
+        "the type of a field changed",
+        _WIRE,
+        wire.find_retyped,
+        fix="Restore the type if nothing needs the new one. " + _RELEASE,
+    ),
+    Rule("ARRAY_LENGTH_CHANGED", "the length of an array changed", _WIRE, wire.find_other_length, fix=_RELEASE),
+    Rule(
+        "NESTED_LAYOUT_CHANGED",
+        "the layout of a nested message changed, at any depth",
+        _WIRE,
+        wire.find_nested,
+        fix=_NESTED,
+    ),
+    Rule(
+        "FIELD_RENAMED",
+        "a field was renamed; its bytes are the same",
+        _HASH,
+        hash_names.find_renamed,
+        fix="Use the new name in all code that uses the field. " + _RELEASE,
+    ),
     Rule(
         "TYPE_RENAMED",
         "the type of a field was renamed; its bytes and values are the same",
         _HASH,
         hash_names.find_renamed_type,
+        fix="Use the new name in all code that uses the type. " + _RELEASE,
     ),
-    Rule("NESTED_NAME_CHANGED", "a name in a nested message changed, at any depth", _HASH, hash_names.find_nested),
-    Rule("MESSAGE_REMOVED", "a message was removed", _SOURCE, source_code.find_removed_messages),
+    Rule(
+        "NESTED_NAME_CHANGED",
+        "a name in a nested message changed, at any depth",
+        _HASH,
+        hash_names.find_nested,
+        fix=_NESTED,
+    ),
+    Rule(
+        "MESSAGE_REMOVED",
+        "a message was removed",
+        _SOURCE,
+        source_code.find_removed_messages,
+        fix=(
+            "Keep the message if applications use it. Otherwise, remove its topics from dds_topics.yaml, and the code "
+            "that uses the message. " + _SYNC
+        ),
+    ),
     Rule(
         "MESSAGE_RENAMED",
         "a message was renamed; its definition is the same",
         _SOURCE,
         source_code.find_renamed_messages,
+        fix="Use the new name in dds_topics.yaml and in all code that uses the message. " + _SYNC,
     ),
-    Rule("SERVICE_REMOVED", "a service was removed", _SOURCE, source_code.find_removed_services),
-    Rule("CONSTANT_REMOVED", "a constant was removed", _SOURCE, source_code.find_removed_constants),
-    Rule("CONSTANT_VALUE_CHANGED", "the value of a constant changed", _SOURCE, source_code.find_other_values),
-    Rule("CONSTANT_TYPE_CHANGED", "the type of a constant changed", _SOURCE, source_code.find_other_types),
+    Rule(
+        "SERVICE_REMOVED",
+        "a service was removed",
+        _SOURCE,
+        source_code.find_removed_services,
+        fix="Keep the service if applications use it. Otherwise, remove the code that uses it. " + _SYNC,
+    ),
+    Rule(
+        "CONSTANT_REMOVED",
+        "a constant was removed",
+        _SOURCE,
+        source_code.find_removed_constants,
+        fix=(
+            "Keep the constant if applications use it. Otherwise, remove it from their code, or use its new name. "
+            + _SYNC
+        ),
+    ),
+    Rule(
+        "CONSTANT_VALUE_CHANGED",
+        "the value of a constant changed",
+        _SOURCE,
+        source_code.find_other_values,
+        fix=(
+            "Restore the value, and add another constant for the new meaning. Otherwise, give a versioned message its "
+            "next version with `msggen bump NAME`, and rebuild all code that uses the constant. " + _SYNC
+        ),
+    ),
+    Rule(
+        "CONSTANT_TYPE_CHANGED",
+        "the type of a constant changed",
+        _SOURCE,
+        source_code.find_other_types,
+        fix="Restore the type. Otherwise, rebuild all code that uses the constant, and check its conversions. " + _SYNC,
+    ),
     *(
-        Rule(f"{tag.name.upper()}_CHANGED", tag.purpose, _SEMANTIC, partial(semantic.find_changed, tag))
+        Rule(f"{tag.name.upper()}_CHANGED", tag.purpose, _SEMANTIC, partial(semantic.find_changed, tag), fix=_RETAG)
         for tag in COMPARED
     ),
-    Rule("TOPIC_REMOVED", "a topic is no longer bridged", _TOPIC, topic.find_removed),
-    Rule("TOPIC_RETYPED", "the message of a topic changed", _TOPIC, topic.find_retyped),
-    Rule("TOPIC_MOVED", "a topic is bridged under another name or in the other direction", _TOPIC, topic.find_moved),
     Rule(
-        "TOPIC_RENAMED", "the ROS 2 name of a topic changed, for example its version suffix", _TOPIC, topic.find_renamed
+        "TOPIC_REMOVED",
+        "a topic is no longer bridged",
+        _TOPIC,
+        topic.find_removed,
+        fix="Restore the topic in dds_topics.yaml. Otherwise, remove it from all applications.",
+    ),
+    Rule(
+        "TOPIC_RETYPED",
+        "the message of a topic changed",
+        _TOPIC,
+        topic.find_retyped,
+        fix=(
+            "Restore the type in dds_topics.yaml, or bridge the other message as a new topic. Otherwise, use the new "
+            "message in all applications."
+        ),
+    ),
+    Rule(
+        "TOPIC_MOVED",
+        "a topic is bridged under another name or in the other direction",
+        _TOPIC,
+        topic.find_moved,
+        fix="Restore the topic in dds_topics.yaml. Otherwise, use the new name or direction in all applications.",
+    ),
+    Rule(
+        "TOPIC_RENAMED",
+        "the ROS 2 name of a topic changed, for example its version suffix",
+        _TOPIC,
+        topic.find_renamed,
+        fix=(
+            "If the suffix of the version changed, give the message a complete new version with `msggen bump NAME`: "
+            "PX4's translation node then also serves the old name. Otherwise, use the new name in all applications."
+        ),
     ),
     Rule(
         "RATE_LIMIT_CHANGED",
         "the rate limit of a topic changed",
         _TOPIC,
         topic.find_other_rate,
+        fix="Restore `rate_limit` in dds_topics.yaml, or check that all applications work with the new rate.",
         severity=Severity.WARNING,
     ),
-    Rule("ROUTE_CHANGED", "samples of a topic reach other or fewer uORB instances", _TOPIC, topic.find_other_route),
+    Rule(
+        "ROUTE_CHANGED",
+        "samples of a topic reach other or fewer uORB instances",
+        _TOPIC,
+        topic.find_other_route,
+        fix=(
+            "Restore the topic in dds_topics.yaml, or check that the samples of all applications reach the right uORB "
+            "instance."
+        ),
+    ),
     Rule(
         "OPTIONS_CHANGED",
         "the options of a topic for Zenoh's client changed",
         _TOPIC,
         topic.find_other_options,
+        fix=(
+            "Restore `options` in dds_topics.yaml, or check that the applications that use Zenoh work with the new "
+            "options."
+        ),
         severity=Severity.WARNING,
     ),
     Rule(
@@ -71,35 +203,81 @@ RULES = (
         "a versioned message changed, but its version was not raised step by step",
         _VERSION,
         version.find_not_raised,
+        fix=(
+            "Run `msggen bump NAME`. If the version skips a number, lower MESSAGE_VERSION first: each version between "
+            "two releases needs its own archived definition and header."
+        ),
     ),
     Rule(
-        "VERSION_NEEDLESS", "the version of a message changed, but the message did not", _VERSION, version.find_needless
+        "VERSION_NEEDLESS",
+        "the version of a message changed, but the message did not",
+        _VERSION,
+        version.find_needless,
+        fix="Restore the previous MESSAGE_VERSION, because a new version renames the topics of the message.",
     ),
     Rule(
         "VERSION_REMOVED",
         "a message is no longer versioned, or an archived version was removed",
         _VERSION,
         version.find_removed,
+        fix=(
+            "Restore MESSAGE_VERSION, the file in msg/versioned or the archived version. If support for the old "
+            "version ends on purpose, rebuild all applications that use the message, and add this rule to "
+            "`per-message-ignores`."
+        ),
     ),
     Rule(
         "VERSION_NOT_ARCHIVED",
         "the previous version is not archived in px4_msgs_old",
         _VERSION,
         version.find_not_archived,
+        fix=(
+            "Run `msggen bump NAME`, which archives the previous definition. If the archived version has other fields, "
+            "replace them with those of the previous definition."
+        ),
     ),
     Rule(
-        "TRANSLATION_MISSING", "no header translates from the previous version", _VERSION, version.find_not_translated
+        "TRANSLATION_MISSING",
+        "no header translates from the previous version",
+        _VERSION,
+        version.find_not_translated,
+        fix="Run `msggen bump NAME`, which writes the header, and complete its lines with TODO.",
     ),
     Rule(
         "TRANSLATION_UNFINISHED",
         "a translation header leaves out a field or has a TODO",
         _VERSION,
         version.find_unfinished_translations,
+        fix="In both functions of the header, assign the missing fields and complete the lines with TODO.",
         severity=Severity.WARNING,
     ),
-    Rule("DEFINITION_ADDED", "a message or service is only on the current side", _DRIFT, drift.find_added_definitions),
-    Rule("CONSTANT_ADDED", "a constant is only on the current side", _DRIFT, drift.find_added_constants),
-    Rule("VERSION_DIFFERS", "the version of a message differs", _DRIFT, drift.find_other_versions),
+    Rule(
+        "DEFINITION_ADDED",
+        "a message or service is only on the current side",
+        _DRIFT,
+        drift.find_added_definitions,
+        fix=(
+            "Move your own definitions to a package of your own. Delete a definition that the firmware no longer has, "
+            "or add it to the firmware."
+        ),
+    ),
+    Rule(
+        "CONSTANT_ADDED",
+        "a constant is only on the current side",
+        _DRIFT,
+        drift.find_added_constants,
+        fix="Add the constant to the firmware. Otherwise, run `msggen sync`, which removes it from the package.",
+    ),
+    Rule(
+        "VERSION_DIFFERS",
+        "the version of a message differs",
+        _DRIFT,
+        drift.find_other_versions,
+        fix=(
+            "Run `msggen sync` with the firmware of the vehicle, and rebuild all nodes that use the message, because "
+            "the version is part of the ROS 2 name of its topics."
+        ),
+    ),
 )
 """All rules, in the order in which they are listed and applied."""
 
@@ -118,8 +296,8 @@ BREAKING = tuple(rule for rule in RULES if rule.category is not _DRIFT)
 
 
 def named(name: str) -> tuple[Rule, ...]:
-    """Return the rule with the ID `name`, or the rules in the category `name`; empty if neither exists."""
-    return tuple(rule for rule in RULES if name in (rule.id, rule.category.name))
+    """Return the rule with the ID `name`, or the rules in the category `name`, in any case; empty if neither exists."""
+    return tuple(rule for rule in RULES if name.upper() in (rule.id, rule.category.name))
 
 
 _BUMPED = ("VERSION_NOT_RAISED", "VERSION_NOT_ARCHIVED", "TRANSLATION_MISSING")

@@ -9,7 +9,7 @@ from typing import NoReturn
 
 from msggen.diagnostics import input_error, suggestion
 from msggen.disk.git import GitError, commit_of, git, is_revision, revisions
-from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release
+from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release, near_release
 from msggen.firmware.tree import Amount, Snapshot, TooMuchError, Wanted, is_wanted
 
 
@@ -51,7 +51,9 @@ def _fail_to_find(folder: str, against: str) -> NoReturn:
             "S108",
             f"'{against}' is neither a folder, a revision of {folder} nor an embedded release{near}",
         )
-    reason = (_obstacle(folder) or _hint(folder, against)) if os.path.isdir(folder) else ""
+    near = near_release(against)
+    obstacle = _obstacle(folder) if os.path.isdir(folder) else ""
+    reason = f"{obstacle}{near}" if obstacle or not os.path.isdir(folder) else _hint(folder, against, near)
     _fail("--against", "S108", f"'{against}' is neither a folder nor a revision of {folder}{reason}")
 
 
@@ -99,12 +101,14 @@ def _obstacle(folder: str) -> str:
     return ""
 
 
-def _hint(folder: str, revision: str) -> str:
-    """Return a hint about a missing `revision`: a shallow repository, or the nearest existing name; "" for none."""
+def _hint(folder: str, revision: str, near: str = "") -> str:
+    """Return a hint about a missing `revision`: a shallow repository, or else `near` or the nearest existing name."""
     with suppress(GitError):
         if git(folder, "rev-parse", "--is-shallow-repository").strip() == b"true":
-            return ": the repository is shallow, fetch the rest with `git fetch --unshallow`"
-    return suggestion(revision, revisions(folder))
+            return f": the repository is shallow, fetch the rest with `git fetch --unshallow`{near}"
+    names = revisions(folder)
+    exact = {f"v{revision}"}.intersection(names)
+    return suggestion(revision, exact) or near or suggestion(revision, names)
 
 
 def _read_blobs(folder: str, label: str, blobs: Mapping[str, str], wanted: Wanted) -> dict[str, bytes]:

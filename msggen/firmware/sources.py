@@ -161,7 +161,7 @@ def find_sources(
     if px4 is not None:
         roots.append(_root(px4))
         if not roots[0].embedded:
-            _refuse_part_of_tree(roots[0].tree)
+            refuse_part_of_tree(roots[0].tree)
             _refuse_old_tree(roots[0].tree)
         package = _name_in(roots[0].manifest)
     roots += [_further_root(text, package) for text in folders]
@@ -340,7 +340,7 @@ def _unread_folders(root: _Root) -> Iterator[Diagnostic]:
     return iter(()) if root.manifest or root.package else unread_folders(root.tree)
 
 
-def _refuse_part_of_tree(root: Tree) -> None:
+def refuse_part_of_tree(root: Tree) -> None:
     """Raise InputError for a folder of definitions in a firmware tree, which lacks the bridge and other inputs."""
     folder, revision = root.path, ""
     if isinstance(root, Snapshot):

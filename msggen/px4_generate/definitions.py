@@ -68,8 +68,10 @@ class Definitions:
         Raises InputError with all errors of all files.
         """
         names = [f"{package}/{os.path.basename(path).removesuffix('.msg')}" for path in paths]
-        errors = [*_invalid_paths(paths), *_missing(search_path.get(package, ()))]
-        given = {name: path for name, path in zip(names, paths, strict=True) if path.endswith(".msg")}
+        folders = search_path.get(package, ())
+        errors = [*_invalid_paths(paths, folders), *_missing(folders)]
+        existing = (path.endswith(".msg") and os.path.lexists(path) for path in paths)
+        given = {name: path for name, path, exists in zip(names, paths, existing, strict=True) if exists}
         messages = self._read_nested(given, search_path, errors)
         if not errors:
             errors += _inconsistencies([messages[name] for name in names], messages.values(), package)
@@ -97,7 +99,7 @@ class Definitions:
                 folders = search_path.get(package, ())
                 path = self.find(folders, field.type.name)
                 if path is None:
-                    errors.append(_unknown_type(field, folders, is_own=package == message.package))
+                    errors += _unknown_type(field, folders, is_own=package == message.package)
                 elif nested not in paths:
                     paths[nested] = path
                     waiting.append(nested)
@@ -137,8 +139,11 @@ def _read(path: str, package: str, name: str) -> tuple[Definition, list[Diagnost
     return definition, errors
 
 
-def _invalid_paths(paths: Iterable[str]) -> Iterator[Diagnostic]:
-    """Yield errors for paths that are not messages, or are given twice."""
+def _invalid_paths(paths: Iterable[str], folders: Iterable[str]) -> Iterator[Diagnostic]:
+    """Yield errors for paths that do not exist, are not messages, or are given twice.
+
+    A missing message may be in one of the `folders` of nested messages.
+    """
     seen: dict[str, str] = {}
     for path in paths:
         other = seen.setdefault(snake_case(os.path.basename(path)), path)
@@ -146,6 +151,11 @@ def _invalid_paths(paths: Iterable[str]) -> Iterator[Diagnostic]:
             yield Diagnostic(Location(path, 0), "S101", "expected a .msg file")
         elif other is not path:
             yield Diagnostic(Location(path, 0), "M204", f"this message is given twice, first as {other}")
+        elif not os.path.lexists(path):
+            places = [os.path.join(folder, os.path.basename(path)) for folder in folders]
+            meant = next((f", did you mean '{os.path.normpath(each)}'?" for each in places if os.path.isfile(each)), "")
+            hint = meant or path_hint(path, is_meant=os.path.exists)
+            yield Diagnostic(Location(path, 0), "S101", f"no such file{hint}")
 
 
 def _missing(folders: Iterable[str]) -> Iterator[Diagnostic]:
@@ -154,16 +164,19 @@ def _missing(folders: Iterable[str]) -> Iterator[Diagnostic]:
             yield Diagnostic(Location(folder, 0), "S101", f"no such folder{path_hint(folder)}")
 
 
-def _unknown_type(field: Field, folders: Sequence[str], *, is_own: bool) -> Diagnostic:
-    if not is_own:
-        text = f"unknown type '{field.type.base}': the folders of -i are not searched for messages of other packages"
-        return Diagnostic(field.location, "M301", text)
+def _unknown_type(field: Field, folders: Sequence[str], *, is_own: bool) -> Iterator[Diagnostic]:
+    """Yield an error, unless the type may be in a folder that does not exist, which is an error of its own."""
     other = OTHER_SPELLINGS.get(field.type.name)
-    if other:
-        return Diagnostic(field.location, "M301", f"unknown type '{field.type.base}', did you mean '{other}'?")
-    known = [name.removesuffix(".msg") for folder in folders if os.path.isdir(folder) for name in os.listdir(folder)]
-    hint = suggestion(field.type.name, [*known, *PRIMITIVES]) if known else ": pass its folder with -i"
-    return Diagnostic(field.location, "M301", f"unknown type '{field.type.base}'{hint}")
+    if not is_own:
+        hint = ": the folders of -i are not searched for messages of other packages"
+    elif other:
+        hint = f", did you mean '{other}'?"
+    elif all(map(os.path.isdir, folders)):
+        known = [name.removesuffix(".msg") for folder in folders for name in os.listdir(folder)]
+        hint = suggestion(field.type.name, [*known, *PRIMITIVES]) if known else ": pass its folder with -i"
+    else:
+        return
+    yield Diagnostic(field.location, "M301", f"unknown type '{field.type.base}'{hint}")
 
 
 def _unsupported(message: Message) -> Iterator[Diagnostic]:

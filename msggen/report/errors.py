@@ -37,16 +37,25 @@ def error_texts() -> Mapping[str, ErrorText]:
 def explain_code(code: str, *, width: int) -> str:
     """Return the text about `code`, formatted for a terminal."""
     text = error_texts()[code]
-    width = min(width, _WIDEST)
     return "\n\n".join(
         [
             f"{code} ({CODES[code].value}): {text.title}",
-            paragraph(_LINK.sub(r"\1", text.meaning), width),
+            explanation(_LINK.sub(r"\1", text.meaning), width),
             "For example:",
             indent(text.example, "    ").rstrip("\n"),
-            paragraph(_LINK.sub(r"\1", f"How to fix it: {text.fix}"), width),
+            how_to_fix(_LINK.sub(r"\1", text.fix), width),
         ]
     )
+
+
+def how_to_fix(fix: str, width: int) -> str:
+    """Return the last paragraph of an explanation."""
+    return explanation(f"How to fix it: {fix}", width)
+
+
+def explanation(text: str, width: int) -> str:
+    """Return `text` in lines for a terminal of this width, but not too wide to read."""
+    return paragraph(text, min(width, _WIDEST))
 
 
 def nearest_code(wrong: str) -> str:

@@ -1,16 +1,57 @@
-"""Texts about rules: the list of all rules, and an explanation of one with an example."""
+"""Texts about rules and marks: the list of all rules, and an explanation of a rule, a category or a mark."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from textwrap import fill
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple
 
 from msggen.compare.finding import Category, Report, Rule, Severity
 from msggen.compare.rules import BREAKING, CHECKED
 from msggen.report import render
+from msggen.report.errors import explanation, how_to_fix
 from msggen.report.json import dump
 
 _LEVELS = {Severity.ERROR: "an error", Severity.WARNING: "a warning"}
+
+
+class MarkText(NamedTuple):
+    """The text about a mark of findings. `meaning` and `fix` are sentences."""
+
+    meaning: str
+    fix: str
+
+
+_SILENT = MarkText(
+    "marks a WIRE finding in a message whose samples keep their size, so that readers decode wrong values without an "
+    "error. Sizes are compared after rounding up to a multiple of 4, because DDS rounds samples up. The mark names the "
+    "readers that decode wrong values: old readers are built with the previous side and read samples of the current "
+    "one; new readers are built with the current side and read samples of the previous one. A field that replaces "
+    "padding is silent for new readers, because old samples contain these padding bytes, which are not always zero. A "
+    "field that is replaced by padding is silent for old readers. A field that was only renamed is decoded correctly.",
+    "Fix these findings first, as `msggen explain` describes for their rules. Do not run nodes built with different "
+    "sides on one network.",
+)
+
+MARKS: Mapping[str, MarkText] = MappingProxyType(
+    {
+        **dict.fromkeys(("silent", "silent both ways", "silent for old readers", "silent for new readers"), _SILENT),
+        "handled": MarkText(
+            "marks a finding that a complete new version takes care of: MESSAGE_VERSION is higher by one, "
+            "msg/px4_msgs_old/msg has the old definition with the same fields, and a header that all_translations.h "
+            "includes translates between both. Changed constants of the message are handled too. Between releases, a "
+            "version can increase by more than one. Then each version in between must be archived, and headers must "
+            "translate each step. A handled finding does not fail the run.",
+            "Nothing has to change. Applications built with the old version need PX4's translation node.",
+        ),
+        "warning": MarkText(
+            "marks a finding that does not fail the run: another rate limit or other options of a topic, a translation "
+            "that omits a field or still has a TODO, and in `check` another unit, range, frame, enum or invalid value.",
+            "Read the finding and decide. `msggen explain` describes the fix for its rule.",
+        ),
+    }
+)
+"""The texts about marks, by the mark as findings have it, or its first word."""
 
 
 def list_rules(rules: Sequence[Rule]) -> str:
@@ -29,6 +70,7 @@ def write_json(rules: Sequence[Rule]) -> str:
                 "category": rule.category.name,
                 "purpose": rule.purpose,
                 "effect": rule.category.value,
+                "fix": rule.fix,
                 "commands": {command: severity.value for command, severity in _severities(rule)},
             }
             for rule in rules
@@ -44,7 +86,7 @@ def _severities(rule: Rule) -> list[tuple[str, Severity]]:
 
 def explain_category(category: Category, rules: Sequence[Rule], *, width: int) -> str:
     """Return the meaning of a category, and the list of its `rules`."""
-    return f"{_sentence(f'{category.name}: {category.value}.', width)}\n\n{list_rules(rules)}"
+    return f"{explanation(f'{category.name}: {category.value}.', width)}\n\n{list_rules(rules)}"
 
 
 def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> str:
@@ -58,14 +100,18 @@ def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> st
         [
             f"{rule.id} ({rule.category.name}): {rule.purpose}.",
             "",
-            _sentence(f"{rule.category.name}: {rule.category.value}. Reported {reported}.", width),
+            explanation(f"{rule.category.name}: {rule.category.value}. Reported {reported}.", width),
             "",
             "For example:",
             "",
             found,
+            "",
+            how_to_fix(rule.fix, width),
         ]
     )
 
 
-def _sentence(text: str, width: int) -> str:
-    return fill(text, min(width, 100))
+def explain_mark(mark: str, *, width: int) -> str:
+    """Return the meaning of a mark in `MARKS`, and what to do about findings that have it."""
+    text = MARKS[mark]
+    return f"{explanation(f'{mark}: {text.meaning}', width)}\n\n{how_to_fix(text.fix, width)}"

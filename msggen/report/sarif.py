@@ -64,7 +64,7 @@ def _rule(rule: Rule) -> dict[str, Any]:
         "id": rule.id,
         "shortDescription": {"text": rule.purpose},
         "fullDescription": {"text": f"{rule.category.name}: {rule.category.value}"},
-        "help": {"text": f"'msggen explain {rule.id}' shows an example."},
+        "help": {"text": f"{rule.fix} 'msggen explain {rule.id}' shows an example."},
         "defaultConfiguration": {"level": rule.severity.value},
         "properties": {"category": rule.category.name},
     }

@@ -109,3 +109,61 @@ def test_no_path_is_empty_or_has_a_nul(option: str, argument: str, capsys: pytes
         main(["build", option, argument])
     assert stopped.value.code == 2
     assert option in capsys.readouterr().err.splitlines()[-1]
+
+
+def options_of(name: str) -> list[str]:
+    """Return the long options of a command that its help lists."""
+    listed = [action for action in COMMANDS[name]._actions if action.help != argparse.SUPPRESS]
+    return [option for action in listed for option in action.option_strings if option.startswith("--")]
+
+
+@pytest.mark.parametrize("output_format", ["", "github"])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_an_unknown_option_is_reported_before_what_follows_from_it(
+    name: str, output_format: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for option in options_of(name):
+        wrong = f"{option[:-2]}x{option[-2:]}"
+        for words in ([wrong, "value"], [f"{wrong}=value"]):
+            more = ["--output-format", output_format] if output_format else []
+            with pytest.raises(SystemExit) as stopped:
+                main([name, *words, *more])
+            assert stopped.value.code == 2
+            told = capsys.readouterr()
+            expected = f"unknown argument '{wrong}', did you mean '--"
+            assert expected in told.err
+            assert (f"::error title=usage::msggen {name}: {expected}" in told.out) == bool(output_format)
+
+
+def test_the_examples_of_wrong_arguments(capsys: pytest.CaptureFixture[str]) -> None:
+    examples = {
+        "breaking --agianst HEAD": "msggen breaking: error: unknown argument '--agianst', did you mean '--against'?",
+        "breaking -agianst HEAD": "msggen breaking: error: unknown argument '-agianst', did you mean '--against'?",
+        "--verison": "msggen: error: unknown argument '--verison', did you mean '--version'?",
+        "--px4 v1.16 build": "msggen: error: unknown argument '--px4': name a command first",
+        "bump HomePosition VehicleStatus": "unknown argument 'VehicleStatus': expected one MSG per run",
+        "check a b c": "unknown argument 'c': expected PKG and B",
+        "breaking": "the following arguments are required: --against",
+    }
+    for words, expected in examples.items():
+        with pytest.raises(SystemExit) as stopped:
+            main(words.split())
+        assert stopped.value.code == 2
+        assert capsys.readouterr().err.endswith(f"{expected}\n")
+
+
+def test_a_word_with_a_space_is_a_value(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["breaking", "--select", "--no rule", "--px4=--x"])
+    assert "the following arguments are required: --against" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["", *COMMANDS])
+def test_the_help_lists_the_exit_codes(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main([*name.split(), "--help"])
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "Exit codes: 0 " in shown
+    assert "2 usage, input or I/O error, 130 interrupted by Ctrl-C." in shown
+    fails = "1 findings that fail the run" in shown and "Handled findings and warnings do not fail the run." in shown
+    assert fails == (name in {"check", "breaking"})

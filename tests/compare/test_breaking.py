@@ -427,7 +427,7 @@ def test_what_is_ignored_is_not_shown(capsys: Capture) -> None:
 
 @pytest.mark.parametrize("option", ["select", "ignore"])
 @pytest.mark.parametrize(
-    ("name", "hint"), [("WIER", ", did you mean 'WIRE'?"), ("field_added", ", did you mean 'FIELD_ADDED'?"), ("X", "")]
+    ("name", "hint"), [("WIER", ", did you mean 'WIRE'?"), ("field_adde", ", did you mean 'FIELD_ADDED'?"), ("X", "")]
 )
 def test_an_unknown_rule_is_told_where_it_stands(option: str, name: str, hint: str, capsys: Capture) -> None:
     assert told(capsys, *AGAINST_V1, f"--{option}", f"HASH,{name}") == f"--{option}: C104 unknown rule '{name}'{hint}"

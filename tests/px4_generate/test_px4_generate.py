@@ -300,6 +300,23 @@ def test_a_folder_to_look_in_that_is_not_there_is_told(capsys: pytest.CaptureFix
     assert errors(capsys) == ["msg/version: S101 no such folder, did you mean 'msg/versioned'?"]
 
 
+def test_a_missing_folder_is_reported_without_the_unknown_types_that_follow_from_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    write_definitions(Path(), {"msg/Own.msg": f"{STAMP}Nope x\nbool_ y\n"})
+    assert generate("--headers", "msg/Own.msg", *FILES, includes=["msgs", "msg/versioned"]) == FAILED
+    assert errors(capsys) == ["msgs: S101 no such folder, did you mean 'msg'?"]
+
+
+def test_a_missing_file_is_suggested_from_the_folders_of_nested_messages(capsys: pytest.CaptureFixture[str]) -> None:
+    assert generate("--headers", "msg/FleetStatus.msg", "msg/CelReport.msg", "Gone.msg") == FAILED
+    assert errors(capsys) == [
+        "Gone.msg: S101 no such file",
+        "msg/CelReport.msg: S101 no such file, did you mean 'msg/CellReport.msg'?",
+        "msg/FleetStatus.msg: S101 no such file, did you mean 'msg/versioned/FleetStatus.msg'?",
+    ]
+
+
 def test_a_message_given_twice_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     write_definitions(Path(), {"msg/versioned/CellReport.msg": STAMP})
     assert generate("--headers", "msg/CellReport.msg", "msg/versioned/CellReport.msg") == FAILED

@@ -584,7 +584,7 @@ def test_sarif_names_every_rule_that_was_asked() -> None:
         "id": "FIELD_ADDED",
         "shortDescription": {"text": "a field was added"},
         "fullDescription": {"text": f"WIRE: {RULE['FIELD_ADDED'].category.value}"},
-        "help": {"text": "'msggen explain FIELD_ADDED' shows an example."},
+        "help": {"text": f"{RULE['FIELD_ADDED'].fix} 'msggen explain FIELD_ADDED' shows an example."},
         "defaultConfiguration": {"level": "error"},
         "properties": {"category": "WIRE"},
     }

@@ -11,10 +11,14 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
+from msggen.cli import main
+from support.catalogs import write_definitions
 from support.repository import ROOT
+from support.ros_packages import DEFINITIONS
 
 README = (ROOT / "README.md").read_text()
 IDENTITY = ["-c", "user.name=somebody", "-c", "user.email=somebody@example.com"]
@@ -91,3 +95,73 @@ def test_the_sessions_of_a_page_are_real(page: str, tmp_path: Path) -> None:
         check=False,
     )
     assert done.stdout == shown
+
+
+COUNTS = re.compile(
+    r"^px4_types from (?P<source>.*?): (?P<messages>\d+) messages?, (?:(?P<archived>\d+) archived versions?, )?"
+    r"(?P<services>\d+) services?, \d+ uORB topics?, \d+ endpoints?;"
+    r"(?: (?P<more>\d+) messages? of (?P<packages>[^;]+);)?"
+    r".*\n(?:\S+ is up to date, (?P<all>\d+) files|"
+    r"\S+: (?P<written>\d+) files written, \d+ removed, (?P<unchanged>\d+) unchanged)",
+    re.MULTILINE,
+)
+"""The two lines of a build: the definitions, and the files."""
+
+
+class Build(NamedTuple):
+    """A build: its sources, the kind of its definitions, and the number of files besides those of a definition."""
+
+    source: str
+    is_archived: bool
+    packages: int
+    further: int
+
+
+def builds(text: str) -> list[Build]:
+    """Return the builds in the output of msggen."""
+    found = []
+    for each in COUNTS.finditer(text):
+        defined, files = (
+            sum(int(each[key] or 0) for key in keys)
+            for keys in (("messages", "archived", "services", "more"), ("all", "written", "unchanged"))
+        )
+        packages = len(each["packages"].split(",")) if each["packages"] else 0
+        found.append(Build(each["source"], bool(each["archived"]), packages, files - defined))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("options", "is_archived", "packages"), [("", False, 0), ("--archived", True, 0), ("--msg-dir", False, 3)]
+)
+def test_the_numbers_of_files_in_the_pages_are_real(
+    options: str, *, is_archived: bool, packages: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A build with as many definitions of the same kind writes as many files."""
+    words = options.split()
+    if packages:
+        names = ["builtin_interfaces", "geometry_msgs", "std_msgs"]
+        for name in names:
+            write_definitions(tmp_path / name, DEFINITIONS[name])
+        words = [word for name in names for word in ("--msg-dir", f"{name}={tmp_path / name}")]
+    assert main(["build", "--px4", "embedded:v1.18", "-o", str(tmp_path / "made"), *words]) == 0
+    [real] = builds(capsys.readouterr().out)
+    shown = {
+        (page.name, build.further)
+        for page in PAGES
+        for build in builds(page.read_text())
+        if (build.is_archived, build.packages) == (is_archived, packages)
+    }
+    assert shown == {(name, real.further) for name, _ in shown}
+    assert shown
+
+
+def test_the_numbers_of_definitions_in_the_pages_are_real(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """The first line of a build of an embedded release is as msggen prints it."""
+    text = "\n".join(page.read_text() for page in PAGES)
+    shown = re.findall(r"^px4_types from the embedded PX4 (v[\d.]+): .*", text, re.MULTILINE)
+    assert len(shown) > 1
+    for release in set(shown):
+        assert main(["build", "--px4", f"embedded:{release}", "-o", str(tmp_path)]) == 0
+        real = capsys.readouterr().out.splitlines()[0]
+        lines = re.findall(rf"^px4_types from the embedded PX4 {re.escape(release)}: .*", text, re.MULTILINE)
+        assert set(lines) == {real}

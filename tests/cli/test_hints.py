@@ -1,0 +1,88 @@
+"""Tests of the hints of errors: all wrong names in one run, and the same hint in all commands."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from msggen.cli import DONE, FAILED, FINDINGS, main
+from support.catalogs import write_definitions
+
+VERSIONED = "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\n"
+TREE = {"msg/versioned/Lamp.msg": VERSIONED, "msg/Rpm.msg": "uint64 timestamp\n", "src/modules/README": ""}
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def tree(working_folder: Path) -> Path:
+    """A PX4-Autopilot tree and its previous definitions, in the current folder."""
+    write_definitions(working_folder, {f"px4/{name}": text for name, text in TREE.items()})
+    write_definitions(working_folder, {f"old/{name}": text for name, text in TREE.items()})
+    return working_folder / "px4"
+
+
+def breaking(*arguments: str) -> int:
+    return main(["breaking", "--px4", "px4", "--against", "old", *arguments])
+
+
+def test_all_unknown_rules_are_reported(capsys: Capture) -> None:
+    Path("pyproject.toml").write_text('[tool.msggen]\nper-message-ignores = { Rpm = ["SURCE", "WIRE"] }\n')
+    assert breaking("--select", "VERSION_NOT_RAISD,WIRE,WIRES,DRIFT", "--ignore", "Y") == FAILED
+    assert capsys.readouterr().err.splitlines() == [
+        "--ignore: C104 unknown rule 'Y'",
+        "--select: C104 'DRIFT' is a rule of check only",
+        "--select: C104 unknown rule 'VERSION_NOT_RAISD', did you mean 'VERSION_NOT_RAISED'?",
+        "--select: C104 unknown rule 'WIRES', did you mean 'WIRE'?",
+        "pyproject.toml:2:1: C104 unknown rule 'SURCE', did you mean 'SOURCE'?",
+        "5 errors",
+    ]
+
+
+@pytest.mark.parametrize("name", ["wire", "Field_Added", "VERSION,wire"])
+def test_rules_are_selected_in_any_case(name: str, tree: Path, capsys: Capture) -> None:
+    (tree / "msg/Rpm.msg").write_text("uint64 timestamp\nuint8 x\n")
+    assert breaking("--select", name) == FINDINGS
+    assert "FIELD_ADDED" in capsys.readouterr().out
+    assert breaking("--ignore", name) == DONE
+    Path("pyproject.toml").write_text(f'[tool.msggen.per-message-ignores]\nRpm = ["{name.rpartition(",")[2]}"]\n')
+    assert breaking() == DONE
+
+
+@pytest.mark.parametrize(
+    ("folder", "whole"), [("px4/msg", "px4"), ("px4/msg/versioned", "px4"), ("", ".."), ("versioned", "..")]
+)
+@pytest.mark.parametrize("command", [["breaking", "--against", "v1.17"], ["bump", "Lamp"]], ids=lambda each: each[0])
+def test_a_part_of_a_tree_has_the_same_hint_in_each_command(
+    command: list[str], folder: str, whole: str, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    if whole == "..":
+        monkeypatch.chdir("px4/msg")
+    options = ["--px4", folder] if folder else []
+    assert main([*command, *options]) == FAILED
+    hint = f"only a part of a firmware tree, did you mean '{whole}'?"
+    assert capsys.readouterr().err.splitlines()[0] == f"{folder or '.'}: S102 {hint}"
+
+
+@pytest.mark.tools("git")
+def test_the_embedded_release_is_suggested_for_a_patch_release(tree: Path, capsys: Capture) -> None:
+    def said(against: str) -> str:
+        assert main(["breaking", "--px4", "px4", "--against", against]) == FAILED
+        return capsys.readouterr().err.splitlines()[0].partition(" nor a revision of px4")[2]
+
+    def git(*arguments: str) -> None:
+        identity = ["-c", "user.name=somebody", "-c", "user.email=somebody@example.com"]
+        subprocess.run(["git", *identity, *arguments], cwd=tree, check=True, capture_output=True)
+
+    assert said("v1.17.0").endswith(", did you mean 'v1.17'?")  # not a git repository
+    git("init", "-q")
+    git("add", ".")
+    git("commit", "-q", "-m", "x")
+    assert said("v1.17.0") == ", did you mean 'v1.17'?"
+    git("tag", "v1.16.2")
+    assert said("v1.17.0") == ", did you mean 'v1.17'?"
+    assert said("1.16.2") == ", did you mean 'v1.16.2'?"
+    assert said("v1.16.3") == ", did you mean 'v1.16'?"
+    assert main(["breaking", "--px4", "v1.18", "--against", "v1.17.0"]) == FAILED
+    assert capsys.readouterr().err.splitlines()[0].endswith(" nor a revision of v1.18, did you mean 'v1.17'?")
