@@ -31,8 +31,7 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
     """
     crossing = bridged_names(previous, current) if topics_only else _own_files(previous)
     before = read_catalog(previous, wanted=crossing, tolerated=COMPARABLE)
-    files = {f"{name}.msg" for name in _names(before.uorb_messages)}
-    files |= {f"{name}.srv" for name in _names(before.own_services)}
+    files = _files(before)
     after = _with_renamed(current, files, before)
     files |= {f"{file.stem}.msg" for file in previous.unbuilt}
     extra = () if topics_only else tuple(_extra(current, files))
@@ -178,6 +177,12 @@ def _report(
         compared=len(messages) + len(services),
         summary=summary,
     )
+
+
+def _files(catalog: Catalog) -> set[str]:
+    """Return the file names of uORB's definitions in a catalog."""
+    messages, services = _names(catalog.uorb_messages), _names(catalog.own_services)
+    return {f"{name}.msg" for name in messages} | {f"{name}.srv" for name in services}
 
 
 def _names(definitions: Iterable[Message | Service]) -> set[str]:

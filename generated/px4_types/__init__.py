@@ -281,8 +281,8 @@ if TYPE_CHECKING:
     from .msg import YawEstimatorStatus as YawEstimatorStatus
 
 _MODULES = (
-    "arrays", "batch", "cdr", "encapsulation", "explain", "info", "lazy", "lookup", "msg", "orb_id", "places",
-    "primitives", "records", "registry", "srv", "topics", "type_names",
+    "arrays", "batch", "cdr", "encapsulation", "explain", "hints", "info", "lazy", "lookup", "msg", "orb_id",
+    "places", "primitives", "records", "registry", "srv", "topics",
 )
 _AttributeError = AttributeError  # a message may have this name
 _ERRORS = {"DecodeError", "EncodeError"}
@@ -561,9 +561,10 @@ def by_type(name: str) -> type[_Message]:
     """Return the class of a recorded type, such as `px4_msgs/msg/SensorCombined`.
 
     `px4_msgs::msg::dds_::Name_` is the name in DDS, `px4_msgs/Name` in ROS 1. A service has two types:
-    `px4_msgs/srv/Name_Request` and `Name_Response`. Raises KeyError, which suggests the nearest name.
+    `px4_msgs/srv/Name_Request` and `Name_Response`. Raises KeyError, which suggests the nearest name, and
+    TypeError if the name is not a str.
     """
-    from .type_names import find_type
+    from .lookup import find_type
 
     return find_type({"px4_msgs": __name__}, name)
 

@@ -227,6 +227,17 @@ class MessageInfo(Frozen):
         put(self, "constants", constants)
         put(self, "_cls", cls)
 
+    def field(self, name: str) -> Field:
+        """Return the field with this name. Raises KeyError, which suggests the nearest name."""
+        for field in self.fields:
+            if field.name == name:
+                return field
+        from .hints import UnknownName, check_name, hint, nearest
+
+        check_name(name, self.fields[0].name if self.fields else "timestamp")
+        near = nearest(name, [field.name for field in self.fields])
+        raise UnknownName(f"{self.name} has no field '{name}'{hint(near)}")
+
     @property
     def definition(self) -> str:
         """The definition with those of all nested messages: the schema `ros2msg` of MCAP and of rosbag2.

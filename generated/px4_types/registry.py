@@ -6,7 +6,7 @@ from .info import Frozen
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
     from typing import Any, Generic, Literal, TypeAlias
 
     from typing_extensions import TypeVar
@@ -34,7 +34,6 @@ __all__ = [
     "Endpoint",
     "Qos",
     "QosPair",
-    "UnknownName",
     "UorbTopic",
     "in_namespace",
     "renamed",
@@ -209,15 +208,25 @@ class Endpoint(Frozen, Generic[MessageType]):
 
 
 class Direction:
-    """The endpoints of one direction as attributes: `topics.out.vehicle_status`."""
+    """The endpoints of one direction as attributes: `topics.out.vehicle_status`. Iteration yields the endpoints."""
 
-    __slots__ = ("_endpoints", "_name")
+    __slots__ = ("_directions", "_endpoints", "_name", "_uorb")
 
-    def __init__(self, name: str, endpoints: Sequence[Endpoint], attributes: Sequence[str]) -> None:
-        self._name, self._endpoints = name, dict(zip(attributes, endpoints, strict=False))
+    def __init__(self, name: str, directions: Mapping[str, Mapping[str, Endpoint]], uorb: Collection[str]) -> None:
+        self._name, self._endpoints = name, directions[name]
+        self._directions, self._uorb = directions, uorb  # for hints
 
     def __dir__(self) -> list[str]:
         return list(self._endpoints)
+
+    def __iter__(self) -> Iterator[Endpoint]:
+        return iter(self._endpoints.values())
+
+    def __len__(self) -> int:
+        return len(self._endpoints)
+
+    def __repr__(self) -> str:
+        return f"<topics.{self._name}: {len(self)} endpoints, listed by dir()>"
 
     if not TYPE_CHECKING:  # type checkers would accept every name
 
@@ -225,19 +234,22 @@ class Direction:
             if name.startswith("__"):  # asked for by copy, pickle and inspect
                 raise AttributeError(name)
             if name not in self._endpoints:
-                from difflib import get_close_matches
-
-                near = get_close_matches(name, self._endpoints, n=1)
-                hint = f", did you mean '{near[0]}'?" if near else ""
-                raise AttributeError(f"no endpoint '{self._name}.{name}'{hint}")
+                # obj=None, so that Python does not add a suggestion of its own
+                raise AttributeError(f"no endpoint '{self._name}.{name}'{self._hint(name)}", name=name, obj=None)
             return self._endpoints[name]
 
+    def _hint(self, name: str) -> str:
+        from .hints import alike, hint, nearest, not_bridged
 
-class UnknownName(KeyError):  # noqa: N818
-    """A KeyError that shows its text without quotes."""
-
-    def __str__(self) -> str:
-        return str(self.args[0])
+        for direction in (self._name, *self._directions):
+            for attribute, endpoint in self._directions[direction].items():
+                if alike(name) in (alike(attribute), alike(endpoint.uorb_topic)):
+                    return hint(f"{direction}.{attribute}")
+        for topic in self._uorb:
+            if alike(name) == alike(topic):
+                return not_bridged(topic)
+        near = nearest(name, self._endpoints)
+        return hint(f"{self._name}.{near}") if near else ""
 
 
 def renamed(endpoint: Endpoint, ros_name: str, message_name: str) -> Endpoint:
@@ -262,6 +274,9 @@ def in_namespace(endpoints: Sequence[Endpoint], namespace: str) -> tuple[Endpoin
     """Return `endpoints` with `namespace` before their names. Raises ValueError if it is not a valid namespace."""
     from re import fullmatch
 
+    from .hints import check_name
+
+    check_name(namespace, "uav_1")
     parts = fullmatch(NAMESPACE, namespace)
     if parts is None:
         raise ValueError(f"'{namespace}' is not a valid namespace: expected a name such as 'uav_1'")

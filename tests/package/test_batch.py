@@ -745,3 +745,12 @@ def test_the_base_of_all_messages_has_no_samples(px4_types: Any) -> None:
     for call in (base.dtype, lambda: base.decode_batch([]), lambda: base.lazy(b"")):
         with pytest.raises(NotImplementedError):
             call()
+
+
+def test_every_column_has_a_unit(px4_types: Any) -> None:
+    batch = batch_of(px4_types.EscStatus)
+    for name in px4_types.msg.__all__:
+        cls = getattr(px4_types, name)
+        assert list(batch.units(cls)) == list(batch.columns(np.zeros(1, cls.dtype())))
+    found = batch.units(px4_types.EscStatus)
+    assert (found["timestamp"], found["esc[7].esc_voltage"]) == ("us", "V")

@@ -223,7 +223,9 @@ def test_every_endpoint_is_an_attribute(px4_types: Any) -> None:
     named = [getattr(side, name) for side in (topics.out, topics.in_) for name in dir(side)]
     assert sorted(map(topics.ENDPOINTS.index, named)) == list(range(len(topics.ENDPOINTS)))
     assert topics.out.vehicle_status.ros_name == "/fmu/out/vehicle_status_v4"
-    with pytest.raises(AttributeError, match=r"^no endpoint 'out\.vehicle_statuss', did you mean 'vehicle_status'\?$"):
+    with pytest.raises(
+        AttributeError, match=r"^no endpoint 'out\.vehicle_statuss', did you mean 'out\.vehicle_status'\?$"
+    ):
         _ = topics.out.vehicle_statuss
 
 

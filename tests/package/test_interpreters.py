@@ -82,3 +82,32 @@ def test_the_tool_works_on(version: str, tmp_path: Path) -> None:
 def run(command: list[str], folder: Path) -> None:
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+MISSPELT = {
+    "px4_types.escstatus": "module 'px4_types.msg' has no message 'escstatus', did you mean 'EscStatus'?",
+    "px4_types.msg.sensor_combined": "module 'px4_types.msg' has no message 'sensor_combined', "
+    "did you mean 'SensorCombined'?",
+    "px4_types.topics.out.vehicle_statuss": "no endpoint 'out.vehicle_statuss', did you mean 'out.vehicle_status'?",
+    "px4_types.topics.out.trajectory_setpoint": "no endpoint 'out.trajectory_setpoint', "
+    "did you mean 'in_.trajectory_setpoint'?",
+}
+
+SHOW_ERRORS = """
+import sys
+from px4_types import topics; import px4_types
+for code in sys.argv[1:]:
+    try:
+        eval(code)
+    except AttributeError:
+        sys.excepthook(*sys.exc_info())
+"""
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_an_attribute_error_has_one_suggestion(version: str) -> None:
+    """Python itself appends a suggestion to the text of an AttributeError, unless the error names no object."""
+    command = [interpreter(version), "-B", "-c", SHOW_ERRORS, *MISSPELT]
+    done = subprocess.run(command, cwd=ROOT / "generated", capture_output=True, text=True, check=True)
+    shown = [line for line in done.stderr.splitlines() if line.startswith("AttributeError: ")]
+    assert shown == [f"AttributeError: {text}" for text in MISSPELT.values()]

@@ -309,9 +309,9 @@ def test_decode_takes_up_to_three_bytes_more_and_none_less(octets: int, kind: An
         data = kind((message.encode() + bytes(8))[: 12 + octets + difference])
         field = "" if difference > 0 else ".timestamp" if octets + difference < 0 else ".a"
         refused = (
-            f"DecodeError: Foo{field}: expected {8 + octets} bytes after the header, got {8 + octets + difference}"
-        )
-        without = plain(message) if 0 <= difference <= 3 else refused + ": another definition?" * (difference > 0)
+            f"DecodeError: Foo{field}: expected {8 + octets} bytes after the header, got {8 + octets + difference}: "
+        ) + ("another definition?" if difference > 0 else "truncated, or of another definition?")
+        without = plain(message) if 0 <= difference <= 3 else refused
         assert list(ways_to_call(cls, data, allow_surplus=False)) == [without] * 6
         with_surplus = plain(message) if difference >= 0 else refused
         assert list(ways_to_call(cls, data, allow_surplus=True)) == [with_surplus] * 4

@@ -45,7 +45,7 @@ def test_every_type_is_found_by_its_names(px4_types: Any) -> None:
     [
         ("px4_msgs/msg/EscStatu", "no message type 'px4_msgs/msg/EscStatu', did you mean 'px4_msgs/msg/EscStatus'?"),
         ("std_msgs/msg/Header", "no message type 'std_msgs/msg/Header': the package has the types of px4_msgs"),
-        ("px4_msgs/srv/VehicleCommand", "did you mean 'px4_msgs/msg/VehicleCommand'?"),
+        ("px4_msgs/srv/VehicleCommand", "did you mean 'px4_msgs/srv/VehicleCommand_Request'?"),
         ("px4_msgs/msg/__dict__", "no message type 'px4_msgs/msg/__dict__'"),
         ("px4_msgs/os/path", "no message type 'px4_msgs/os/path'"),
         ("EscStatus", "no message type 'EscStatus'"),

@@ -804,11 +804,10 @@ if not TYPE_CHECKING:  # type checkers would accept every name
         if name.startswith("_"):
             raise _AttributeError(name)
         if name not in _MODULES:
-            from difflib import get_close_matches
+            from ..hints import hint, nearest
 
-            near = get_close_matches(name, _MODULES, n=1)
-            hint = f", did you mean '{near[0]}'?" if near else ""
-            raise _AttributeError(f"module '{__name__}' has no message '{name}'{hint}")
+            text = f"module '{__name__}' has no message '{name}'{hint(nearest(name, _MODULES))}"
+            raise _AttributeError(text, name=name, obj=None)  # without obj, Python adds no suggestion of its own
         found: object = getattr(_load(_MODULES[name]), name)
         globals()[name] = found
         return found

@@ -237,6 +237,7 @@ FILES = (
     _support("cdr.py"),
     _support("encapsulation.py"),
     _support("explain.py"),
+    _support("hints.py"),
     _File("info.py", lambda _: _render("info", tags=ATTRIBUTES)),
     _support("lazy.py"),
     _support("lookup.py"),
@@ -246,7 +247,6 @@ FILES = (
     _File("py.typed", lambda _: ""),
     _support("records.py"),
     _support("registry.py"),
-    _support("type_names.py"),
     _support("stream.py", _HAS_STREAMS),
     _File("topics.py", _topics),
     _File(
@@ -301,7 +301,8 @@ def _service(service: Service) -> str:
 
 def _folder(part: _Part, folder: str) -> str:
     classes = sorted((class_name(each), module_name(each.name)) for each in part.definitions(folder))
-    return _render("folder", title=_FOLDERS[folder], package=part.package, classes=classes)
+    root = "..." if part.prefix else ".."
+    return _render("folder", title=_FOLDERS[folder], package=part.package, classes=classes, root=root)
 
 
 @lru_cache(maxsize=1)

@@ -71,6 +71,8 @@ def sample_bytes(cls: type[Message], data: BytesLike) -> bytes:
         return data if isinstance(data, bytes) else memoryview(data).tobytes()
     except (BufferError, ValueError):
         raise DecodeError(f"{cls.__msg__.name}: expected a buffer of bytes, got {data.__class__.__name__}") from None
+    except TypeError:
+        raise TypeError(f"{cls.__msg__.name}: expected a bytes-like object, got {data.__class__.__name__}") from None
 
 
 def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes:
@@ -83,7 +85,8 @@ def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes
     size = struct.calcsize(words)
     if len(body) < size:
         field = _field_at(cls, len(body)) if version == 1 else ""
-        raise DecodeError(f"{name}{field}: expected {size} bytes after the header, got {len(body)}")
+        text = f"{name}{field}: expected {size} bytes after the header, got {len(body)}"
+        raise DecodeError(f"{text}: truncated, or of another definition?")
     if len(body) > size + SURPLUS and not allow_surplus:
         raise DecodeError(f"{name}: expected {size} bytes after the header, got {len(body)}: another definition?")
     if version == 2:

@@ -37,7 +37,10 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
         return _value_problem(message, field.base, value, path)
     if field.base in OCTETS:
         if isinstance(value, (bytes, bytearray)) or (field.is_sequence and _has_octets(value)):
-            return _number_problem(field, memoryview(value).nbytes, path, "bytes")
+            number = memoryview(value).nbytes
+            problem = _number_problem(field, number, path, "bytes")
+            pads = field.length is not None and number < field.length
+            return f'{problem}: pad it with .ljust({field.length}, b"\\0")' if pads else problem
         return f"{path}: expected {_expected(field, 'bytes')}, got {given(value)}"
     most = field.length if field.length is not None else field.most
     try:

@@ -1,0 +1,151 @@
+"""Tests of errors about names: each suggests the right name once, wherever it was misspelt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from support.catalogs import catalog_of, import_package
+
+NOT_BRIDGED = ": 'esc_status' is a uORB topic that does not cross the bridge: it is not in dds_topics.yaml"
+
+
+def refused(error: type[Exception], function: Any, *arguments: object) -> str:
+    """Return the text of the error that a call raises."""
+    with pytest.raises(error) as caught:
+        function(*arguments)
+    return str(caught.value)
+
+
+def meant(name: str) -> str:
+    return f", did you mean '{name}'?"
+
+
+@pytest.mark.parametrize(
+    ("direction", "name", "hint"),
+    [
+        ("out", "trajectory_setpoint", meant("in_.trajectory_setpoint")),
+        ("in_", "vehicle_status", meant("out.vehicle_status")),
+        ("in_", "VehicleStatus", meant("out.vehicle_status")),
+        ("out", "VehicleStatus", meant("out.vehicle_status")),
+        ("out", "esc_status", NOT_BRIDGED),
+        ("out", "EscStatus", NOT_BRIDGED),
+        ("out", "vehicle_statuss", meant("out.vehicle_status")),
+        ("out", "zzzz", ""),
+    ],
+)
+def test_a_wrong_attribute_names_the_right_one(direction: str, name: str, hint: str, px4_types: Any) -> None:
+    side = getattr(px4_types.topics, direction)
+    assert refused(AttributeError, getattr, side, name) == f"no endpoint '{direction}.{name}'{hint}"
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("wind", meant("/fmu/out/wind")),
+        ("VehicleStatus", meant("/fmu/out/vehicle_status_v4")),
+        ("vehicle_statuss", meant("/fmu/out/vehicle_status_v4")),
+        ("mode_completed", ": there are '/fmu/out/mode_completed', '/fmu/in/mode_completed'"),
+        ("esc_status", NOT_BRIDGED),
+        ("/uav_1/fmu/out/esc_status", NOT_BRIDGED),
+        ("/fmu/in/vehicle_status", meant("/fmu/out/vehicle_status_v4")),
+        ("/uav_1/fmu/in/vehicle_status", meant("/uav_1/fmu/out/vehicle_status_v4")),
+        ("/uav_1/fmu/out/vehicle_stats_v4", meant("/uav_1/fmu/out/vehicle_status_v4")),
+        ("/a/b/fmu/out/vehicle_stats_v4", meant("/a/b/fmu/out/vehicle_status_v4")),
+        ("rt/uav_1/fmu/out/vehicle_stats_v4", meant("rt/uav_1/fmu/out/vehicle_status_v4")),
+        ("uav_1/fmu/out/vehicle_status_v4", meant("/uav_1/fmu/out/vehicle_status_v4")),
+        ("fmu/out/wind", meant("/fmu/out/wind")),
+        ("/fmuu/out/wind", meant("/fmu/out/wind")),
+        ("/a b/fmu/out/wind", meant("/fmu/out/wind")),
+        ("/", ""),
+        ("rt/", ""),
+        ("fmu", ""),
+    ],
+)
+def test_a_wrong_endpoint_names_the_right_one(name: str, hint: str, px4_types: Any) -> None:
+    topics = px4_types.topics
+    for find in (topics.endpoint, topics.versions_of):
+        assert refused(KeyError, find, name) == f"no endpoint '{name}'{hint}"
+
+
+def test_a_topic_with_instances_is_found_by_its_name(tmp_path: Path) -> None:
+    entry = "  - topic: /fmu/out/gps\n    type: px4_msgs::msg::Gps\n"
+    bridge = f"publications:\n{entry}    instance: 0\n{entry}    instance: 1\n"
+    package: Any = import_package(
+        catalog_of(tmp_path / "in", {"msg/Gps.msg": "uint64 timestamp\n", "dds_topics.yaml": bridge}), tmp_path
+    )
+    assert refused(AttributeError, getattr, package.topics.out, "gps") == f"no endpoint 'out.gps'{meant('out.gps0')}"
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("px4_msgs/msg/esc_status", meant("px4_msgs/msg/EscStatus")),
+        ("px4_msgs::msg::EscStatus", meant("px4_msgs/msg/EscStatus")),
+        ("SENSORCOMBINED", meant("px4_msgs/msg/SensorCombined")),
+        ("EscStatus", meant("px4_msgs/msg/EscStatus")),
+        ("VehicleCommand", meant("px4_msgs/msg/VehicleCommand")),
+        ("px4_msgs/srv/VehicleCommand", meant("px4_msgs/srv/VehicleCommand_Request")),
+        ("px4_msgs/srv/vehicle_command", meant("px4_msgs/srv/VehicleCommand_Request")),
+        ("VehicleStatusV3", ": the package has version 4, 'msggen build --archived' adds earlier ones"),
+        ("px4_msgs/msg/VehicleStatusV3", ": the package has version 4, 'msggen build --archived' adds earlier ones"),
+        ("px4_msgs/msg/VehicleStatusV4", meant("px4_msgs/msg/VehicleStatus")),
+        ("px4_msgs/msg/EscStatusV1", meant("px4_msgs/msg/EscStatus")),
+        ("px4_msgs/os/path", ""),
+    ],
+)
+def test_a_wrong_type_names_the_right_one(name: str, hint: str, px4_types: Any) -> None:
+    assert refused(KeyError, px4_types.by_type, name) == f"no message type '{name}'{hint}"
+
+
+def test_a_field_is_found_by_its_name(px4_types: Any) -> None:
+    info = px4_types.SensorCombined.__msg__
+    assert [info.field(field.name) for field in info.fields] == list(info.fields)
+    assert refused(KeyError, info.field, "GyroRad") == f"SensorCombined has no field 'GyroRad'{meant('gyro_rad')}"
+    assert refused(KeyError, info.field, "zzzz") == "SensorCombined has no field 'zzzz'"
+
+
+def test_a_name_that_is_not_a_str_is_a_type_error(px4_types: Any) -> None:
+    topics = px4_types.topics
+    assert refused(TypeError, topics.endpoint, topics.ENDPOINTS[0]).endswith(", got an object of type Endpoint")
+    assert refused(TypeError, topics.versions_of, None).startswith("expected a name such as '/fmu/out/")
+    assert refused(TypeError, topics.namespaced, 1) == "expected a name such as 'uav_1', got an object of type int"
+    expected = "expected a name such as 'px4_msgs/msg/Name', got the class EscStatus"
+    assert refused(TypeError, px4_types.by_type, px4_types.EscStatus) == expected
+    assert refused(TypeError, px4_types.EscStatus.__msg__.field, 0).startswith("expected a name such as 'timestamp'")
+
+
+def test_a_direction_says_what_it_is(px4_types: Any) -> None:
+    topics = px4_types.topics
+    assert repr(topics.out) == f"<topics.out: {len(topics.out)} endpoints, listed by dir()>"
+    assert (*topics.out, *topics.in_) == topics.ENDPOINTS
+    assert len(topics.out) + len(topics.in_) == len(topics.ENDPOINTS)
+
+
+@pytest.mark.parametrize("method", ["decode", "lazy"])
+def test_what_is_not_bytes_names_the_message(method: str, px4_types: Any) -> None:
+    cls = px4_types.SensorCombined
+    assert refused(TypeError, getattr(cls, method), "abc") == "SensorCombined: expected a bytes-like object, got str"
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (b"hello", 'expected 127 bytes, got 5: pad it with .ljust(127, b"\\0")'),
+        (bytearray(126), 'expected 127 bytes, got 126: pad it with .ljust(127, b"\\0")'),
+        (bytes(128), "expected 127 bytes, got 128"),
+    ],
+)
+def test_text_that_is_too_short_is_told_how_to_pad(text: bytes, problem: str, px4_types: Any) -> None:
+    assert refused(px4_types.EncodeError, px4_types.LogMessage(text=text).encode) == f"LogMessage.text: {problem}"
+
+
+def test_a_sample_of_another_size_may_be_of_another_definition(px4_types: Any) -> None:
+    data = px4_types.EscStatus().encode()
+    short = refused(px4_types.DecodeError, px4_types.EscStatus.decode, data[:335])
+    expected = "EscStatus.esc: expected 491 bytes after the header, got 331: truncated, or of another definition?"
+    assert short == expected
+    assert refused(px4_types.DecodeError, px4_types.EscStatus.decode_batch, [data[:335]]) == f"sample 0: {expected}"
+    assert refused(px4_types.DecodeError, px4_types.EscStatus.decode, data + bytes(9)).endswith(": another definition?")
