@@ -90,10 +90,20 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
 
 def _hint(wrong: str, options: argparse.Namespace) -> str:
     """Return what may be meant by the unknown argument `wrong`: an option of a similar name, or the firmware."""
-    takes_names = any(not action.option_strings for action in options.parser._actions)  # noqa: SLF001 - no public name
-    if "--px4" in options.known and not takes_names and not wrong.startswith("-"):
-        return f": name the firmware with --px4 {wrong}"
+    names = [action.dest for action in options.parser._actions if not action.option_strings]  # noqa: SLF001 - no public name
+    words = [*(str(getattr(options, name)) for name in names), wrong]
+    meant = next(filter(_is_firmware, words), None) if names else wrong
+    if "--px4" in options.known and meant and not wrong.startswith("-"):
+        return f": name the firmware with --px4 {meant}"
     return suggestion(wrong, [name for name, action in options.known.items() if action.help is not argparse.SUPPRESS])
+
+
+def _is_firmware(word: str) -> bool:
+    from msggen.firmware.embedded import names_release
+    from msggen.firmware.tree import Folder
+    from msggen.firmware.tree_layout import is_firmware
+
+    return names_release(word) or ("\0" not in word and is_firmware(Folder(word)))
 
 
 def _output_format(words: Sequence[str]) -> str:
