@@ -12,7 +12,7 @@ from msggen.compare.comparison import Comparison, Extra, Side
 from msggen.compare.finding import Category, Finding, Report, Rule, Severity
 from msggen.compare.renaming import nearest_message
 from msggen.compare.rules import BREAKING, CHECKED, find
-from msggen.diagnostics import InputError, counted
+from msggen.diagnostics import OF_BOARDS, InputError, counted
 from msggen.disk.record import RECORD_NAME, parse_record
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
@@ -47,7 +47,8 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
         ),
     )
     report = _report(comparison, CHECKED, list(find(comparison, CHECKED)), ("matches", "differs from"))
-    return replace(report, notices=(*before.notices, *after.notices))
+    notices = tuple(each for each in (*before.notices, *after.notices) if each.code not in OF_BOARDS)
+    return replace(report, notices=notices)
 
 
 def breaking(

@@ -63,6 +63,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "Y106": Level.WARNING,
         "Y107": Level.WARNING,
         "Y108": Level.WARNING,
+        "Y109": Level.WARNING,
         "Y201": Level.ERROR,
         "Y202": Level.ERROR,
         "Y203": Level.ERROR,
@@ -93,6 +94,9 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "S123": Level.ERROR,
         "S124": Level.ERROR,
         "S125": Level.ERROR,
+        "S126": Level.NOTE,
+        "S127": Level.WARNING,
+        "S128": Level.ERROR,
         "B101": Level.ERROR,
         "B102": Level.ERROR,
         "B103": Level.ERROR,
@@ -118,6 +122,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "T206": Level.ERROR,
         "T207": Level.ERROR,
         "T208": Level.ERROR,
+        "T209": Level.ERROR,
     }
 )
 """The level of each code. Constructs that PX4 may add in its next release are warnings, so that it still builds.
@@ -125,6 +130,10 @@ CODES: Mapping[str, Level] = MappingProxyType(
 The text about each code is in msggen/report/errors.yaml, not here, because a build with nothing to do imports this
 module.
 """
+
+
+OF_BOARDS = ("M407",)
+"""Notes about ids that depend on the board, for commands that do not show ids."""
 
 
 class _Diagnostic(NamedTuple):

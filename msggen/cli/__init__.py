@@ -85,6 +85,14 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
     return parser.parse_args(words)
 
 
+def _is_firmware(word: str) -> bool:
+    from msggen.firmware.embedded import names_release
+    from msggen.firmware.tree import Folder
+    from msggen.firmware.tree_layout import is_firmware
+
+    return names_release(word) or ("\0" not in word and is_firmware(Folder(word)))
+
+
 def _output_format(words: Sequence[str]) -> str:
     """Return the value of --output-format, also from arguments that cannot be parsed."""
     found = ""
@@ -142,7 +150,8 @@ class _Parser(argparse.ArgumentParser):
                 self._refuse(word)
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            self._refuse(unknown[0])
+            positional = [action for action in self._actions if not action.option_strings]
+            self._refuse(unknown[0], [str(getattr(options, action.dest, "")) for action in positional])
         return options, unknown
 
     def _is_unknown(self, word: str) -> bool:
@@ -152,17 +161,19 @@ class _Parser(argparse.ArgumentParser):
         is_option = is_long or (word.startswith("-") and word[1:2].isalpha())
         return is_option and " " not in word and name not in self._option_string_actions
 
-    def _refuse(self, wrong: str) -> NoReturn:
-        """Report the unknown argument `wrong`, an option without its value."""
+    def _refuse(self, wrong: str, given: Sequence[str] = ()) -> NoReturn:
+        """Report the unknown argument `wrong`, an option without its value, after the arguments `given`."""
         wrong = wrong.partition("=")[0] if wrong.startswith("-") else wrong
-        self.error(f"unknown argument '{printable(wrong)}'{self._hint(wrong)}")
+        self.error(f"unknown argument '{printable(wrong)}'{self._hint(wrong, given)}")
 
-    def _hint(self, wrong: str) -> str:
+    def _hint(self, wrong: str, given: Sequence[str]) -> str:
         """Return what to do about `wrong`: use a similar option, name the firmware with --px4, or give fewer names."""
         names = [str(action.metavar) for action in self._actions if not action.option_strings]
         known = self._option_string_actions
-        if not wrong.startswith("-") and not names and "--px4" in known:
-            return f": name the firmware with --px4 {wrong}"
+        if not wrong.startswith("-") and "--px4" in known:
+            firmware = next(filter(_is_firmware, [*given, wrong]), None) if names else wrong
+            if firmware:
+                return f": name the firmware with --px4 {firmware}"
         near = suggestion(wrong, [name for name, action in known.items() if action.help is not argparse.SUPPRESS])
         if near or not names:
             return near

@@ -17,10 +17,12 @@ from msggen.cli.options import (
     non_empty,
 )
 from msggen.cli.printing import print_report
-from msggen.cli.sources import board_of, firmware_of, is_strict, shell_options
+from msggen.cli.sources import board_of, firmware_of, is_named, is_strict, shell_options
+from msggen.diagnostics import Diagnostic
 from msggen.firmware.sources import Sources, find_sources, with_board
 from msggen.firmware.tree import Folder
 from msggen.firmware.tree_layout import find_manifest
+from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
 
@@ -49,27 +51,36 @@ def _check(options: argparse.Namespace) -> int:
 
     settings = read_settings(".") if options.other is None else Settings()
     if options.other is None:
-        previous, judged = firmware_of(options, settings), options.side
+        previous, judged = _firmware(options, settings), options.side
     else:
         previous, judged = _first_of_two(options), options.other
     current = with_board(find_sources(judged), board_of(options, settings, optional=True))
     current = current.with_packages_of(previous)._replace(strict=previous.strict)
     report = check(previous, current, topics_only=options.topics_only)
     if options.other is None:
-        command = _sync_command(options, settings, previous, current)
+        command = _sync_command(options, current) if is_named(options, settings) else ""
         report = with_remedies(report, lambda found: command if is_synced(found.rule) else "")
     print_report(report, options)
     return FINDINGS if report.fails else DONE
 
 
-def _sync_command(options: argparse.Namespace, settings: Settings, previous: Sources, current: Sources) -> str:
+def _firmware(options: argparse.Namespace, settings: Settings) -> Sources:
+    """Return the firmware to compare with, with a note if it is the embedded release that nobody named."""
+    firmware = firmware_of(options, settings)
+    if is_named(options, settings):
+        return firmware
+    text = f"compared with {firmware.label}, because no firmware was named: name it with --px4"
+    return firmware._replace(notices=(*firmware.notices, Diagnostic(Location(options.side, 0), "S126", text)))
+
+
+def _sync_command(options: argparse.Namespace, current: Sources) -> str:
     """Return the command that updates the package with the firmware, "" if it is not a package in a folder."""
     from msggen.sync.target import default_name
 
     if not isinstance(current.root, Folder) or not find_manifest(current.root):
         return ""
     given = {
-        "--px4": options.px4 or (None if settings.px4 else previous.embedded or None),
+        "--px4": options.px4,
         "--msg-dir": options.msg_dir,
         "--topics": options.topics,
         "--release": options.release,

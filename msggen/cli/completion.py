@@ -110,6 +110,12 @@ def _embedded(_: argparse.Namespace) -> Iterable[str]:
     return EMBEDDED
 
 
+def _revisions(options: argparse.Namespace) -> Iterable[str]:
+    from msggen.disk.git import revisions
+
+    return [*_embedded(options), *revisions(_sources(options) or os.curdir)]
+
+
 def _rules(_: argparse.Namespace) -> Iterable[str]:
     from msggen.compare.finding import Category
     from msggen.compare.rules import RULES
@@ -128,6 +134,7 @@ _NAMES: Mapping[str, Callable[[argparse.Namespace], Iterable[str]]] = {
     "px4": _embedded,
     "side": _embedded,
     "other": _embedded,
+    "against": _revisions,
     "release": _releases,
     "board": _boards,
     "message": _versioned,

@@ -20,7 +20,7 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_change, print_notices
 from msggen.cli.sources import sources_of
-from msggen.diagnostics import counted
+from msggen.diagnostics import OF_BOARDS, counted
 from msggen.disk.depfile import check_depfile, write_depfile
 from msggen.disk.output import stale_files, write_stale_files
 from msggen.render import THINGS
@@ -79,16 +79,28 @@ def _render(options: argparse.Namespace) -> int:
     sources = sources_of(options, read_settings("."))
     from msggen.firmware.catalog import read_catalog
     from msggen.firmware.inferred import with_inferred
-    from msggen.render.run import check_places, items_of, open_template, output_names, select, texts_of
+    from msggen.render.run import (
+        check_each,
+        check_places,
+        items_of,
+        open_template,
+        output_names,
+        select,
+        shows_ids,
+        texts_of,
+    )
 
     template = open_template(options.template)
     catalog = with_inferred(read_catalog(sources), sources)
-    print_notices(catalog.notices, quiet=options.quiet)
+    of_ids = [each for each in catalog.notices if each.code in OF_BOARDS]
+    print_notices((each for each in catalog.notices if each not in of_ids), quiet=options.quiet)
     items = items_of(catalog, options.each)
     if options.messages:
         items = select(items, options.messages)
+    check_each(template, options.each, items)
     if options.output == _STDOUT:
         _print("".join(texts_of(template, items)))
+        print_notices(of_ids if shows_ids(template) else (), quiet=options.quiet)
         return DONE
     names = output_names(items, options.each, options.template, options.name)
     places = [os.path.join(options.output, name) for name in names]
@@ -96,6 +108,7 @@ def _render(options: argparse.Namespace) -> int:
         print("\n".join(places))
         return DONE
     files = dict(zip(names, texts_of(template, items), strict=True))
+    print_notices(of_ids if shows_ids(template) else (), quiet=options.quiet)
     inputs = (*sources.dependencies(), *template.inputs)
     check_places(options.output, names, inputs)
     write = writes(options)
@@ -116,6 +129,8 @@ def _check_options(options: argparse.Namespace) -> None:
     """Exit with 2 if options cannot be combined."""
     if options.messages and options.each != "message":
         options.parser.error(f"--message cannot be combined with --each {options.each}")
+    if options.output != _STDOUT and os.path.lexists(options.output) and not os.path.isdir(options.output):
+        options.parser.error(f"-o names a folder, and '{options.output}' is not one: to print the text, use -o -")
     others = ("name", "check", "diff", "depfile", "list_outputs")
     for other in others if options.output == _STDOUT else ():
         if getattr(options, other):

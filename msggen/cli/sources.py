@@ -11,7 +11,7 @@ from msggen.firmware.embedded import names_release, near_release, unknown_releas
 from msggen.firmware.file import BoardOption
 from msggen.firmware.sources import Sources, find_sources, split_package, with_board
 from msggen.firmware.tree import Folder
-from msggen.firmware.tree_layout import find_manifest, is_firmware, whole_tree
+from msggen.firmware.tree_layout import find_manifest, is_firmware, tree_above, whole_tree
 from msggen.location import Location
 from msggen.settings import Settings
 
@@ -38,8 +38,16 @@ def sources_of(options: argparse.Namespace, settings: Settings, *, packages: boo
     )
     if here:
         found = found._replace(label=_label_here(found))
+    elif found.embedded and not is_named(options, settings):
+        found = found._replace(notices=(*found.notices, *_tree_above()))
     found = with_board(found, board_of(options, settings))
     return found._replace(strict=is_strict(options, settings))
+
+
+def is_named(options: argparse.Namespace, settings: Settings) -> bool:
+    """Whether the options, the settings or the current folder name the firmware."""
+    given = options.px4 or options.msg_dir or settings.px4 or settings.msg_dir
+    return bool(given or source_here(packages=False))
 
 
 def source_here(*, packages: bool = True) -> str | None:
@@ -56,6 +64,14 @@ def source_here(*, packages: bool = True) -> str | None:
 def _label_here(sources: Sources) -> str:
     name = "PX4-Autopilot tree" if sources.is_tree else f"package {sources.package}"
     return f"the {name} in the current folder"
+
+
+def _tree_above() -> Iterator[Diagnostic]:
+    """Yield a warning if the current folder is below a PX4-Autopilot tree, which is not read."""
+    tree = tree_above(os.curdir)
+    if tree:
+        text = f"in a PX4-Autopilot tree, but the embedded release is read: did you mean --px4 {tree}?"
+        yield Diagnostic(Location(os.curdir, 0), "S127", text)
 
 
 def firmware_of(options: argparse.Namespace, settings: Settings) -> Sources:

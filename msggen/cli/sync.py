@@ -19,7 +19,8 @@ from msggen.cli.options import (
     writes,
 )
 from msggen.cli.printing import print_diff, print_notices
-from msggen.cli.sources import firmware_of, source_here
+from msggen.cli.sources import firmware_of, is_named
+from msggen.diagnostics import counted
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
@@ -66,8 +67,7 @@ def add_to(commands: Commands) -> None:
 
 def _sync(options: argparse.Namespace) -> int:
     settings = read_settings(".")
-    is_named = options.px4 or options.msg_dir or settings.px4 or settings.msg_dir or source_here(packages=False)
-    if not is_named and os.path.lexists(os.path.join(options.target, "package.xml")):
+    if not is_named(options, settings) and os.path.lexists(os.path.join(options.target, "package.xml")):
         text = "the embedded definitions are only for a new package"
         options.parser.error(f"'{options.target}' exists, and {text}: name the firmware with --px4 or the setting px4")
     sources = firmware_of(options, settings)
@@ -104,10 +104,11 @@ def _summary(plan: SyncPlan, label: str, *, write: bool) -> str:
     target = plan.target
     path = target.name if os.path.normpath(target.path) == os.curdir else target.path
     if not plan.is_stale:
-        return f"{path} is up to date with {label}: {len(plan.unchanged)} definitions"
+        return f"{path} is up to date with {label}: {counted(len(plan.unchanged), 'definition')}"
     if target.is_new:
         name = "" if os.path.basename(target.folder) == target.name else f"package {target.name}, "
-        return f"{path} {'created' if write else 'would be created'} from {label}: {name}{len(plan.files)} definitions"
+        done, number = "created" if write else "would be created", counted(len(plan.files), "definition")
+        return f"{path} {done} from {label}: {name}{number}"
     names = (plan.added, (*plan.changed, *plan.scaffold), plan.removed, plan.unchanged, plan.left_alone)
     verbs = (*_VERBS[write], "unchanged", "kept")
     counts = ", ".join(f"{len(each)} {verb}" for each, verb in zip(names, verbs, strict=True) if each)
@@ -137,7 +138,7 @@ def _print_list(plan: SyncPlan, definitions: PackageContents, *, write: bool) ->
     listed += [(changed, name) for name in plan.changed if how[name] not in folded]
     listed += [(changed, name) for name in plan.scaffold]
     for change, number in folded.items():
-        listed.append((changed, f"{number} definitions: {change}"))
+        listed.append((changed, f"{counted(number, 'definition')}: {change}"))
     listed += [(removed, name) for name in plan.removed]
     for verb, name in listed:
         about = "; ".join(filter(None, (how.get(name), " ".join(definitions.topics.get(name, ())))))

@@ -89,7 +89,7 @@ def read_catalog(
         *check_names([*messages, *(message._replace(package=package) for message in archived)], package),
         *check_names(services, package),
         *nesting,
-        *check_timestamps(message for message in of_uorb if message.location.path not in unread),
+        *check_timestamps((message for message in of_uorb if message.location.path not in unread), sources),
         *check_topics(message for message in of_uorb if message.location.path not in misread_topics),
         *(check_fixed_sizes(of_uorb, () if nesting else everything) if sources.is_tree else ()),
         *check_bridge(parsed.entries, everything, package, reasons),

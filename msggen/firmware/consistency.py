@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,6 +11,7 @@ from msggen.firmware.sources import Sources
 from msggen.firmware.tree_layout import LISTS
 from msggen.location import Location
 from msggen.model import (
+    DEFAULT_PACKAGE,
     ArrayKind,
     BridgeEntry,
     Field,
@@ -101,13 +102,16 @@ def check_topics(messages: Iterable[Message]) -> Iterator[Diagnostic]:
             names.add(topic.name)
 
 
-def check_timestamps(messages: Iterable[Message]) -> Iterator[Diagnostic]:
+def check_timestamps(messages: Iterable[Message], sources: Sources | None = None) -> Iterator[Diagnostic]:
     """Check that every message has the field `uint64 timestamp`, which uORB requires."""
+    hint = ""
+    if sources and sources.root and sources.package not in ("", DEFAULT_PACKAGE):
+        hint = f"; for the messages of another ROS package, use --msg-dir {sources.root.path}"
     for message in messages:
         stamps = [field for field in message.fields if field.name == "timestamp"]
         if not stamps:
             text = f"'{message.name}' has no timestamp: uORB expects a field 'uint64 timestamp'"
-            yield Diagnostic(message.location, "M401", text)
+            yield Diagnostic(message.location, "M401", text + hint)
         elif str(stamps[0].type) != "uint64":
             text = f"uORB expects 'uint64 timestamp', found '{stamps[0].type} timestamp'"
             yield Diagnostic(stamps[0].location, "M401", text)
@@ -139,7 +143,7 @@ def _differs_in_size(outer: Message, field: Field, known: Mapping[str, Message])
 
 
 def check_bridge(
-    entries: Iterable[BridgeEntry],
+    entries: Sequence[BridgeEntry],
     messages: Iterable[Message],
     uorb: str,
     unbuilt: Mapping[str, str] = MappingProxyType({}),
@@ -148,6 +152,12 @@ def check_bridge(
 
     `unbuilt` has, by name, the reasons why messages are not built.
     """
+    packages = {entry.package for entry in entries}
+    if len(entries) > 1 and len(packages) == 1 and uorb not in packages:
+        first = entries[0]
+        text = f"the file names types of '{first.package}', but the package of the firmware's messages is '{uorb}'"
+        yield Diagnostic(first.type_location, "Y201", text)
+        return
     others = {f"{message.package}::msg::{message.name}" for message in messages if message.package != uorb}
     names = {message.name: message for message in messages if message.package == uorb}
     owners = {topic: message for message in names.values() for topic in message.topic_names}

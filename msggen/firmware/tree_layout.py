@@ -98,6 +98,16 @@ def is_too_old(tree: Tree) -> bool:
     return is_firmware(tree) and not tree.is_folder(_CLIENT) and tree.is_folder(_OLD_SCRIPTS)
 
 
+def tree_above(path: str) -> str | None:
+    """Return the nearest folder above `path` that is a PX4-Autopilot tree, None if there is none."""
+    folder = path
+    for _ in os.path.abspath(path).split(os.sep)[1:]:
+        folder = os.path.normpath(os.path.join(folder, os.pardir))
+        if is_firmware(Folder(folder)):
+            return folder
+    return None
+
+
 def whole_tree(path: str) -> str | None:
     """Return the PX4-Autopilot tree that `path` is only a part of: its definitions. None for any other folder."""
     parts = os.path.abspath(path).split(os.sep)

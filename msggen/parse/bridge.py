@@ -24,6 +24,9 @@ _LISTS = {
     "subscriptions": (Direction.IN, False),
     "subscriptions_multi": (Direction.IN, True),
 }
+_NAMED = {"/fmu/out/": Direction.OUT, "/fmu/in/": Direction.IN}
+"""The direction that the beginning of a topic's name says."""
+
 _OF_PUBLICATIONS = ("rate_limit", "instance", "options")
 _OF_MULTI = ("route_field", "max_instances")
 KEYS = ("topic", "type", *_OF_PUBLICATIONS, *_OF_MULTI)
@@ -119,6 +122,7 @@ class _Reader:
         if not (topic and type_name):
             return None
         direction, multi = _LISTS[name]
+        self.check_direction(values["topic"], name)
         entry = BridgeEntry(
             direction=direction,
             topic=topic,
@@ -135,6 +139,13 @@ class _Reader:
         without_effect = self.without_effect(optional, name)
         known = {key: node for key, node in optional.items() if key not in without_effect}
         return entry._replace(**self.optional(known, extra), extra=MappingProxyType(extra | without_effect))
+
+    def check_direction(self, node: yaml.Node, name: str) -> None:
+        """Warn about a topic whose name says that it belongs in a list of the other direction."""
+        for start, direction in _NAMED.items():
+            if node.value.startswith(start) and _LISTS[name][0] is not direction:
+                other = next(each for each, (found, _) in _LISTS.items() if found is direction)
+                self.note(node, "Y109", f"'{node.value}' in '{name}': topics '{start}...' belong in '{other}'")
 
     def without_effect(self, values: Mapping[str, yaml.Node], name: str) -> dict[str, object]:
         """Return the values of keys that have no effect in the list `name`, and warn about them."""

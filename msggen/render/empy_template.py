@@ -19,6 +19,11 @@ class Empy:
         self._template = EmpyTemplate(path)
 
     @property
+    def names(self) -> None:
+        """The names that the template uses are not known: any Python code may use them."""
+        return
+
+    @property
     def inputs(self) -> tuple[str, ...]:
         """The files that were read so far: the template, its includes, and its own modules."""
         return self._template.inputs

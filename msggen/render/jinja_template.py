@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import jinja2
+from jinja2 import meta
 
 from msggen.diagnostics import InputError, input_error, suggestion
 from msggen.disk.reading import read_text
@@ -26,6 +27,27 @@ class JinjaTemplate:
         self._loader.read(path)
         with _reported(path, self._loader.files):
             self._template = environment.get_template(os.path.basename(path))
+
+    @property
+    def names(self) -> frozenset[str] | None:
+        """The names that the template and its includes use. None if an include is computed, missing or invalid."""
+        loader = _Loader(os.path.dirname(self.path))
+        environment = make_environment(loader)
+        waiting, known = [os.path.basename(self.path)], set[str]()
+        used = frozenset[str]()
+        while waiting:
+            name = waiting.pop()
+            known.add(name)
+            try:
+                tree = environment.parse(loader.get_source(environment, name)[0])
+                used |= meta.find_undeclared_variables(tree)
+            except (jinja2.TemplateError, InputError):
+                return None
+            for other in meta.find_referenced_templates(tree):
+                if other is None:
+                    return None
+                waiting += [] if other in known else [other]
+        return used
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import posixpath
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from msggen.diagnostics import Diagnostic, InputError, input_error, suggestion
 from msggen.disk.names import too_long
+from msggen.disk.reading import read_bytes
+from msggen.firmware.path_hint import path_hint
 from msggen.location import Location
 from msggen.model import Catalog
 from msggen.render.jinja_template import JinjaTemplate, Pattern
@@ -16,6 +18,9 @@ from msggen.render.views import CatalogView, Views
 
 OPTION = "--name"
 """The option for a pattern of names."""
+
+_IDS = (b"orb_id", b"object_id")
+"""The names in a template that give ids."""
 
 _NAMES = {
     "message": "{{ message.name | snake_case }}",
@@ -29,6 +34,10 @@ class Template(Protocol):
     """A template of Jinja2 or EmPy."""
 
     path: str
+
+    @property
+    def names(self) -> Collection[str] | None:
+        """The names that the template and its includes use, None if they are not known."""
 
     @property
     def inputs(self) -> Collection[str]:
@@ -47,6 +56,10 @@ class Item(NamedTuple):
 
 def open_template(path: str) -> Template:
     """Return the template at `path`. Raises InputError if it cannot be read or is not a valid template."""
+    if not os.path.lexists(path):
+        raise input_error(
+            path, "T102", f"cannot read the template: No such file or directory{path_hint(path, os.path.isfile)}", 0
+        )
     kind = os.path.splitext(path)[1]
     if kind == ".j2":
         return JinjaTemplate(path)
@@ -70,15 +83,38 @@ def items_of(catalog: Catalog, thing: str) -> tuple[Item, ...]:
     raise input_error("--each", "T208", f"the sources have no {thing}s{hint}", 0)
 
 
-def select(items: Sequence[Item], labels: Sequence[str]) -> tuple[Item, ...]:
-    """Return the items with these labels, in the order of the catalog. Raises InputError for unknown labels."""
-    known = [item.label for item in items]
-    unknown = [label for label in dict.fromkeys(labels) if label not in known]
+def select(items: Sequence[Item], names: Sequence[str]) -> tuple[Item, ...]:
+    """Return the items of the messages with these names, in the order of the catalog.
+
+    A name is a label, `px4_msgs/Rpm` or `px4_msgs/msg/Rpm`. Raises InputError for unknown names.
+    """
+    known = {name: item for item in items for name in _names_of(item)}
+    unknown = [name for name in dict.fromkeys(names) if name not in known]
     if unknown:
         place = Location("--message", 0)
-        texts = (f"the sources have no message '{label}'{suggestion(label, known)}" for label in unknown)
+        labels = [item.label for item in items]
+        texts = (f"the sources have no message '{name}'{suggestion(name, labels)}" for name in unknown)
         raise InputError(Diagnostic(place, "T208", text) for text in texts)
-    return tuple(item for item in items if item.label in labels)
+    chosen = {known[name].label for name in names}
+    return tuple(item for item in items if item.label in chosen)
+
+
+def _names_of(item: Item) -> tuple[str, ...]:
+    message: Any = item.names["message"]
+    return item.label, f"{message.package}/{message.name}", f"{message.package}/msg/{message.name}"
+
+
+def check_each(template: Template, thing: str, items: Sequence[Item]) -> None:
+    """Raise InputError if the template would repeat a text about the catalog for each of the `items`."""
+    used = template.names
+    if len(items) > 1 and used is not None and "catalog" in used and thing not in used:
+        text = f"the template does not use '{thing}', so {len(items)} texts would be the same"
+        raise input_error(template.path, "T209", f"{text}: did you mean --each catalog?", 0)
+
+
+def shows_ids(template: Template) -> bool:
+    """Whether a file of a template mentions ids. Its includes are known once it is rendered."""
+    return any(word in read_bytes(path) for path in template.inputs for word in _IDS)
 
 
 def _found(view: CatalogView, thing: str) -> Iterator[tuple[str, object]]:
@@ -103,9 +139,9 @@ def output_names(items: Sequence[Item], thing: str, path: str, pattern: str | No
     for item, name in zip(items, names, strict=True):
         other = owners.setdefault(name.casefold(), item)
         if other is not item:
-            raise input_error(
-                OPTION, "T207", f"'{name}' would be the output for both {other.label} and {item.label}", 0
-            )
+            hint = ": did you mean --each catalog?" if len(set(names)) == 1 else ""
+            text = f"'{name}' would be the output for both {other.label} and {item.label}{hint}"
+            raise input_error(OPTION, "T207", text, 0)
     for name in names:
         parents = (name[:end] for end, character in enumerate(name) if character == "/")
         folder = next((parent for parent in parents if parent.casefold() in owners), None)

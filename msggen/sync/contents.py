@@ -7,16 +7,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from msggen.diagnostics import Diagnostic, InputError
+from msggen.diagnostics import OF_BOARDS, Diagnostic, InputError
 from msggen.firmware.catalog import bridged_names, read_catalog
 from msggen.firmware.file import File
 from msggen.firmware.sources import Sources, read_files
 from msggen.identity import endpoints
 from msggen.location import Location
 from msggen.model import Catalog, Field, Message
-
-_OF_BOARDS = ("M407",)
-"""Notes about boards. They are left out, because a package has the messages of all boards."""
 
 
 class PackageContents(NamedTuple):
@@ -53,7 +50,7 @@ def read_contents(sources: Sources, package: str, *, topics_only: bool) -> Packa
     files |= {_flat("srv", file): contents[file.path] for file in sources.services if not file.package}
     dependencies = {name: field.location for name, field in reversed(spelled) if name != package}
     sorted_dependencies = dict(sorted(dependencies.items()))
-    notices = tuple(notice for notice in catalog.notices if notice.code not in _OF_BOARDS)
+    notices = tuple(notice for notice in catalog.notices if notice.code not in OF_BOARDS)
     return PackageContents(
         files=dict(sorted(files.items())),
         topics=_topics(catalog),

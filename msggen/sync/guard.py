@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from shlex import quote
 
-from msggen.diagnostics import Diagnostic, input_error
+from msggen.diagnostics import Diagnostic, few, input_error
 from msggen.disk.record import RECORD_NAME, digest
 from msggen.disk.staging import is_writable
 from msggen.firmware.overlap import KINDS
@@ -27,7 +27,7 @@ def find_errors(plan: SyncPlan, dependencies: Mapping[str, Location]) -> list[Di
     """
     if plan.target.is_new:
         return [*_no_place(plan)]
-    errors = [*_bad_links(plan), *_no_folders(plan), *_no_files(plan), *_other_cases(plan)]
+    errors = [*_bad_links(plan), *_no_folders(plan), *_no_files(plan), *_other_cases(plan), *_other_source(plan)]
     if not plan.is_stale:
         return errors
     return [*errors, *_read_only(plan), *_losses(plan), *_orphans(plan), *_missing_dependencies(plan, dependencies)]
@@ -85,6 +85,14 @@ def _other_cases(plan: SyncPlan) -> Iterator[Diagnostic]:
                 yield _error(
                     plan, name, "S116", f"differs only in case from '{other}' of the firmware: rename or remove it"
                 )
+
+
+def _other_source(plan: SyncPlan) -> Iterator[Diagnostic]:
+    """Yield an error if every definition that msggen wrote would be removed: the package is from another source."""
+    own = [name for name in plan.before if name in plan.known.files]
+    if own and set(own) <= set(plan.removed):
+        text = f"not its source: the firmware has none of the definitions that msggen wrote here ({few(own)})"
+        yield _error(plan, ".", "S128", f"{text}: name it with --px4 or --msg-dir, or remove them first")
 
 
 def _read_only(plan: SyncPlan) -> list[Diagnostic]:

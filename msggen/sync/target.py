@@ -73,8 +73,9 @@ def open_target(request: Request, sources: Sources) -> Target:
     manifest = os.path.join(path, "package.xml")
     found = package_name(Folder(path).read("package.xml"), manifest)
     if found != name:
-        hint = f": give its name with --ros-package {found}" if name == DEFAULT_PACKAGE else ""
-        raise input_error(manifest, "S112", f"this is the package '{found}', not '{name}'{hint}", 0)
+        hint = f"give its name with --ros-package {found}"
+        hint += f", or create '{name}' in another folder" if create else ""
+        raise input_error(manifest, "S112", f"this is the package '{found}', not '{name}': {hint}", 0)
     return Target(path, folder, name)
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from support.catalogs import write_definitions
+from support.packages import committed, git
 from support.repository import ROOT
 
 FILES = {
@@ -31,6 +32,10 @@ CASES = {
     "msggen build --px4 f": ["fw/"],
     "msggen build --release ma": ["main"],
     "msggen build --px4 fw --board px4_s": ["px4_sitl_default"],
+    "msggen breaking --px4 fw --against v1.1": ["v1.18", "v1.17", "v1.16", "v1.15", "v1.14", "v1.16-mine"],
+    "msggen breaking --px4 fw --against topic": ["topic/wheel"],
+    "msggen breaking --px4 fw --against templ": ["template.j2"],
+    "msggen bump --px4 fw --against topic": ["topic/wheel"],
     "msggen bump --px4 fw ": ["HomePosition"],
     "msggen bump --px4 nowhere Ho": [],
     "msggen explain M30": ["M301", "M302", "M303", "M304", "M305", "M306"],
@@ -50,6 +55,9 @@ CASES = {
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a firmware, and with a program `msggen` in `bin`."""
     made = write_definitions(tmp_path_factory.mktemp("completion"), FILES)
+    committed(made / "fw")
+    git(made / "fw", "tag", "v1.16-mine")
+    git(made / "fw", "branch", "topic/wheel")
     program = made / "bin" / "msggen"
     program.parent.mkdir()
     start = f"import sys; sys.path.insert(0, {str(ROOT)!r})\nfrom msggen.__main__ import main\nsys.exit(main())\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from msggen.cli import DONE, FAILED, main
+from msggen.diagnostics import printable
 from support.catalogs import write_definitions
 from support.repository import ROOT
 
@@ -87,6 +89,33 @@ def test_check_and_sync_compare_with_the_tree_but_not_with_a_package(
     assert "the embedded PX4 v1.18" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    "command", [["build", "-q"], ["render", "-q", "--template", "t.j2", "-o", "o"], ["sync", "-q", "--create", "p"]]
+)
+@pytest.mark.parametrize("below", ["src", "src/modules/uxrce_dds_client"])
+def test_below_a_tree_the_embedded_release_is_read_with_a_warning(
+    command: list[str],
+    below: str,
+    working_folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    write_definitions(working_folder / "px4", TREE)
+    write_definitions(working_folder / "px4" / below, {"t.j2": "{{ message.name }}"})
+    monkeypatch.chdir(f"px4/{below}")
+    tree = os.path.relpath(working_folder / "px4")
+    told = f"in a PX4-Autopilot tree, but the embedded release is read: did you mean --px4 {tree}?"
+    for _ in range(2):  # an up-to-date build prints it too
+        assert main(command) == DONE
+        assert capsys.readouterr().err == f".: S127 warning: {told}\n"
+        if command[0] == "sync":
+            break
+    for named, folder in (("v1.18", "a"), (tree, "b")):
+        target = [*command[:-1], folder] if command[0] == "sync" else [*command, "-o", folder]
+        assert main([*target, "--px4", named]) == DONE
+        assert "S127" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("part", ["msg", "srv", "msg/versioned"])
 def test_a_part_of_a_tree_is_refused_with_the_tree(
     part: str, working_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -136,3 +165,23 @@ def test_a_tree_without_its_option_is_told_the_option(command: list[str], capsys
     assert stopped.value.code == FAILED
     told = capsys.readouterr().err
     assert told.endswith("unknown argument 'PX4-Autopilot': name the firmware with --px4 PX4-Autopilot\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (["PX4-Autopilot", "ws/px4_msgs"], ": name the firmware with --px4 PX4-Autopilot"),
+        (["ws/px4_msgs", "PX4-Autopilot"], ": name the firmware with --px4 PX4-Autopilot"),
+        (["ws/px4_msgs", "v1.17"], ": name the firmware with --px4 v1.17"),
+        (["ws/px4_msgs", "other"], ": expected one PKG per run"),
+        (["ws/px4_msgs", "\0"], ": expected one PKG per run"),
+    ],
+)
+def test_sync_with_two_folders_is_told_which_one_is_the_firmware(
+    words: list[str], hint: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_definitions(working_folder, {f"PX4-Autopilot/{name}": text for name, text in TREE.items()})
+    with pytest.raises(SystemExit) as stopped:
+        main(["sync", *words])
+    assert stopped.value.code == FAILED
+    assert capsys.readouterr().err.endswith(f"unknown argument '{printable(words[1])}'{hint}\n")

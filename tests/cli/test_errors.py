@@ -192,6 +192,14 @@ DOUBTS = [
         {FOO: STAMP, "in/msg/versioned/FOO.msg": STAMP},
         STRICT,
     ),
+    *(
+        doubt("Y109", "2:10", f"'{topic}' in '{name}'", f"{name}:\n- topic: {topic}\n  type: px4_msgs::msg::Foo\n")
+        for name, topic in (
+            ("publications", "/fmu/in/foo"),
+            ("subscriptions", "/fmu/out/foo"),
+            ("subscriptions_multi", "/fmu/out/foo"),
+        )
+    ),
     odd("M405", "2:1", "should be an integer of at least 0", "float32 MESSAGE_VERSION = 1"),
     odd("M405", "2:1", "should be an integer of at least 1", "uint8 ORB_QUEUE_LENGTH = 0"),
     odd("M406", "2:1", "the firmware ignores this line", "  # TOPICS one"),

@@ -77,7 +77,7 @@ def test_a_plain_package_is_mended_but_for_definitions_of_its_own(capsys: pytest
     assert [each for each in report(capsys, "check", "--px4", "firmware", "px4_msgs") if each["remedy"]] == []
 
 
-@pytest.mark.parametrize("how", ["embedded", "setting", "here"])
+@pytest.mark.parametrize("how", ["option", "setting", "here"])
 def test_the_command_names_the_firmware_only_if_it_has_to(
     how: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -90,10 +90,30 @@ def test_the_command_names_the_firmware_only_if_it_has_to(
         monkeypatch.chdir("firmware")
         side = "../px4_msgs"
     Path(side, "msg", "Rpm.msg").write_text("uint64 timestamp\n")
-    [command] = {each["remedy"] for each in report(capsys, "check", side) if each["remedy"]}
-    assert command == f"msggen sync {'--px4 v1.18 ' if how == 'embedded' else ''}{side}"
+    named = ("--px4", "firmware") if how == "option" else ()
+    [command] = {each["remedy"] for each in report(capsys, "check", *named, side) if each["remedy"]}
+    assert command == " ".join(["msggen sync", *named, side])
     assert run(command) == DONE
-    assert main(["check", side]) == DONE
+    assert main(["check", *named, side]) == DONE
+
+
+@pytest.mark.parametrize("more", [[], ["--topics-only"]])
+def test_the_embedded_release_that_nobody_named_gets_a_note_and_no_remedy(
+    more: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    note = "{}: S126 note: compared with the embedded PX4 v1.18, because no firmware was named: name it with --px4\n"
+    package()
+    assert {each["remedy"] for each in report(capsys, "check", *more, "px4_msgs")} == {None}
+    assert main(["check", *more, "px4_msgs"]) == FINDINGS
+    told = capsys.readouterr()
+    assert told.err == note.format("px4_msgs")
+    assert "to fix:" not in told.out
+    assert main(["sync", "-q", "--create", "fresh", "--ros-package", "px4_msgs"]) == DONE
+    assert main(["check", *more, "fresh"]) == DONE
+    assert capsys.readouterr().err == note.format("fresh")
+    assert main(["check", *more, "--px4", "v1.18", "fresh"]) == DONE
+    assert main(["check", *more, "v1.18", "fresh"]) == DONE
+    assert "S126" not in capsys.readouterr().err
 
 
 def test_a_folder_or_two_sides_have_no_command(capsys: pytest.CaptureFixture[str]) -> None:

@@ -277,8 +277,28 @@ def test_conditional_messages_are_named_in_one_note(firmware: Path, capsys: pyte
         f"set(msg_files Always.msg)\nif(X)\nset(a{more})\nendif()\n{LISTS}"
     )
     (firmware / "msg" / "CMakeLists.txt").write_text(LISTS.replace("Target.msg", f"Target.msg{more}"))
-    assert main(["render", "--template", _template(), "--px4", "firmware", "-o", "text"]) == DONE
+    assert main(["build", "--px4", "firmware", "-o", "out"]) == DONE
     assert "MoreA, MoreB, MoreC, MoreD and 4 more with CONFIG_MODULES_TARGET;" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("firmware")
+@pytest.mark.parametrize("template", ["name.txt.j2", "orb.txt.j2", "object.txt.em", "outer.txt.j2"])
+def test_the_note_about_ids_is_only_for_commands_that_show_ids(
+    template: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = {
+        "name.txt.j2": "{{ message.name }}",
+        "orb.txt.j2": "{{ message.topics[0].orb_id }}",
+        "object.txt.em": "@[for each in message.endpoints]@each.object_id@[end for]",
+        "outer.txt.j2": "{% include 'orb.txt.j2' %}",
+    }
+    write_definitions(Path(), files)
+    for output in ("-", "text"):
+        assert main(["render", "--template", template, "--px4", "firmware", "-o", output]) == DONE
+        assert ("M407 note" in capsys.readouterr().err) == (template != "name.txt.j2")
+    assert main(["check", "--px4", "firmware", "firmware"]) == DONE
+    assert main(["check", "firmware", "firmware"]) == DONE
+    assert capsys.readouterr().err == ""
 
 
 def _template() -> str:

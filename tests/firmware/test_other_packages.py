@@ -578,3 +578,31 @@ def test_a_package_cannot_depend_on_itself(capsys: Capture) -> None:
         "M301 unknown type 'geometry_msgs/Pose': the package to write, 'geometry_msgs', does not"
         in capsys.readouterr().err
     )
+
+
+@pytest.mark.parametrize("how", ["here", "option", "px4_msgs", "folder"])
+def test_a_package_without_timestamps_is_told_how_to_be_read(
+    how: str, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    name = "px4_msgs" if how == "px4_msgs" else "acme_msgs"
+    xml = {} if how == "folder" else {"package.xml": manifest(name)}
+    write_definitions(Path(name), {"msg/Arm.msg": "float64 angle\n", **xml})
+    if how == "here":
+        monkeypatch.chdir(name)
+    assert main(["build", *([] if how == "here" else ["--px4", name])]) == FAILED
+    remedy = f"--msg-dir {'.' if how == 'here' else name}"
+    hint = f"; for the messages of another ROS package, use {remedy}"
+    said = capsys.readouterr().err.splitlines()[0]
+    assert said.endswith(f"uORB expects a field 'uint64 timestamp'{hint if how in ('here', 'option') else ''}")
+    if how in ("here", "option"):
+        assert main(["build", *remedy.split(), "-o", "elsewhere"]) == DONE
+
+
+def test_a_bridge_of_another_package_is_one_error(capsys: Capture) -> None:
+    entries = "".join(f"- topic: /fmu/out/arm{n}\n  type: px4_msgs::msg::Arm{n}\n" for n in range(70))
+    files = {"package.xml": manifest("acme_msgs"), "msg/Arm.msg": "uint64 timestamp\n"}
+    write_definitions(Path("acme_msgs"), files)
+    write_definitions(Path(), {"dds_topics.yaml": f"publications:\n{entries}"})
+    assert main(["build", "--px4", "acme_msgs", "--topics", "dds_topics.yaml"]) == FAILED
+    text = "the file names types of 'px4_msgs', but the package of the firmware's messages is 'acme_msgs'"
+    assert capsys.readouterr().err == f"dds_topics.yaml:3:9: Y201 {text}\n1 error, nothing written\n"

@@ -318,11 +318,19 @@ ERRORS = [
     named("{{ message.name }}/", "T206", "'Bar/' is a folder"),
     named("{{ message.name }}/..", "T206", "is a folder"),
     named("{{ message.name }}\n", "T206", "control character"),
-    named("types.h", "T207", "'types.h' would be the output for both Bar and Foo"),
+    named("types.h", "T207", "'types.h' would be the output for both Bar and Foo: did you mean --each catalog?"),
     named("{{ {'Bar': 'x.h', 'Foo': 'a/../X.h'}[message.name] }}", "T207", "'X.h' would be the output for both"),
     named(
         "{{ {'Bar': 'x/y', 'Foo': 'x'}[message.name] }}", "T207", "'x' would be both an output and the folder of 'x/y'"
     ),
+    Case(
+        "any.h.j2",
+        "T209",
+        "does not use 'message', so 2 texts would be the same: did you mean --each catalog?",
+        "{% for message in catalog.messages %}{{ message.name }}{% endfor %}",
+    ),
+    Case("any.h.j2", "T209", "did you mean --each catalog?", "{% include 'whole.j2' %}"),
+    Case("ayn.h.j2", "T102", "did you mean 'any.h.j2'?", template="ayn.h.j2"),
     # nothing to render
     Case("--each", "T208", "the sources have no services", options=("--each", "service", "--px4", "bare")),
     Case("--each", "T208", "pass the dds_topics.yaml", options=("--each", "endpoint", "--px4", "bare")),
@@ -335,6 +343,7 @@ ERRORS = [
 @pytest.fixture
 def surroundings() -> None:
     """Write the files that the invalid templates include, and other sources."""
+    write(whole__j2="{{ catalog.messages | length }}", any__h__j2="")
     write(part__j2="\n\n{% x %}", macros__j2="{% macro f(field) %}\n{{ field.x }}\n{% endmacro %}")
     Path("latin.j2").write_bytes("ä".encode("latin-1"))
     Path("folder.j2").mkdir()
@@ -715,3 +724,41 @@ def test_options_that_contradict_each_other_are_refused(
         main(["render", "--template", "name.txt.j2", *options])
     assert stopped.value.code == 2
     assert capsys.readouterr().err.endswith(f"error: {told}\n")
+
+
+WHOLE = "{{ catalog.messages | length }}"
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (WHOLE, ["--each", "catalog"]),
+        (WHOLE, ["--message", "Foo"]),
+        (f"{WHOLE}{{{{ message.name }}}}", []),
+        ("{% include ['no.j2', 'own.j2'] %}" + WHOLE, []),
+        ("{% include 'own' ~ '.j2' %}" + WHOLE, []),
+        ("{% extends 'base.j2' %}", []),
+        ("{% include 'no.j2' ignore missing %}" + WHOLE, []),
+        ("text", []),
+    ],
+)
+def test_a_template_may_use_the_catalog_and_each_thing(text: str, options: list[str]) -> None:
+    write(any__h__j2=text, own__j2="{{ message.name }}", base__j2=WHOLE + "{{ message.name }}")
+    assert render("any.h.j2", *options) == DONE
+
+
+@pytest.mark.parametrize("name", ["Foo", "px4_msgs/Foo", "px4_msgs/msg/Foo"])
+def test_a_message_can_be_named_with_its_package(name: str) -> None:
+    write(any__h__j2="{{ message.name }}")
+    assert render("any.h.j2", "--message", name) == DONE
+    assert made() == {"foo.h": "Foo"}
+
+
+@pytest.mark.parametrize("output", ["/dev/stdout", "any.h.j2"])
+def test_an_output_that_is_no_folder_is_told_how_to_print(output: str, capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__h__j2="{{ message.name }}")
+    with pytest.raises(SystemExit) as stopped:
+        main(["render", "--template", "any.h.j2", "-o", output])
+    assert stopped.value.code == FAILED
+    told = f"-o names a folder, and '{output}' is not one: to print the text, use -o -\n"
+    assert capsys.readouterr().err.endswith(told)

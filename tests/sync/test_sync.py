@@ -669,3 +669,22 @@ def test_the_page_shows_what_is_really_said(capsys: pytest.CaptureFixture[str]) 
     first, second = (block.splitlines() for block in re.findall(r"```console\n(.*?)```", page, re.DOTALL))
     assert [line for line in first if not line.startswith("$ ")] == changes
     assert made in second
+
+
+def test_one_definition_is_counted_in_the_singular(capsys: pytest.CaptureFixture[str]) -> None:
+    write_definitions(Path("one"), {"msg/Elbow.msg": "uint64 timestamp\n"})
+    for told in ("created from one: 1 definition", "is up to date with one: 1 definition"):
+        assert sync("--px4", "one", "--create", "--ros-package", "arm_msgs", "arm_msgs") == 0
+        assert capsys.readouterr().out == f"arm_msgs {told}\n"
+
+
+def test_a_package_whose_every_message_changed_is_still_from_its_source() -> None:
+    write_definitions(Path("one"), {"msg/Elbow.msg": "uint64 timestamp\n"})
+    assert sync("-q", "--px4", "one", "--create", "arm_msgs") == 0
+    write_definitions(
+        Path("one"), {"msg/Elbow.msg": "uint64 timestamp\nfloat32 angle\n", "msg/Wrist.msg": "uint64 timestamp\n"}
+    )
+    assert sync("-q", "--px4", "one", "arm_msgs") == 0
+    for path in Path("arm_msgs/msg").iterdir():
+        path.unlink()
+    assert sync("-q", "--px4", "v1.18", "arm_msgs") == 0  # the way to another source

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
-from msggen.cli import main
+from msggen.cli import DONE, main
 from msggen.diagnostics import CODES
 from support.catalogs import write_definitions
 from support.packages import (
@@ -198,6 +198,11 @@ def all_read_only() -> None:
     (PACKAGE / "msg").chmod(0o555)
 
 
+def from_another_source() -> None:
+    write_definitions(Path("arm"), {"msg/Elbow.msg": "uint64 timestamp\n", "msg/Wrist.msg": "uint64 timestamp\n"})
+    assert sync("-q", "--px4", "arm", "--create", "arm_msgs") == DONE
+
+
 def nothing() -> None:
     pass
 
@@ -250,7 +255,27 @@ REFUSALS = [
     Refusal(
         "S112", "px4_msgs/package.xml", "'my_msgs', not 'px4_msgs'", rename_package, (*SYNC, "--package", "px4_msgs")
     ),
-    Refusal("S112", "px4_msgs/package.xml", "not 'my_msgs'", nothing, (*SYNC, "--package", "my_msgs")),
+    Refusal(
+        "S112",
+        "px4_msgs/package.xml",
+        "not 'my_msgs': give its name with --ros-package px4_msgs",
+        nothing,
+        (*SYNC, "--ros-package", "my_msgs"),
+    ),
+    Refusal(
+        "S112",
+        "px4_msgs/package.xml",
+        "--ros-package px4_msgs, or create 'my_msgs' in another folder",
+        nothing,
+        (*SYNC, "--create", "--ros-package", "my_msgs"),
+    ),
+    Refusal(
+        "S128",
+        "arm_msgs",
+        "none of the definitions that msggen wrote here (msg/Elbow.msg, msg/Wrist.msg)",
+        from_another_source,
+        ("--px4", "firmware", "arm_msgs"),
+    ),
     Refusal("S112", "--ros-package", "'my-msgs' is not a valid name", nothing, (*SYNC, "--package", "my-msgs")),
     Refusal(
         "M301",
