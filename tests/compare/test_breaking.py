@@ -1001,3 +1001,23 @@ def test_a_commit_that_breaks_something_is_stopped_by_a_hook(capsys: Capture) ->
     assert "FIELD_ADDED" in stopped.value.stdout + stopped.value.stderr
     assert git(Path("other"), "log", "-1", "--format=%s") == "passes"
     assert capsys.readouterr().out == ""
+
+
+def test_topics_only_compares_what_crosses_the_bridge_on_either_side(working_folder: Path, capsys: Capture) -> None:
+    entry = "- topic: /fmu/out/{}\n  type: px4_msgs::msg::{}\n"
+    old, new = entry.format("old", "Old"), entry.format("new", "New")
+    bridges = {"was": f"publications:\n{old}{new}", "now": f"publications:\n{new}"}
+    changed = {"was": "", "now": "uint8 x\n"}
+    for side in ("was", "now"):
+        files = {f"msg/{name}.msg": STAMP + changed[side] for name in ("Old", "Inner", "Inside")}
+        files["msg/New.msg"] = STAMP + ("Inner inner\nFree free\n" if side == "was" else "Inner inner\n")
+        files["msg/Free.msg"] = STAMP  # no longer nested, but not removed
+        write_definitions(working_folder, {f"{side}/{name}": text for name, text in files.items()})
+        (working_folder / side / "dds_topics.yaml").write_text(bridges[side])
+    sides = ("--px4", "now", "--against", "was")
+    everything = broken(capsys, *sides)
+    assert broken(capsys, *sides, "--topics-only") == everything - {("FIELD_ADDED", "Inside")}
+    assert {("FIELD_ADDED", "Old"), ("FIELD_ADDED", "Inner"), ("FIELD_ADDED", "Inside")} < everything
+    (working_folder / "now" / "dds_topics.yaml").unlink()
+    (working_folder / "was" / "dds_topics.yaml").unlink()
+    assert told(capsys, *sides, "--topics-only") == "was: S110 no dds_topics.yaml here: name one with --topics"
