@@ -56,13 +56,19 @@ def breaking(
     current: Sources,
     rules: Sequence[Rule] = BREAKING,
     ignored: Mapping[str, Collection[Rule]] | None = None,
+    *,
+    topics_only: bool = False,
 ) -> Report:
     """Return the findings of `rules` in the change from `previous` to `current`.
 
     `ignored` maps names of messages, services or topics to the rules to ignore there; `*` in a name matches any text.
-    Raises InputError if a side cannot be read.
+    With `topics_only`, compare only the messages that are bridged on either side, the messages that they nest, and the
+    services. Raises InputError if a side cannot be read.
     """
-    comparison = Comparison(_side(previous), _side(current))
+    wanted = bridged_names(previous, current) | bridged_names(current, previous) if topics_only else None
+    before = _side(previous, wanted)
+    after = _side(current, None if wanted is None else wanted | _files(before.catalog))
+    comparison = Comparison(before, after)
     findings = [finding for finding in find(comparison, rules) if not _is_ignored(finding, ignored or {})]
     report = _report(comparison, rules, findings, ("does not break", "breaks"))
     return replace(report, notices=(*previous.notices, *comparison.current.catalog.notices))
@@ -84,15 +90,15 @@ def _example(rule: Rule, side: str) -> Snapshot:
     return Snapshot(side, {name: folder.read(name) for name in names}, {})
 
 
-def _side(sources: Sources) -> Side:
-    """Return a side for `breaking`.
+def _side(sources: Sources, wanted: Collection[str] | None) -> Side:
+    """Return a side for `breaking`, with all files or those in `wanted`.
 
     A PX4-Autopilot tree without dds_topics.yaml bridges no topics. The topics of a package without it are unknown.
     """
     history = read_history(sources.root) if sources.root else None
     if history and sources.embedded:  # PX4's translation headers are not embedded: assume that they exist
         history = replace(history, is_translated=True)
-    catalog = read_catalog(sources, tolerated=COMPARABLE)
+    catalog = read_catalog(sources, wanted=wanted, tolerated=COMPARABLE)
     return Side(
         label=sources.label,
         place=_place(sources),
