@@ -300,7 +300,9 @@ class Message:
         raise NotImplementedError
 
     @classmethod
-    def lazy(cls, data: BytesLike, allow_surplus: bool = False) -> Self:
+    def lazy(  # noqa: PYI019 - jedi does not know Self
+        cls: type[MessageType], data: BytesLike, allow_surplus: bool = False
+    ) -> MessageType:
         """Return a view of the sample in `data`: a message whose fields are decoded when they are read.
 
         Use it to read a few fields of many samples. The view is read-only. It keeps a reference to `data`, which must
@@ -310,7 +312,7 @@ class Message:
 
         make = view_maker(cls)
         type.__setattr__(cls, "lazy", _ViewMaker(make))  # later calls skip this method
-        view: Self = make(data, allow_surplus)
+        view: MessageType = make(data, allow_surplus)
         return view
 
     @classmethod
@@ -345,12 +347,12 @@ class Message:
         return samples
 
     @classmethod
-    def from_row(cls, row: void) -> Self:
+    def from_row(cls: type[MessageType], row: void) -> MessageType:  # noqa: PYI019 - jedi does not know Self
         """Return one element of a structured array as a message.
 
         Raises EncodeError as `encode_batch` does. Needs numpy.
         """
-        message: Self = _batch(cls).from_row(cls, row)
+        message: MessageType = _batch(cls).from_row(cls, row)
         return message
 
     def __eq__(self, other: object) -> bool:

@@ -48,6 +48,12 @@ COMPLETED = [
     (f"{IMPORT}SensorCombined().gyro_", {"gyro_rad", "gyro_integral_dt"}),
     (f"{IMPORT}SensorCombined(gyro_", {"gyro_rad=", "gyro_integral_dt="}),
     (f"{IMPORT}SensorCombined.decode(b'').gyro_", {"gyro_rad", "gyro_integral_dt"}),
+    (f"{IMPORT}VehicleStatus.lazy(b'').nav", {"nav_state"}),
+    (f"{IMPORT}VehicleStatus.from_row(array[0]).nav", {"nav_state"}),
+    (f"{IMPORT}VehicleStatus.__msg__.fields[0].un", {"unit"}),
+    (f"{IMPORT}VehicleStatus.__msg__.field('nav_state').un", {"unit"}),
+    (f"{IMPORT}VehicleStatus.__msg__.constants[0].va", {"value"}),
+    (f"{IMPORT}for field in VehicleStatus.__msg__.fields:\n    field.un", {"unit"}),
     (f"{IMPORT}EscStatus().esc[0].esc_", {"esc_rpm", "esc_voltage"}),
     (f"{IMPORT}for report in EscStatus().esc:\n    report.esc_", {"esc_rpm", "esc_voltage"}),
     (f"{IMPORT}SensorCombined.CLIPP", {"CLIPPING_X", "CLIPPING_Y", "CLIPPING_Z"}),
@@ -75,6 +81,7 @@ def test_jedi_completes_the_package(code: str, expected: set[str]) -> None:
 def test_jedi_completes_only_names_that_exist() -> None:
     assert completions(f"{IMPORT}topics.out.vehicle_statuss") == set()
     assert "load" not in completions("import px4_types\npx4_types.")
+    assert not {"Direction", "in_namespace"} & completions(f"{IMPORT}topics.")
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 from random import Random
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -19,7 +21,7 @@ from msggen.model import ArrayKind, Field, Message
 from support.catalogs import catalog_of, import_package, write_definitions
 from support.other_codecs import Rosbags, everything, generated
 from support.random_definitions import PACKAGES, TOLERATED, random_catalog
-from support.repository import shared
+from support.repository import ROOT, shared
 
 SEPARATOR = "=" * 80 + "\nMSG: "
 
@@ -97,6 +99,18 @@ def test_definitions_have_the_hashes_of_their_message(release: str, tmp_path: Pa
         assert type_hash(again, again.messages[key]) == type_hash(catalog, message)
         constants = [(one.name, one.type, one.value) for one in message.constants]
         assert [(one.name, one.type, one.value) for one in again.messages[key].constants] == constants
+
+
+def test_a_package_is_built_from_a_recorded_schema(tmp_path: Path, monkeypatch: Any, px4_types: Any) -> None:
+    """The code of docs/package.md writes definitions with the hash of the recorded message."""
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "package.md").read_text(encoding="utf-8"), re.DOTALL)
+    (code,) = [block for block in blocks if "re.split" in block]
+    info = px4_types.EscStatus.__msg__
+    monkeypatch.chdir(tmp_path)
+    schema = SimpleNamespace(name=info.ros_type, data=info.definition.encode())
+    exec(code, {"Path": Path, "re": re, "schema": schema})  # noqa: S102 - our own text
+    package: Any = import_package(read_catalog(find_sources("rec")), tmp_path)
+    assert package.EscStatus.__msg__.message_hash == info.message_hash
 
 
 def defaults_of(message: Message) -> dict[str, object]:
