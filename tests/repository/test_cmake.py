@@ -216,6 +216,36 @@ def test_the_function_takes_the_sources_of_build(arguments: str, tmp_path: Path)
 
 @pytest.mark.slow
 @pytest.mark.tools("cmake", "ninja")
+def test_paths_with_two_dots_are_normalised_in_messages(tmp_path: Path) -> None:
+    project = Project(tmp_path, "Ninja")
+    write_definitions(tmp_path, {"fw/msg/Fan.msg": "float3 x\n"})
+    call = "msggen_generate(all_types PX4 fw/../fw MSG_DIRS msg/../msg OUTPUT a/../b)"
+    start = "cmake_minimum_required(VERSION 3.20)\nproject(all LANGUAGES NONE)\nfind_package(msggen REQUIRED)\n"
+    (tmp_path / "CMakeLists.txt").write_text(f"{start}{call}\n")
+    done = project.attempt("-S", ".", "-B", "build", "-G", "Ninja", *project.found())
+    assert f"{tmp_path}/fw/msg/Fan.msg:1:1: M301" in "".join(done.stderr.split("\n"))
+    assert "/../" not in project.log.read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.tools("cmake", "ninja")
+def test_the_page_installs_a_package_without_the_records_of_msggen(tmp_path: Path) -> None:
+    project = Project(tmp_path, "Ninja")
+    page = (ROOT / "docs" / "cmake.md").read_text(encoding="utf-8")
+    call = re.findall(r"^```cmake\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[1]
+    (tmp_path / "CMakeLists.txt").write_text(snippet() + call)
+    project.configure()
+    project.build()
+    project.run("--install", "build", "--prefix", str(tmp_path / "prefix"))
+    [marker] = (tmp_path / "prefix").rglob("lamp_types/__init__.py")
+    assert [path for path in (tmp_path / "prefix").rglob("*") if path.name.startswith(".msggen")] == []
+    environment = {**os.environ, "PYTHONPATH": str(marker.parent.parent)}
+    program = "import lamp_types; lamp_types.Lamp().encode()"
+    assert subprocess.run([sys.executable, "-c", program], env=environment, check=False).returncode == 0
+
+
+@pytest.mark.slow
+@pytest.mark.tools("cmake", "ninja")
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [("PX5 px4", "PX5;px4"), ("MSG_DIRS msg PX4", "PX4"), ("PX4 nowhere", "S101 no such folder")],
