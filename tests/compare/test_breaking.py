@@ -548,6 +548,17 @@ def test_a_complete_new_version_takes_care_of_its_change(capsys: Capture) -> Non
     assert last == "firmware does not break v1: 8 messages, 1 service, 2 handled"
 
 
+def test_notes_about_ids_are_left_out(capsys: Capture) -> None:
+    """No finding depends on ids."""
+    bump()
+    lists = "set(msg_files versioned/HomePosition.msg)\nif(CONFIG_A)\n\tlist(APPEND msg_files Rpm.msg)\nendif()\n"
+    (FIRMWARE / "msg" / "CMakeLists.txt").write_text(lists)
+    assert main(["build", "--px4", "firmware", "-o", "out"]) == DONE
+    assert "M407 note: " in capsys.readouterr().err
+    assert breaking(*AGAINST_V1) == DONE
+    assert "note: " not in capsys.readouterr().err
+
+
 def test_it_takes_care_of_names_and_moves_as_well(capsys: Capture) -> None:
     bump()
     edit(HOME, "float64 lat ", "float64 latitude ")
