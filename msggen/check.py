@@ -12,7 +12,7 @@ from msggen.compare.comparison import Comparison, Extra, Side
 from msggen.compare.finding import Category, Finding, Report, Rule, Severity
 from msggen.compare.renaming import nearest_message
 from msggen.compare.rules import BREAKING, CHECKED, find
-from msggen.diagnostics import OF_BOARDS, InputError, counted
+from msggen.diagnostics import OF_BOARDS, Diagnostic, InputError, counted
 from msggen.disk.record import RECORD_NAME, parse_record
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
@@ -21,6 +21,9 @@ from msggen.firmware.sources import Sources, find_sources
 from msggen.firmware.tree import Folder, Snapshot
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
+
+_OF_NEW_VERSIONS = ("S119",)
+"""Notes about a tree that is newer than the known releases. A new version in the change itself would cause one."""
 
 
 def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> Report:
@@ -46,9 +49,9 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
             inference=Inference(current),
         ),
     )
-    report = _report(comparison, CHECKED, list(find(comparison, CHECKED)), ("matches", "differs from"))
-    notices = tuple(each for each in (*before.notices, *after.notices) if each.code not in OF_BOARDS)
-    return replace(report, notices=notices)
+    rules = _as_strict(CHECKED, current)
+    report = _report(comparison, rules, list(find(comparison, rules)), ("matches", "differs from"))
+    return replace(report, notices=_without((*before.notices, *after.notices), OF_BOARDS))
 
 
 def breaking(
@@ -69,9 +72,20 @@ def breaking(
     before = _side(previous, wanted)
     after = _side(current, None if wanted is None else wanted | _files(before.catalog))
     comparison = Comparison(before, after)
+    rules = _as_strict(rules, current)
     findings = [finding for finding in find(comparison, rules) if not _is_ignored(finding, ignored or {})]
     report = _report(comparison, rules, findings, ("does not break", "breaks"))
-    return replace(report, notices=(*previous.notices, *comparison.current.catalog.notices))
+    notices = (*previous.notices, *comparison.current.catalog.notices)
+    return replace(report, notices=_without(notices, OF_BOARDS + _OF_NEW_VERSIONS))
+
+
+def _as_strict(rules: Sequence[Rule], current: Sources) -> tuple[Rule, ...]:
+    """Return `rules`, whose warnings are errors if the sources are read with `--strict`."""
+    return tuple(replace(rule, severity=Severity.ERROR) if current.strict else rule for rule in rules)
+
+
+def _without(notices: Iterable[Diagnostic], codes: Collection[str]) -> tuple[Diagnostic, ...]:
+    return tuple(notice for notice in notices if notice.code not in codes)
 
 
 def example_of(rule: Rule) -> Report:
@@ -152,7 +166,7 @@ def _is_ignored(finding: Finding, ignored: Mapping[str, Collection[Rule]]) -> bo
     subject = finding.change.subject
     service = subject.removesuffix("_Request").removesuffix("_Response")
     return any(
-        finding.rule in rules and (fnmatchcase(subject, name) or fnmatchcase(service, name))
+        finding.rule.id in {rule.id for rule in rules} and (fnmatchcase(subject, name) or fnmatchcase(service, name))
         for name, rules in ignored.items()
     )
 

@@ -103,6 +103,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "B104": Level.ERROR,
         "B105": Level.ERROR,
         "B106": Level.ERROR,
+        "B107": Level.ERROR,
         "C101": Level.ERROR,
         "C102": Level.ERROR,
         "C103": Level.ERROR,

@@ -7,10 +7,11 @@ import re
 from collections.abc import Iterator
 
 from msggen.bump.archived_version import read_definition
-from msggen.bump.header import TODO, changed_constants, find_callers, header_name
-from msggen.bump.version_step import CONSTANT, CURRENT_FILE, VersionStep, fields_of
+from msggen.bump.header import changed_constants, find_callers, header_name
+from msggen.bump.version_step import CURRENT_FILE, VersionStep, fields_of
 from msggen.diagnostics import few
 from msggen.firmware.history import TRANSLATIONS, VERSIONED, History, archived_name
+from msggen.firmware.translation_check import Version, unfinished_lines, unknown_names
 from msggen.model import DEFAULT_PACKAGE, Message, Service
 
 _NODE = "msg/translation_node/CMakeLists.txt"
@@ -22,8 +23,8 @@ def list_remaining(step: VersionStep, text: str, headers: dict[str, str]) -> Ite
     `text` is that of the new header, "" if another header has the translation. `headers` has the others by name.
     """
     version = step.version + 1
-    if _is_unchanged(step):
-        yield from _advise_on_unchanged(step)
+    if step.is_unchanged and step.previous.label == CURRENT_FILE:
+        yield f"{step.new.name} has no changes yet: edit {step.path}, then {step.header} by hand"
     if text:
         yield from _advise_on_header(step, text)
     changed = changed_constants(step.old.message, step.new)
@@ -40,19 +41,10 @@ def list_remaining(step: VersionStep, text: str, headers: dict[str, str]) -> Ite
         yield f"run `msggen breaking{option}{step.options}` to check that the change is complete"
 
 
-def _advise_on_unchanged(step: VersionStep) -> Iterator[str]:
-    """Advise how to continue. Without a repository, another run would read the changed file as the old definition."""
-    name, path = step.new.name, step.path
-    if step.previous.label == CURRENT_FILE:
-        yield f"{name} has no changes yet: edit {path}, then {step.header} by hand"
-    else:
-        again = f"delete {step.header} and run bump again to write it for the new fields"
-        yield f"{name} has no changes since {step.previous.label}: edit {path}, {again}"
-
-
 def _advise_on_header(step: VersionStep, text: str) -> Iterator[str]:
     path = f"{TRANSLATIONS}/{step.header}"
-    todo = [number for number, line in enumerate(text.split("\n"), 1) if TODO in line]
+    yield from (f"{path}:{problem.line}: {problem.text}" for problem in unknown_names(text, *_versions(step)))
+    todo = unfinished_lines(text)
     if todo:
         yield f"{path}: complete the lines marked TODO: {', '.join(map(str, todo))}"
     if not History(is_kept=True, archived={}, translations={step.header: text}).translates(step.new.name, step.version):
@@ -64,14 +56,12 @@ def _advise_on_header(step: VersionStep, text: str) -> Iterator[str]:
         yield f"{path}: this header existed before, add the fields {few(missing)}"
 
 
-def _is_unchanged(step: VersionStep) -> bool:
-    """Whether the definition and all that it nests are the old ones, apart from MESSAGE_VERSION."""
-    texts = (step.old.text, step.text(step.path))
-    before, after = (CONSTANT.sub("", text) for text in texts)
-    nested = (step.catalog.messages.get(f"{DEFAULT_PACKAGE}/{name}") for name in step.nested)
-    olds = (old.message for old in step.nested.values())
-    same = (new is None or fields_of(old) == fields_of(new) for old, new in zip(olds, nested, strict=True))
-    return before == after and all(same)
+def _versions(step: VersionStep) -> tuple[Version, Version]:
+    older, newer = step.sides
+    return (
+        Version(older.message, lambda _, field: older.nested.get(field.type.name)),
+        Version(newer.message, lambda _, field: newer.nested.get(field.type.name), is_current=True),
+    )
 
 
 def _advise_on_versioned(step: VersionStep, headers: dict[str, str]) -> Iterator[str]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from msggen.bump.advice import list_remaining
 from msggen.bump.archived_version import archive, parse_definition, read_definition
 from msggen.bump.header import (
-    Side,
+    find_callers,
     includes,
     render_all_translations,
     render_header,
@@ -62,14 +62,16 @@ def plan_bump(firmware: str, name: str, against: str | None) -> Edits:
     """
     tree = _open_firmware(firmware)
     catalog = read_catalog(find_sources(firmware), tolerated=COMPARABLE)
-    new = _find_message(tree, catalog, name)
     previous = _previous(firmware, against)
+    new = _find_message(tree, catalog, previous, name)
     old = read_definition(previous.tree, new.name)
     if old is None:
         text = f"'{new.name}' is not in {previous.label}: a message needs a new version only after its release"
         raise input_error(new.location.path, "B103", text, 0)
     _check_versions(old.message, new, previous.label)
-    return _plan(VersionStep(tree, catalog, previous=previous, old=old, new=new))
+    step = VersionStep(tree, catalog, previous=previous, old=old, new=new)
+    _check_changed(step)
+    return _plan(step)
 
 
 def _open_firmware(path: str) -> Folder:
@@ -85,7 +87,7 @@ def _open_firmware(path: str) -> Folder:
     return tree
 
 
-def _find_message(tree: Folder, catalog: Catalog, text: str) -> Message:
+def _find_message(tree: Folder, catalog: Catalog, previous: Previous, text: str) -> Message:
     """Return the versioned message that `text` names, by its name or its path."""
     is_path = "/" in text or os.sep in text or text.endswith((".msg", ".srv"))
     name = os.path.splitext(os.path.basename(text))[0] if is_path else text
@@ -93,6 +95,8 @@ def _find_message(tree: Folder, catalog: Catalog, text: str) -> Message:
     if text.endswith(".srv") or (message is None and name in {service.name for service in catalog.services}):
         raise input_error(text, "B104", f"'{name}' is a service: services have no versions in PX4", 0)
     if message is None:
+        if read_definition(previous.tree, name):
+            raise input_error(text, "B102", f"'{name}' was removed: only {previous.label} has it", 0)
         versioned = [file.removesuffix(".msg") for file in tree.names(VERSIONED)]
         raise input_error(text, "B102", f"no message '{name}' in {tree.path}{suggestion(name, versioned)}", 0)
     path = message.location.path
@@ -121,11 +125,24 @@ def _check_versions(old: Message, new: Message, label: str) -> None:
         raise input_error(place.path, "B103", text, place.line, place.column)
 
 
+def _check_changed(step: VersionStep) -> None:
+    """Raise InputError if the message equals the old definition: then the old definition is probably the changed one.
+
+    A header that no longer compiles without a new version of an unchanged message is reason enough for one.
+    """
+    texts = {name: step.text(f"{TRANSLATIONS}/{name}") for name in _header_names(step)}
+    if step.previous.label == CURRENT_FILE or not step.is_unchanged or find_callers(step.new.name, r"\w+", texts):
+        return
+    base = " main" if step.previous.label == "HEAD" else ""
+    hint = f"edit it first, or name the base of a committed change with --against{base}"
+    text = f"'{step.new.name}' has no changes since {step.previous.label}: {hint}"
+    raise input_error(step.new.location.path, "B107", text, 0)
+
+
 def _plan(step: VersionStep) -> Edits:
     """Return all edits: new files first, the raised constant last, so that another run can continue after a kill."""
     headers = _headers(step)
-    older = Side("older", step.old.message, {name: definition.message for name, definition in step.nested.items()})
-    newer = Side("newer", step.new, {message.name: message for message in step.catalog.messages.values()})
+    older, newer = step.sides
     text = headers.get(step.header, "")
     if not (text or step.is_translated):
         text = render_header(older, newer, step.topics, headers)
@@ -142,10 +159,14 @@ def _plan(step: VersionStep) -> Edits:
 
 
 def _headers(step: VersionStep) -> dict[str, str]:
-    """Return the new texts of all existing headers by name, including those that `all_translations.h` lacks."""
+    """Return the new texts of all existing headers by name."""
+    return {name: with_archived(step.text(f"{TRANSLATIONS}/{name}"), step.old.message) for name in _header_names(step)}
+
+
+def _header_names(step: VersionStep) -> list[str]:
+    """Return the names of all existing headers, including those that `all_translations.h` lacks."""
     every = os.path.basename(ALL_TRANSLATIONS)
-    names = [name for name in step.tree.names(TRANSLATIONS) if name.endswith(".h") and name != every]
-    return {name: with_archived(step.text(f"{TRANSLATIONS}/{name}"), step.old.message) for name in names}
+    return [name for name in step.tree.names(TRANSLATIONS) if name.endswith(".h") and name != every]
 
 
 def _archive(step: VersionStep) -> Iterator[Change]:

@@ -15,7 +15,7 @@ from msggen.model import VERSION, ArrayKind, BridgeEntry, Field, FieldType, Mess
 from msggen.primitives import PRIMITIVES
 
 TODO = "// TODO:"
-"""The mark of a line that needs a decision."""
+"""The start of a comment about a line that needs a decision."""
 
 _NO_VALUES = (VERSION, "ORB_QUEUE_LENGTH")
 """Constants that are not values of a field."""
@@ -108,6 +108,13 @@ def changed_constants(older: Message, newer: Message, prefix: str = "") -> list[
     ]
 
 
+def _constants_of_no_field(older: Message, newer: Message) -> list[str]:
+    """Return a description of each constant that changed and that no field has as a value, as far as tags tell."""
+    enums = {field.comment.tag("enum") for message in (older, newer) for field in message.fields} - {""}
+    used = tuple(f"{enum}_" for enum in enums)
+    return [text for text in changed_constants(older, newer) if not text.startswith(used)]
+
+
 def render_header(older: Side, newer: Side, topics: tuple[str, ...], headers: Mapping[str, str]) -> str:
     """Return the text of the header. `headers` has existing headers by name, which may translate nested messages."""
     from msggen.text.environment import make_environment
@@ -122,6 +129,8 @@ def render_header(older: Side, newer: Side, topics: tuple[str, ...], headers: Ma
     own, *others = topics or (f"fmu/out/{ros_file(name)}",)
     from_older, to_older = _Copy(older, newer, translators, "fromOlder"), _Copy(newer, older, translators, "toOlder")
     from_lines = list(from_older.lines(older.message, newer.message, older.age, newer.age))
+    unused = _constants_of_no_field(older.message, newer.message)
+    from_lines += [f"{TODO} {text}: translate the fields that use it" for text in unused]
     to_lines = list(to_older.lines(newer.message, older.message, newer.age, older.age))
     return (
         make_environment()
@@ -215,8 +224,14 @@ class _Copy:
             place = f"{to}.{field.name}"
             prefix = field.comment.tag("enum") or (twin.comment.tag("enum") if twin else "")
             constants = changed_constants(*versions, f"{prefix}_") if prefix else []
-            if twin and twin.type == field.type and field.type.is_primitive and constants:
-                yield f"{place} = {at}.{field.name};  {TODO} other constants: {few(constants)}"
+            changed = twin.comment.changed_tags(field.comment) if twin else ()
+            notes = [f"other constants: {few(constants)}"] if constants else []
+            notes += [
+                f"{each.before} in the {self.source.age} version, {each.after} in the {self.target.age}"
+                for each in changed
+            ]
+            if twin and twin.type == field.type and field.type.is_primitive and notes:
+                yield f"{place} = {at}.{field.name};  {TODO} {'; '.join(notes)}"
             elif twin and twin.type == field.type:
                 yield from self._set(field.type, f"{at}.{field.name}", place, depth)
             elif twin:

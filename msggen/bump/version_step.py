@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Callable
+from functools import cached_property
 from typing import NamedTuple
 
-from msggen.bump.archived_version import Definition, read_nested
-from msggen.bump.header import header_name, topic_of
+from msggen.bump.archived_version import Definition, read_definition, read_nested
+from msggen.bump.header import Side, header_name, topic_of
+from msggen.diagnostics import InputError
 from msggen.firmware.history import VERSIONED, read_history
+from msggen.firmware.inferred import Inference
+from msggen.firmware.sources import find_sources
 from msggen.firmware.tree import Folder, Tree
 from msggen.model import VERSION, Catalog, Message
 
@@ -55,6 +60,23 @@ class VersionStep:
         """The path of the message in the tree."""
         return f"{VERSIONED}/{self.new.name}.msg"
 
+    @cached_property
+    def is_unchanged(self) -> bool:
+        """Whether the definition and all that it nests have the old texts."""
+        return all(
+            new is not None and new.text == old.text
+            for name, old in {**self.nested, self.new.name: self.old}.items()
+            for new in [read_definition(self.tree, name)]
+        )
+
+    @cached_property
+    def sides(self) -> tuple[Side, Side]:
+        """The old and the new message with the tags that can be inferred for them, and the messages that they nest."""
+        before, after = _inferred(self.previous.tree), _inferred(self.tree)
+        nested = {name: before(definition.message) for name, definition in self.nested.items()}
+        inner = {message.name: after(message) for message in self.catalog.nested_all(self.new)}
+        return Side("older", before(self.old.message), nested), Side("newer", after(self.new), inner)
+
     def text(self, path: str) -> str:
         """Return the text of a file. Bytes that are not UTF-8 are kept when the text is written back."""
         return self.tree.read(path).decode("utf-8", "surrogateescape")
@@ -63,3 +85,11 @@ class VersionStep:
 def fields_of(message: Message) -> list[tuple[str, str]]:
     """Return the type and the name of each field."""
     return [(str(field.type), field.name) for field in message.fields]
+
+
+def _inferred(tree: Tree) -> Callable[[Message], Message]:
+    """Return the function that adds the tags that can be inferred. It adds none if `tree` is only a few definitions."""
+    try:
+        return Inference(find_sources(tree)).message
+    except InputError:
+        return lambda message: message

@@ -292,6 +292,17 @@ def shape(catalog: Catalog, message: Message) -> Shape:
     )
 
 
+def depth(comparison: Comparison, pair: MessagePair) -> int:
+    """Return the number of levels of messages that a message nests on the current side."""
+    catalog = comparison.current.catalog
+    level, found = {pair.current.key: pair.current}, -1
+    while level:
+        fields = [(outer, field.type) for outer in level.values() for field in outer.fields]
+        inner = [catalog.nested(outer, type_) for outer, type_ in fields if not type_.is_primitive]
+        level, found = {message.key: message for message in inner}, found + 1
+    return found
+
+
 def _content(catalog: Catalog, message: Message) -> tuple[Shape, dict[str, tuple[str, Value]]]:
     """Return the contents of a definition, without its name, comments and version."""
     constants = {each.name: (str(each.type), each.value) for each in message.constants if each.name != VERSION}

@@ -35,4 +35,4 @@ def find_other_versions(comparison: Comparison) -> Iterator[Change]:
             now, then = (str(constant.value) if constant else "missing" for constant in (after, before))
             text = f"{VERSION} is {now}, but {then} in {comparison.previous.label}"
             lines = [excerpt(constant) if constant else None for constant in (before, after)]
-            yield Change(pair.name, text, after.location if after else pair.current.location, *lines)
+            yield Change(pair.name, text, after.location if after else pair.current.location, lines[0], lines[1])

@@ -42,7 +42,8 @@ class Excerpt:
 class Change:
     """A change that a rule found. `location` is on the current side; `before` and `after` are the lines that differ.
 
-    `subject` is the name of a message, a service or a topic.
+    `subject` is the name of a message, a service or a topic. `names` are those of the fields and constants that
+    changed, on both sides. A translation that handles the change deals with all of them.
     """
 
     subject: str
@@ -50,6 +51,7 @@ class Change:
     location: Location
     before: Excerpt | None = None
     after: Excerpt | None = None
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,7 @@ class Finding:
 
     A finding is silent if the size of samples stays the same, so that the readers in `silent_for` decode wrong values
     without an error. It is handled if a complete new version of the message covers the change. `remedy` is the command
-    that makes the finding disappear, "" if there is none.
+    that makes the finding disappear, "" if there is none. Remedies run in the order of their `rank`.
     """
 
     rule: Rule
@@ -78,6 +80,7 @@ class Finding:
     silent_for: tuple[Reader, ...] = ()
     is_handled: bool = False
     remedy: str = ""
+    rank: int = 0
 
     @property
     def is_silent(self) -> bool:

@@ -7,9 +7,8 @@ from dataclasses import replace
 from functools import partial
 
 from msggen.compare import drift, hash_names, semantic, source_code, topic, version, wire
-from msggen.compare.comparison import Comparison
+from msggen.compare.comparison import Comparison, depth
 from msggen.compare.finding import Category, Finding, Report, Rule, Severity
-from msggen.firmware.history import archived_name
 from msggen.tags import COMPARED
 
 _WIRE, _HASH, _SOURCE, _SEMANTIC = Category.WIRE, Category.HASH, Category.SOURCE, Category.SEMANTIC
@@ -244,6 +243,16 @@ RULES = (
         fix="Run `msggen bump NAME`, which writes the header, and complete its lines with TODO.",
     ),
     Rule(
+        "TRANSLATION_INVALID",
+        "a translation header names a field that its version of the message does not have",
+        _VERSION,
+        version.find_invalid_translations,
+        fix=(
+            "Remove the field from the header, or add it to the definition. If the header was written for another "
+            "definition, delete it and run `msggen bump NAME` again."
+        ),
+    ),
+    Rule(
         "TRANSLATION_UNFINISHED",
         "a translation header leaves out a field or has a TODO",
         _VERSION,
@@ -300,8 +309,10 @@ def named(name: str) -> tuple[Rule, ...]:
     return tuple(rule for rule in RULES if name.upper() in (rule.id, rule.category.name))
 
 
+_HANDLED = (_WIRE, _HASH, _SOURCE, _SEMANTIC)
+"""The categories of findings that a complete new version of the message handles."""
 _BUMPED = ("VERSION_NOT_RAISED", "VERSION_NOT_ARCHIVED", "TRANSLATION_MISSING")
-"""The rules whose findings `msggen bump` mends, if the version is at most one step ahead and not yet archived."""
+"""The rules of other categories whose findings `msggen bump` mends."""
 
 
 def with_remedies(report: Report, command: Callable[[Finding], str]) -> Report:
@@ -314,33 +325,38 @@ def is_synced(rule: Rule) -> bool:
     return rule.category not in (_TOPIC, _VERSION) and rule.id != "DEFINITION_ADDED"
 
 
-def _is_bumped(comparison: Comparison, finding: Finding) -> bool:
-    pair = next((pair for pair in comparison.pairs if pair.name == finding.change.subject), None)
-    if finding.rule.id not in _BUMPED or pair is None:
-        return False
-    before, after = pair.previous.message_version, pair.current.message_version
-    history = comparison.current.history
-    is_archived = history is not None and archived_name(pair.previous) in history.archived
-    return after in (before, before + 1) and not (is_archived and finding.rule.id == "VERSION_NOT_ARCHIVED")
-
-
 def find(comparison: Comparison, rules: Sequence[Rule]) -> Iterator[Finding]:
     """Apply `rules` in their order, and yield their findings, marked as silent or handled."""
     handled = version.handled(comparison)
     silent = {pair.name: pair.misread_by for pair in comparison.changed}
     topics = _topics_of(comparison, handled)
+    ranks = {pair.name: depth(comparison, pair) for pair in comparison.pairs if version.is_bumped(comparison, pair)}
     for rule in rules:
         for change in rule.find(comparison):
+            subject = change.subject
             finding = Finding(rule, change)
             if rule.category is Category.WIRE:
-                finding = replace(finding, silent_for=silent.get(change.subject, ()))
-            if rule.category in (Category.WIRE, Category.HASH, Category.SOURCE):
-                finding = replace(finding, is_handled=change.subject in handled)
-            if _is_bumped(comparison, finding):
-                finding = replace(finding, remedy=f"msggen bump {change.subject}")
+                finding = replace(finding, silent_for=silent.get(subject, ()))
+            if subject in handled:
+                finding = replace(finding, is_handled=_is_handled(finding, handled[subject]))
+            if subject in ranks and (rule.category in _HANDLED or rule.id in _BUMPED):
+                finding = replace(finding, remedy=f"msggen bump {subject}", rank=ranks[subject])
             if rule.id == "TOPIC_RENAMED":
-                finding = replace(finding, is_handled=change.subject in topics)
+                finding = replace(finding, is_handled=subject in topics)
             yield finding
+
+
+def _is_handled(finding: Finding, coverage: version.Coverage) -> bool:
+    """Whether the new versions of the message translate the change.
+
+    A field whose meaning changed must be computed. A field whose constants have other values must not be copied.
+    """
+    rule, names = finding.rule, frozenset(finding.change.names)
+    if rule.category not in _HANDLED or names & coverage.open:
+        return False
+    if rule.category is _SEMANTIC:
+        return bool(names & coverage.computed)
+    return rule.id != "CONSTANT_VALUE_CHANGED" or not names & coverage.copied
 
 
 def _topics_of(comparison: Comparison, messages: Collection[str]) -> set[str]:

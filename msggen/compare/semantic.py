@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from msggen.compare.comparison import Comparison, MessagePair
+from msggen.compare.comparison import Comparison
 from msggen.compare.finding import Change, Excerpt
 from msggen.model import Field
 from msggen.tags import Tag
@@ -21,12 +21,14 @@ def find_changed(tag: Tag, comparison: Comparison) -> Iterator[Change]:
         if change:
             now, then = change.after + _source(after, tag), change.before + _source(before, tag)
             text = f"the {change.title} of '{after.name}' is {now}, but {then} in {comparison.previous.label}"
-            yield Change(pair.name, text, after.location, before=_excerpt(before, tag), after=_excerpt(after, tag))
+            lines = _excerpt(before, tag), _excerpt(after, tag)
+            yield Change(pair.name, text, after.location, *lines, names=(before.name, after.name))
 
 
-def has_same_tags(pair: MessagePair) -> bool:
-    """Whether all tags mean the same on both sides."""
-    return not any(kept.previous.comment.changed_tags(kept.current.comment) for kept in pair.recommented)
+def retagged_messages(comparison: Comparison) -> frozenset[str]:
+    """Return the messages with a field for which the meaning of any tag differs."""
+    changed = ((pair, kept.previous.comment, kept.current.comment) for pair, kept in comparison.retagged)
+    return frozenset(pair.name for pair, before, after in changed if before.changed_tags(after))
 
 
 def _source(field: Field, tag: Tag) -> str:

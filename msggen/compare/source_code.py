@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from struct import pack, unpack
 
-from msggen.compare.comparison import Comparison, constants_of, definitions
+from msggen.compare.comparison import Comparison, MessagePair, constants_of, definitions
 from msggen.compare.finding import Change, Excerpt
 from msggen.location import Location
 from msggen.model import VERSION, Constant
@@ -51,23 +51,23 @@ def find_removed_constants(comparison: Comparison) -> Iterator[Change]:
                 neighbour = known[name].location
             elif name != VERSION:
                 text = f"constant '{name}' of {comparison.previous.label} is missing"
-                yield Change(pair.name, text, neighbour, excerpt(constant))
+                yield Change(pair.name, text, neighbour, excerpt(constant), names=_names(pair, name))
 
 
 def find_other_values(comparison: Comparison) -> Iterator[Change]:
     """Yield the constants with another value."""
-    for subject, before, after in _both(comparison):
+    for pair, before, after in _both(comparison):
         if wire_value(before) != wire_value(after):
             text = f"'{after.name}' is {after.value}, but {before.value} in {comparison.previous.label}"
-            yield Change(subject, text, after.location, before=excerpt(before), after=excerpt(after))
+            yield _change(pair, before, after, text)
 
 
 def find_other_types(comparison: Comparison) -> Iterator[Change]:
     """Yield the constants with another type."""
-    for subject, before, after in _both(comparison):
+    for pair, before, after in _both(comparison):
         if str(before.type) != str(after.type):
             text = f"'{after.name}' is {after.type}, but {before.type} in {comparison.previous.label}"
-            yield Change(subject, text, after.location, before=excerpt(before), after=excerpt(after))
+            yield _change(pair, before, after, text)
 
 
 def wire_value(constant: Constant) -> str:
@@ -81,12 +81,24 @@ def excerpt(constant: Constant) -> Excerpt:
     return Excerpt(constant.location, f"{constant.type} {constant.name} = {constant.value}")
 
 
-def _both(comparison: Comparison) -> Iterator[tuple[str, Constant, Constant]]:
+def _change(pair: MessagePair, before: Constant, after: Constant, text: str) -> Change:
+    lines = excerpt(before), excerpt(after)
+    return Change(pair.name, text, after.location, *lines, names=_names(pair, after.name))
+
+
+def _names(pair: MessagePair, constant: str) -> tuple[str, ...]:
+    """Return the name of a constant and those of the fields that have its prefix as their enum on either side."""
+    fields = [field for message in (pair.previous, pair.current) for field in message.fields]
+    enums = {field.name: field.comment.tag("enum") for field in fields}
+    return (constant, *(name for name, enum in enums.items() if enum and constant.startswith(f"{enum}_")))
+
+
+def _both(comparison: Comparison) -> Iterator[tuple[MessagePair, Constant, Constant]]:
     for pair in comparison.pairs:
         previous = constants_of(pair.previous)
         for name, after in constants_of(pair.current).items():
             if name in previous and name != VERSION:
-                yield pair.name, previous[name], after
+                yield pair, previous[name], after
 
 
 def _missing(wanted: list[str], known: list[str]) -> list[str]:

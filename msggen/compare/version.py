@@ -8,20 +8,39 @@ releases, a version may be raised several times.
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator
 from itertools import combinations
+from typing import NamedTuple
 
 from msggen.compare.comparison import Comparison, MessagePair, constants_of
 from msggen.compare.finding import Change, Excerpt
-from msggen.compare.semantic import has_same_tags
+from msggen.compare.semantic import retagged_messages
 from msggen.compare.source_code import excerpt, wire_value
 from msggen.diagnostics import few
-from msggen.firmware.history import ARCHIVE, TRANSLATIONS, VERSIONED, History, archived_name, without_comments
+from msggen.firmware.history import ARCHIVE, TRANSLATIONS, VERSIONED, History, archived_name
+from msggen.firmware.translation_check import (
+    Problem,
+    Version,
+    assigned,
+    missing_fields,
+    unfinished_lines,
+    unfinished_names,
+    unknown_names,
+)
 from msggen.location import Location
 from msggen.model import VERSION, Catalog, Message
 
-_WORD = re.compile(r"\w+")
+
+class Coverage(NamedTuple):
+    """The extent to which the new versions of a message translate it.
+
+    `open` has the names that a header does not mention, or mentions in a line marked TODO. `copied` has the fields that
+    all steps copy, and `computed` those that a step computes.
+    """
+
+    open: frozenset[str]
+    copied: frozenset[str]
+    computed: frozenset[str]
 
 
 def find_not_raised(comparison: Comparison) -> Iterator[Change]:
@@ -29,7 +48,7 @@ def find_not_raised(comparison: Comparison) -> Iterator[Change]:
     for pair in _versioned(comparison):
         before, after = pair.previous.message_version, pair.current.message_version
         skipped = _skipped(comparison, pair)
-        jumps = (after < before or skipped is not None) and not _means_the_same(pair)
+        jumps = (after < before or skipped is not None) and not _means_the_same(comparison, pair)
         if jumps or (pair.differs and after <= before):
             hint = "" if skipped is None else f", and version {skipped} is not in the archive"
             found = f"found {after}{hint}" if after >= before else f"found {after}, lower than {before}"
@@ -41,7 +60,7 @@ def find_needless(comparison: Comparison) -> Iterator[Change]:
     for pair in _versioned(comparison):
         before, after = pair.previous.message_version, pair.current.message_version
         is_reverted = _skipped(comparison, pair) is None and bool(_between(comparison, pair))
-        if before != after and _means_the_same(pair) and not is_reverted:
+        if before != after and _means_the_same(comparison, pair) and not is_reverted:
             text = f"{VERSION} is {after}, but {before} in {comparison.previous.label}"
             yield _change(pair, f"{text}; '{pair.name}' did not change")
 
@@ -68,7 +87,9 @@ def find_not_archived(comparison: Comparison) -> Iterator[Change]:
             known = comparison.current.history and name in comparison.current.history.archived
             problem = f"differs from {comparison.previous.label}" if known else "is missing"
             expected = f"expected the definition of version {pair.previous.message_version}"
-            yield _change(pair, f"'{ARCHIVE}/{name}.msg' {problem}: {expected}")
+            headers = [*_from_previous(comparison, pair)] if known else []
+            again = f"; if it was never released, delete it and {' and '.join(map(repr, headers))}, and run msggen bump"
+            yield _change(pair, f"'{ARCHIVE}/{name}.msg' {problem}: {expected}{again if headers else ''}")
 
 
 def find_not_translated(comparison: Comparison) -> Iterator[Change]:
@@ -80,29 +101,73 @@ def find_not_translated(comparison: Comparison) -> Iterator[Change]:
             yield _change(pair, f"{text}: expected one in {TRANSLATIONS}")
 
 
+def find_invalid_translations(comparison: Comparison) -> Iterator[Change]:
+    """Yield the fields and constants that a translation header names, but that its version of the message lacks."""
+    for pair in _raised(comparison):
+        for header, problem in _unknown_names(comparison, pair):
+            yield _in_header(comparison, pair, header, problem)
+
+
 def find_unfinished_translations(comparison: Comparison) -> Iterator[Change]:
     """Yield the translation headers that leave out a field or have a TODO."""
     for pair in _raised(comparison):
         for older, newer, headers in _steps(comparison, pair):
-            names = dict.fromkeys(field.name for message in (newer, older) for field in message.fields)
             for header, text in headers.items():
-                known = set(_WORD.findall(without_comments(text)))
-                missing = [name for name in names if name not in known]
+                missing, todo = missing_fields(text, older.message, newer.message), unfinished_lines(text)
                 problems = [f"does not mention {few(missing)}"] if missing else []
-                problems += ["has lines with TODO"] if "TODO" in text else []
+                problems += [f"has TODO in {_lines(todo)}"] if todo else []
                 if problems:
-                    yield _change(pair, f"'{header}' {' and '.join(problems)}")
+                    line = todo[0] if todo else 1
+                    yield _in_header(comparison, pair, header, Problem(line, f"'{header}' {' and '.join(problems)}"))
 
 
-def handled(comparison: Comparison) -> frozenset[str]:
-    """Return the messages whose change is covered by one or more complete new versions."""
-    return frozenset(
-        pair.name
+def handled(comparison: Comparison) -> dict[str, Coverage]:
+    """Return the messages whose change is covered by one or more complete new versions, and to what extent."""
+    return {
+        pair.name: _coverage(comparison, pair)
         for pair in _raised(comparison)
         if _is_archived(comparison, pair)
         and _skipped(comparison, pair) is None
         and pair.current.message_version in _reached(comparison, pair)
-    )
+        and not any(_unknown_names(comparison, pair))
+    }
+
+
+def is_bumped(comparison: Comparison, pair: MessagePair) -> bool:
+    """Whether `msggen bump` makes a new version for the change of a message, or completes it.
+
+    It changes nothing if the version is complete, and refuses if it rose by more than one or is archived differently.
+    """
+    history = comparison.current.history
+    is_versioned = pair.previous.is_versioned and pair.current.is_versioned and _is_in_versioned(pair.current)
+    if not history or not is_versioned:
+        return False
+    before, after = pair.previous.message_version, pair.current.message_version
+    is_archived = archived_name(pair.previous) in history.archived
+    if after == before:
+        return not is_archived or _is_archived(comparison, pair)
+    is_complete = _is_archived(comparison, pair) and after in _reached(comparison, pair)
+    return after == before + 1 and not is_complete and (not is_archived or _is_archived(comparison, pair))
+
+
+def _coverage(comparison: Comparison, pair: MessagePair) -> Coverage:
+    open_: set[str] = set()
+    copied: set[str] = set()
+    computed: set[str] = set()
+    for older, newer, headers in _steps(comparison, pair):
+        for text in headers.values():
+            fields = assigned(text, older, newer)
+            copied |= fields.copied
+            computed |= fields.computed
+            open_.update(unfinished_names(text), missing_fields(text, older.message, newer.message))
+    return Coverage(frozenset(open_), frozenset(copied - computed), frozenset(computed))
+
+
+def _unknown_names(comparison: Comparison, pair: MessagePair) -> Iterator[tuple[str, Problem]]:
+    """Yield each name in a header that its version of the message lacks, with the name of the header."""
+    for older, newer, headers in _steps(comparison, pair):
+        for header, text in headers.items():
+            yield from ((header, problem) for problem in unknown_names(text, older, newer))
 
 
 def _problems(comparison: Comparison, pair: MessagePair) -> Iterator[str]:
@@ -164,16 +229,29 @@ def _between(comparison: Comparison, pair: MessagePair) -> dict[int, Message]:
     }
 
 
-def _steps(comparison: Comparison, pair: MessagePair) -> Iterator[tuple[Message, Message, dict[str, str]]]:
-    """Yield each step of translation from the previous to the current version: both messages, and the headers."""
+def _steps(comparison: Comparison, pair: MessagePair) -> Iterator[tuple[Version, Version, dict[str, str]]]:
+    """Yield each step of translation from the previous to the current version: both versions, and the headers."""
     history = comparison.current.history
+    if not history:
+        return
+    previous, current, archived = comparison.previous.catalog, comparison.current.catalog, history.archived
     between = _between(comparison, pair)
-    versions = [pair.previous, *(between[number] for number in sorted(between)), pair.current]
+    versions = [
+        Version(pair.previous, lambda message, field: previous.nested(message, field.type)),
+        *(Version(between[number], lambda _, field: archived.get(field.type.name)) for number in sorted(between)),
+        Version(pair.current, lambda message, field: current.nested(message, field.type), is_current=True),
+    ]
     for older, newer in combinations(versions, 2):
-        target = None if newer is pair.current else newer.message_version
-        headers = history.translating(pair.name, older.message_version, target) if history else {}
+        target = None if newer.is_current else newer.message.message_version
+        headers = history.translating(pair.name, older.message.message_version, target)
         if headers:
             yield older, newer, headers
+
+
+def _from_previous(comparison: Comparison, pair: MessagePair) -> dict[str, str]:
+    """Return the headers that translate from the previous version to the current one."""
+    history = comparison.current.history
+    return history.translating(pair.name, pair.previous.message_version) if history else {}
 
 
 def _reached(comparison: Comparison, pair: MessagePair) -> set[int]:
@@ -183,8 +261,8 @@ def _reached(comparison: Comparison, pair: MessagePair) -> set[int]:
         return {pair.previous.message_version, pair.current.message_version}
     found = {pair.previous.message_version}
     for older, newer, _ in _steps(comparison, pair):
-        if older.message_version in found:
-            found.add(newer.message_version)
+        if older.message.message_version in found:
+            found.add(newer.message.message_version)
     return found
 
 
@@ -206,12 +284,14 @@ def _is_copy(history: History, archived: Message, catalog: Catalog, message: Mes
     return True
 
 
-def _means_the_same(pair: MessagePair) -> bool:
+def _means_the_same(comparison: Comparison, pair: MessagePair) -> bool:
+    """Whether fields, constants and tags mean the same on both sides; fields and tags at every depth."""
     before, after = (
         {name: wire_value(constant) for name, constant in constants_of(message).items() if name != VERSION}
         for message in (pair.previous, pair.current)
     )
-    return not pair.differs and before == after and has_same_tags(pair)
+    names = {pair.name, *(inner.name for inner in comparison.current.catalog.nested_all(pair.current))}
+    return not pair.differs and before == after and not names & retagged_messages(comparison)
 
 
 def _change(pair: MessagePair, text: str) -> Change:
@@ -224,3 +304,14 @@ def _change(pair: MessagePair, text: str) -> Change:
         before=excerpt(before) if before else None,
         after=excerpt(after) if after else None,
     )
+
+
+def _in_header(comparison: Comparison, pair: MessagePair, header: str, problem: Problem) -> Change:
+    history = comparison.current.history
+    location = Location(f"{history.folder if history else TRANSLATIONS}/{header}", problem.line)
+    text = history.translations[header].split("\n")[problem.line - 1].strip() if history else ""
+    return Change(pair.name, problem.text, location, after=Excerpt(location, text))
+
+
+def _lines(numbers: list[int]) -> str:
+    return f"line{'s' * (len(numbers) > 1)} {few([*map(str, numbers)])}"

@@ -17,9 +17,10 @@ def find_added(comparison: Comparison) -> Iterator[Change]:
         for field in pair.added:
             where = _at(pair.current_layout, field)
             text = f"'{_line(pair.current, field)}'{where} is not in {comparison.previous.label}"
-            before = next((each.previous for each in pair.replaced if each.current == field), None)
-            hint = f", which has '{before.name}' there: was it renamed?" if before else ""
-            yield Change(pair.name, text + hint, field.location, after=excerpt(pair.current, field))
+            twin = next((each.previous for each in pair.replaced if each.current == field), None)
+            hint = f", which has '{twin.name}' there: was it renamed?" if twin else ""
+            after = excerpt(pair.current, field)
+            yield Change(pair.name, text + hint, field.location, after=after, names=(field.name,))
 
 
 def find_removed(comparison: Comparison) -> Iterator[Change]:
@@ -28,9 +29,10 @@ def find_removed(comparison: Comparison) -> Iterator[Change]:
         for field in pair.removed:
             where = _at(pair.previous_layout, field)
             text = f"'{_line(pair.previous, field)}'{where} of {comparison.previous.label} is missing"
-            after = next((each.current for each in pair.replaced if each.previous == field), None)
-            hint = f", '{after.name}' is there: was it renamed?" if after else ""
-            yield Change(pair.name, text + hint, _neighbour(pair, field), before=excerpt(pair.previous, field))
+            twin = next((each.current for each in pair.replaced if each.previous == field), None)
+            hint = f", '{twin.name}' is there: was it renamed?" if twin else ""
+            before = excerpt(pair.previous, field)
+            yield Change(pair.name, text + hint, _neighbour(pair, field), before=before, names=(field.name,))
 
 
 def find_moved(comparison: Comparison) -> Iterator[Change]:
@@ -74,7 +76,8 @@ def find_nested(comparison: Comparison) -> Iterator[Change]:
 def change(pair: MessagePair, fields: FieldPair, text: str) -> Change:
     """Return a change of a field that both sides have."""
     before, after = excerpt(pair.previous, fields.previous), excerpt(pair.current, fields.current)
-    return Change(pair.name, text, fields.current.location, before=before, after=after)
+    names = (fields.previous.name, fields.current.name)
+    return Change(pair.name, text, fields.current.location, before=before, after=after, names=names)
 
 
 def excerpt(message: Message, field: Field) -> Excerpt:

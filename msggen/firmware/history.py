@@ -32,14 +32,16 @@ class History:
     """The archived versions of a tree and their translations.
 
     `archived` has messages such as `VehicleStatusV0` by name. `translations` has the texts of the headers that
-    `all_translations.h` includes, by file name. `is_kept` is True if the tree has versioned messages. `is_translated`
-    is True if every archived version is assumed to be translated, by a header that is not in `translations`.
+    `all_translations.h` includes, by file name, and `folder` is the path of their folder. `is_kept` is True if the tree
+    has versioned messages. `is_translated` is True if every archived version is assumed to be translated, by a header
+    that is not in `translations`.
     """
 
     is_kept: bool
     archived: Mapping[str, Message]
     translations: Mapping[str, str]
     is_translated: bool = False
+    folder: str = TRANSLATIONS
 
     def translates(self, name: str, version: int) -> bool:
         """Return whether a header translates the message `name` between `version` and the current version."""
@@ -86,7 +88,8 @@ def read_history(tree: Tree) -> History:
     errors += _unknown_types(archived)
     if errors:
         raise InputError(errors)
-    return History(tree.is_folder(VERSIONED), archived, _translations(tree))
+    folder = tree.place(TRANSLATIONS)
+    return History(tree.is_folder(VERSIONED), archived, _translations(tree), folder=folder)
 
 
 def _unknown_types(archived: Mapping[str, Message]) -> Iterator[Diagnostic]:

@@ -17,6 +17,8 @@ _MAX_WORK = 500_000
 
 _MAX_DEPTH = 20
 _SPLICE = re.compile(r"\\\r?\n")
+_JOINED = "\v"
+"""White space in place of a splice, which is counted as a line but does not end one."""
 _TOKEN = re.compile(
     r"""\s+|//[^\n]*|/\*.*?(?:\*/|\Z)
     |(?P<directive>\#[^\n]*)
@@ -36,9 +38,26 @@ class TooLargeError(ValueError):
     """An error: the text is too large, or becomes too large when its macros are expanded."""
 
 
+class Token(str):
+    """A token with the number of its line. The tokens of a macro are in the line of its definition."""
+
+    __slots__ = ("line",)
+    line: int
+
+
 def tokens(text: str) -> list[str]:
     """Return the tokens of C++ `text`. Raises TooLargeError."""
     return _Preprocessor().tokens(text)
+
+
+def numbered_tokens(text: str) -> list[str]:
+    """Return the tokens of C++ `text` as instances of Token where their line is known. Raises TooLargeError."""
+    return _Preprocessor(is_numbered=True).tokens(text)
+
+
+def line_of(token: str) -> int:
+    """Return the number of the line of a token, 0 if it is unknown."""
+    return token.line if isinstance(token, Token) else 0
 
 
 def included(text: str) -> list[str]:
@@ -68,15 +87,22 @@ class _Macro(NamedTuple):
     body: tuple[str, ...]
 
 
+def _numbered(text: str, line: int) -> Token:
+    token = Token(text)
+    token.line = line
+    return token
+
+
 class _Preprocessor:
-    def __init__(self) -> None:
+    def __init__(self, *, is_numbered: bool = False) -> None:
+        self.is_numbered = is_numbered
         self.macros: dict[str, _Macro] = {}
         self.work = 0
 
     def tokens(self, text: str) -> list[str]:
         found: list[str] = []
         code: list[str] = []
-        for token in self._split(_SPLICE.sub(" ", text)):
+        for token in self._split(_SPLICE.sub(_JOINED, text)):
             if not token.startswith("#"):
                 code.append(token)
                 continue
@@ -87,12 +113,14 @@ class _Preprocessor:
             self._define(token)
         return found + self._expanded(code)
 
-    def _split(self, text: str) -> Iterator[str]:
-        """Yield the tokens of `text`. A directive is one token."""
+    def _split(self, text: str, line: int = 1) -> Iterator[str]:
+        """Yield the tokens of `text`, which starts in `line`. A directive is one token."""
         for match in _TOKEN.finditer(text):
             self._count(1)
             if match.lastgroup:
-                yield match[match.lastgroup]
+                yield _numbered(match[match.lastgroup], line) if self.is_numbered else match[match.lastgroup]
+            if self.is_numbered:
+                line += match[0].count("\n") + match[0].count(_JOINED)
 
     def _count(self, number: int) -> None:
         self.work += number
@@ -107,7 +135,7 @@ class _Preprocessor:
         if defined:
             name, parameters, text = defined.groups()
             names = None if parameters is None else tuple(part.strip() for part in parameters[1:-1].split(","))
-            body = (UNKNOWN if token.startswith("#") else token for token in self._split(text))
+            body = (UNKNOWN if token.startswith("#") else token for token in self._split(text, line_of(directive)))
             self.macros[name] = _Macro(names, tuple(body))
 
     def _expanded(self, code: Sequence[str], hidden: frozenset[str] = frozenset()) -> list[str]:

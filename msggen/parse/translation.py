@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from typing import NamedTuple
 
-from msggen.parse.cpp import TooLargeError, closings, included, tokens
+from msggen.parse.cpp import TooLargeError, closings, included, line_of, numbered_tokens, tokens
 from msggen.parse.statements import Body, OpaqueError
 from msggen.translation import Statement, Translation
 
@@ -35,7 +35,34 @@ def read_headers(headers: Mapping[str, str]) -> tuple[Translation, ...]:
 def read_translations(text: str) -> tuple[Translation, ...]:
     """Return the translations of the classes in a header, none if it is not a translation header."""
     try:
-        return tuple(_Header(tokens(text)).translations())
+        return tuple(each.translation for each in _Header(tokens(text)).classes())
+    except TooLargeError:
+        return ()
+
+
+class Reference(NamedTuple):
+    """A field or a constant that a header names, such as `older.events[i].id`; `path` has the names without indices."""
+
+    is_older: bool
+    text: str
+    path: tuple[str, ...]
+    line: int
+
+
+class TranslationClass(NamedTuple):
+    """A class in a header, and the fields and constants of both messages that its functions name."""
+
+    translation: Translation
+    references: tuple[Reference, ...]
+
+
+def read_classes(text: str) -> tuple[TranslationClass, ...]:
+    """Return the translation classes of a header, none if it is not a translation header."""
+    try:
+        return tuple(
+            TranslationClass(each.translation, tuple(each.references()))
+            for each in _Header(numbered_tokens(text)).classes()
+        )
     except TooLargeError:
         return ()
 
@@ -50,6 +77,55 @@ class _Function(NamedTuple):
     body: Sequence[str]
 
 
+class _Class(NamedTuple):
+    """A class: its translation, its functions, and the messages by the names that these use for their types."""
+
+    translation: Translation
+    functions: tuple[_Function, ...]
+    aliases: Mapping[str, str]
+
+    def references(self) -> Iterator[Reference]:
+        """Yield the fields and constants of both messages that the functions name."""
+        ages = {self.translation.older: True, self.translation.newer: False}
+        types = {name: ages[message] for name, message in self.aliases.items() if message in ages}
+        spelled = {**ages, **types}
+        for function in self.functions:
+            parameters = (function.source, function.source_type), (function.target, function.target_type)
+            known = {name: spelled[type_] for name, type_ in parameters if type_ in spelled}
+            if len(known) == len(parameters):
+                yield from _references(function.body, known, types)
+
+
+def _references(code: Sequence[str], parameters: Mapping[str, bool], types: Mapping[str, bool]) -> Iterator[Reference]:
+    """Yield the fields that `code` names in `parameters`, and the constants in `types`; True stands for the older."""
+    end_of = closings(code)
+    for position, word in enumerate(code):
+        if position and code[position - 1] in (".", "->", "::"):
+            continue
+        if word in parameters:
+            path = tuple(_path(code, position + 1, end_of))
+            if path:
+                yield Reference(parameters[word], ".".join((word, *path)), path, line_of(word))
+        elif word in types and code[position + 1 : position + 2] == ["::"]:
+            name = "".join(code[position + 2 : position + 3])
+            if name.isupper():  # ROS 2 adds types such as SharedPtr
+                yield Reference(types[word], f"{word}::{name}", (name,), line_of(word))
+
+
+def _path(code: Sequence[str], position: int, end_of: Mapping[int, int]) -> Iterator[str]:
+    """Yield the names after a variable, up to the call of a method other than `at`."""
+    while position + 1 < len(code) and code[position] in (".", "->") and code[position + 1].isidentifier():
+        name = code[position + 1]
+        position += 2
+        is_call = code[position : position + 1] == ["("]
+        if is_call and name != "at":
+            return
+        if not is_call:
+            yield name
+        while position < len(code) and code[position] in ("[", "(") and position in end_of:
+            position = end_of[position] + 1
+
+
 class _Header:
     """A reader of the classes in a header and their functions."""
 
@@ -57,13 +133,13 @@ class _Header:
         self.code = code
         self.end_of = closings(code)
 
-    def translations(self) -> list[Translation]:
-        found = []
+    def classes(self) -> list[_Class]:
+        found: list[_Class] = []
         for position, word in enumerate(self.code):
             if word in ("class", "struct"):
                 start = self._body_of_class(position + 1)
                 if start is not None:
-                    found += self._translation(start + 1, self.end_of.get(start, len(self.code)))
+                    found += self._class(start + 1, self.end_of.get(start, len(self.code)))
         return found
 
     def _body_of_class(self, position: int) -> int | None:
@@ -75,7 +151,7 @@ class _Header:
                 break
         return None
 
-    def _translation(self, position: int, end: int) -> list[Translation]:
+    def _class(self, position: int, end: int) -> list[_Class]:
         aliases: dict[str, str] = {}
         functions: dict[str, list[_Function]] = {"fromOlder": [], "toOlder": []}
         while position < end:
@@ -95,7 +171,7 @@ class _Header:
             return []
         forth = _statements_of(functions["fromOlder"], older, newer, aliases)
         back = _statements_of(functions["toOlder"], newer, older, aliases)
-        return [Translation(older, newer, forth, back)]
+        return [_Class(Translation(older, newer, forth, back), tuple(chain(*functions.values())), aliases)]
 
     def _function(self, start: int, end: int) -> tuple[list[_Function], int]:
         """Return the function whose parameters begin at `start`, and its end.

@@ -28,8 +28,9 @@ def statement(finding: Finding) -> str:
 
 
 def remedies(findings: Iterable[Finding]) -> list[str]:
-    """Return a line for each command that mends one of `findings`."""
-    return [printable(f"to fix: {command}") for command in dict.fromkeys(each.remedy for each in findings) if command]
+    """Return a line for each command that mends one of `findings`, in the order in which to run the commands."""
+    commands = dict.fromkeys(each.remedy for each in sorted(findings, key=lambda each: each.rank))
+    return [printable(f"to fix: {command}") for command in commands if command]
 
 
 def mark(finding: Finding) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import subprocess
 from pathlib import Path
@@ -155,14 +156,52 @@ def test_bump_mends_the_findings_about_versions(
         monkeypatch.chdir(tree)
         options = []
     arguments = ["breaking", *options, "--against", "HEAD"]
-    found = [each for each in report(capsys, *arguments) if each["category"] == "VERSION"]
+    found = report(capsys, *arguments)
     assert {each["rule"] for each in found} == (
-        {"VERSION_NOT_ARCHIVED", "TRANSLATION_MISSING"} if raised else {"VERSION_NOT_RAISED"}
+        {"VERSION_NOT_ARCHIVED", "TRANSLATION_MISSING", "FIELD_ADDED"}
+        if raised
+        else {"VERSION_NOT_RAISED", "FIELD_ADDED"}
     )
     [command] = {each["remedy"] for each in found}
     assert command == shlex.join(["msggen", "bump", "Lamp", *options, "--against", "HEAD"])
     assert run(command) == DONE
+    found = report(capsys, *arguments)
+    assert {each["rule"] for each in found if each["category"] == "VERSION"} == {"TRANSLATION_UNFINISHED"}
+    assert {each["remedy"] for each in found} == {None}
+    assert {each["rule"] for each in found if each["fails"]} == {"FIELD_ADDED"}
+    header = Path("" if inside else tree, "msg/translation_node/translations/translation_lamp_v1.h")
+    header.write_text(re.sub("// TODO.*", "", header.read_text()))
     assert [each["rule"] for each in report(capsys, *arguments) if each["fails"]] == []
+
+
+@pytest.mark.tools("git")
+def test_nested_messages_come_first(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nested = {"Array": "Lamp lamp\n", "Zone": "Array array\n"}
+    for name, field in nested.items():
+        (tree / f"msg/versioned/{name}.msg").write_text(VERSIONED.format(0) + field)
+    (tree / "msg/versioned/Lamp.msg").write_text(VERSIONED.format(0))
+    committed(tree)
+    (tree / "msg/versioned/Lamp.msg").write_text(VERSIONED.format(0) + "uint8 x\n")
+    assert main(["breaking", "--px4", str(tree), "--against", "HEAD", "--output-format", "concise"]) == FINDINGS
+    commands = [line.split()[4] for line in capsys.readouterr().out.splitlines() if line.startswith("to fix:")]
+    assert commands == ["Lamp", "Array", "Zone"]
+
+
+@pytest.mark.tools("git")
+def test_strict_fails_because_of_warnings(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["breaking", "--px4", str(tree), "--against", "HEAD", "--select", "TRANSLATION_UNFINISHED"]
+    assert main(["bump", "Lamp", "--px4", str(tree)]) == DONE
+    assert main(arguments) == DONE
+    assert main([*arguments, "--strict"]) == FINDINGS
+    [found] = report(capsys, *arguments, "--strict")
+    assert (found["severity"], found["fails"]) == ("error", True)
+    header = tree / "msg/translation_node/translations/translation_lamp_v1.h"
+    assert found["location"]["path"] == str(header)
+    assert "TODO" in header.read_text().splitlines()[found["location"]["line"] - 1]
+    Path("pyproject.toml").write_text(
+        "[tool.msggen]\nstrict = true\n[tool.msggen.per-message-ignores]\nLamp = ['TRANSLATION_UNFINISHED']\n"
+    )
+    assert main(arguments) == DONE
 
 
 @pytest.mark.tools("git")

@@ -27,7 +27,7 @@ from msggen.firmware.sources import find_sources, with_archived
 from msggen.generate.python.package import list_package, render_package
 from msggen.generate.python.versions import translation_table
 from msggen.model import Catalog
-from msggen.parse.translation import read_headers, read_translations
+from msggen.parse.translation import read_classes, read_headers, read_translations
 from msggen.translation import Assignment, Number, Place, Step
 from support.catalogs import import_package, write_definitions
 from support.samples import plain
@@ -823,3 +823,33 @@ def test_pyright_is_content_with_the_rules(typed: Path) -> None:
 def test_ruff_is_content_with_the_rules(typed: Path) -> None:
     rules = ("--select=E,F,W,B,C4,PLE,SIM,UP", "--ignore=B905,UP007", "--line-length=130")
     checked(typed, "ruff", "check", "--isolated", "--target-version=py310", *rules, *MODULES)
+
+
+def test_names_are_found_with_their_lines() -> None:
+    """Methods of arrays and types that ROS 2 adds are no names of fields."""
+    text = """#pragma once
+#define COPY(name) \\
+	to.name = from.name
+struct T {
+	using MessageOlder = px4_msgs_old::msg::AV0;
+	using MessageNewer = px4_msgs::msg::A;
+	static void fromOlder(const MessageOlder &from, MessageNewer &to) {
+		to.b[0].c = from.d.at(1).e; // from.comment
+		to.f.resize(from.g.size());
+		if (from.h == MessageOlder::KIND_A) { MessageNewer::SharedPtr other; }
+		COPY(i);
+	}
+};
+"""
+    [found] = read_classes(text)
+    names = [(each.is_older, each.path, each.line) for each in found.references]
+    assert names == [
+        (False, ("b", "c"), 8),
+        (True, ("d", "e"), 8),
+        (False, ("f",), 9),
+        (True, ("g",), 9),
+        (True, ("h",), 10),
+        (True, ("KIND_A",), 10),
+        (False, ("i",), 3),
+        (True, ("i",), 3),
+    ]

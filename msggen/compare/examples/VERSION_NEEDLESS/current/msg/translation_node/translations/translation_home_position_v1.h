@@ -13,6 +13,5 @@ public:
 		newer.timestamp = older.timestamp;
 		newer.lat = older.lat;
 		newer.lon = older.lon;
-		newer.valid_lpos = true;
 	}
 };

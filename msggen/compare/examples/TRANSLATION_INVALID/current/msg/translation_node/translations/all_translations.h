@@ -1,0 +1,3 @@
+#pragma once
+
+#include "translation_home_position_v1.h"
