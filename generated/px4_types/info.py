@@ -194,16 +194,11 @@ class MessageInfo(Frozen):
     message_version: int
     topics: tuple[str, ...]
     """The uORB topics that carry the message."""
+    fields: tuple[Field, ...]
+    """The fields in the order of the definition."""
+    constants: tuple[Constant, ...]
+    """The constants in the order of the definition."""
     _cls: type[Message]
-    if TYPE_CHECKING:  # as properties, because jedi does not know the elements of an annotated tuple
-
-        @property
-        def fields(self) -> tuple[Field, ...]:
-            """The fields in the order of the definition."""
-
-        @property
-        def constants(self) -> tuple[Constant, ...]:
-            """The constants in the order of the definition."""
 
     def __init__(
         self,

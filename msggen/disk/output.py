@@ -62,6 +62,7 @@ def plan_output(folder: str, files: Mapping[str, str], record: Record) -> Output
 @contextmanager
 def locked_output(folder: str) -> Iterator[None]:
     """Create the parent of `folder` and hold a lock on it: the folder itself may be replaced. Raises OSError."""
+    _check_links(folder, [""])  # before a folder is created
     parent = os.path.dirname(folder) or os.curdir
     if not os.path.isdir(parent):
         make_folder(parent)
@@ -107,6 +108,7 @@ def write_stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
     place. Runs on the same folder wait for each other. Raises InputError if a folder to write to is a symbolic link, or
     OSError if the folder cannot be written; nothing is changed then.
     """
+    _check_links(folder, [""])  # before a folder is created
     if not os.path.isdir(folder):
         make_folder(folder)
     with locked(folder):
@@ -183,11 +185,15 @@ def _check_links(folder: str, parents: Collection[str]) -> None:
 
 
 def _link_in(folder: str, parent: str) -> str:
-    """Return the first symbolic link on the way from `folder` to `parent` in it, or "". An empty parent is `folder`."""
-    if not parent:
+    """Return the first symbolic link on the way from `folder` to `parent` in it, or "".
+
+    An empty parent is `folder`: the way to it starts at the current folder, which may be a stranger's. An absolute path
+    may lead through links, because the system has some.
+    """
+    if not parent and os.path.isabs(folder):
         return folder if os.path.islink(folder) else ""
-    parts = parent.split("/")
-    paths = (os.path.join(folder, *parts[:end]) for end in range(1, len(parts) + 1))
+    base, parts = (folder, parent.split("/")) if parent else ("", folder.split(os.sep))
+    paths = (os.path.join(base, *parts[:end]) for end in range(1, len(parts) + 1))
     return next(filter(os.path.islink, paths), "")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import yaml
@@ -14,6 +15,8 @@ _MOST_ALIASED = 10_000
 
 _LONGEST_SCALAR = 100
 """Maximum length of a scalar that is not a string. A longer one is read as a string."""
+
+_LINE_END = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _UNREADABLE = (ValueError, ArithmeticError, AttributeError, LookupError, yaml.YAMLError)
@@ -38,9 +41,9 @@ def read_yaml(data: bytes, path: str) -> yaml.Node | None:
         raise input_error(path, "Y101", f"not YAML: {reason}", line, column) from None
     except UnicodeDecodeError as error:
         before = error.object[: error.start].decode("utf-8", "replace")  # without a byte order mark
-        before = before.replace("\r\n", "\n").replace("\r", "\n")  # all of them end a line in YAML
-        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        raise input_error(path, "Y101", f"byte 0x{error.object[error.start]:02x} is not UTF-8", line, column) from None
+        lines = _LINE_END.split(before)
+        text = f"byte 0x{error.object[error.start]:02x} is not UTF-8"
+        raise input_error(path, "Y101", text, len(lines), len(lines[-1]) + 1) from None
     except yaml.YAMLError as error:
         raise input_error(path, "Y101", f"not YAML: {str(error).splitlines()[0]}") from None
     return root

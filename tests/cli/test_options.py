@@ -144,7 +144,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "src/modules/README": "",
     }
     write_definitions(tmp_path / "old", tree)
-    write_definitions(tmp_path / "px4", tree)
+    write_definitions(tmp_path / "px4", tree | {"msg/versioned/Lamp.msg": f"{MESSAGE}float32 level\n"})
     return write_definitions(tmp_path, {"names.txt.j2": "{{ message.name }}\n"})
 
 

@@ -536,3 +536,20 @@ def test_builds_at_once_wait_although_the_folder_is_swapped() -> None:
         children.append(child)
     assert {os.waitpid(child, 0)[1] for child in children} == {0}
     assert content(Path("generated")) in (content(Path("only_few")), content(Path("only_many")))
+
+
+@pytest.mark.parametrize("arguments", [["build", "--px4", "in"], ["render", "--template", "a.txt.j2", "--px4", "in"]])
+@pytest.mark.parametrize("output", ["out", "out/inner"])
+def test_a_link_on_the_way_to_the_output_is_refused(
+    arguments: list[str], output: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    definitions("Rpm")
+    write_definitions(Path(), {"a.txt.j2": "{{ message.name }}\n", "victim/rpm.txt": "precious\n"})
+    os.symlink("victim", "out")
+    before = content(Path("victim"))
+    assert main([*arguments, "-o", output]) == 2
+    assert "out: S115 symbolic link to victim" in capsys.readouterr().err
+    assert content(Path("victim")) == before
+    assert main([*arguments, "-o", os.path.abspath(output)]) == (
+        0 if output == "out/inner" or "build" in arguments else 2
+    )

@@ -11,6 +11,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -63,8 +64,8 @@ def _campaign(name: str, seed: int, parts: Sequence[Iterable[int]], seconds: flo
     if len(parts) == 1:
         results = [work(parts[0])]
     else:
-        with multiprocessing.get_context("fork").Pool(len(parts)) as pool:
-            results = pool.map(work, parts, chunksize=1)
+        with ProcessPoolExecutor(len(parts), multiprocessing.get_context("fork")) as pool:
+            results = list(pool.map(work, parts))
     count = sum(each for each, _ in results)
     failures = [failure for _, failure in results if failure]
     state = "failed" if failures else "ok"

@@ -702,7 +702,7 @@ def test_the_bytes_depend_on_no_hash_seed_working_directory_or_place_of_the_sour
         shutil.copytree(ROOT / name, copy / name)
     shutil.copy(ROOT / "dds_topics.yaml", copy)
     far.mkdir(parents=True)
-    one = run("-q", "-o", str(tmp_path / "one"), cwd=tmp_path, seed="1")
+    one = run("-q", "--px4", copy.name, "-o", str(tmp_path / "one"), cwd=tmp_path, seed="1")
     two = run("-q", "--px4", f"../../{copy.name}", "-o", "two", cwd=far, seed="2")
     assert (one.returncode, two.returncode) == (0, 0), one.stderr + two.stderr
     first, second = content(tmp_path / "one"), content(far / "two")

@@ -354,7 +354,7 @@ def instances(
 
 def octets_bytes(value: BytesLike, wire: int, most: int = 0) -> bytes:
     """Return the bytes of a buffer after a check of their number. Raises one of ENCODE_FAILURES."""
-    if value.__class__ is bytes:
+    if type(value) is bytes:
         raw = value
     else:
         view = memoryview(value)
