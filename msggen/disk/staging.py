@@ -7,7 +7,7 @@ a symbolic link that has such a name, and nothing that msggen did not create is 
 import errno
 import os
 import stat
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 
@@ -39,9 +39,10 @@ def written_aside(
     a file keeps the permissions of the one that it replaces. With `flushed`, all are on the disk before the first one
     is moved, so that a power loss tears no file.
 
-    Raises InputError if a temporary name is taken, OSError, and PermissionError if a file cannot be created in its
-    folder.
+    Raises InputError if a temporary name is taken, or if a path is a device or a pipe, which a rename would replace;
+    OSError, and PermissionError if a file cannot be created in its folder.
     """
+    _check_replaceable(files)
     for folder in sorted({os.path.dirname(path) for path in files}):
         make_folder(folder)
     with _numbered(files, stage) if stage else _next_to(files) as asides:
@@ -52,6 +53,14 @@ def written_aside(
         if flushed:
             flush(asides.values())
         yield partial(_move, asides, flushed=flushed)
+
+
+def _check_replaceable(paths: Iterable[str]) -> None:
+    for path in paths:
+        with suppress(OSError):
+            mode = os.lstat(path).st_mode
+            if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode) or stat.S_ISDIR(mode)):
+                raise input_error(path, "S104", "not a regular file: move it, or choose another output", 0)
 
 
 def write_if_changed(path: str, text: str, *, flushed: bool = True) -> None:

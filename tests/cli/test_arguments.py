@@ -57,7 +57,7 @@ VALUES = (
         "embedded:v9",
         "Lamp",
     ),
-    *("M301", "WIRE,", "dds_topics.yaml", "/dev/null", "file/x", "\n", "a\nb", "{{", "{{ 1/0 }}", "%s", "$(x)", "json"),
+    *("M301", "WIRE,", "dds_topics.yaml", "file/x", "\n", "a\nb", "{{", "{{ 1/0 }}", "%s", "$(x)", "json"),
     *("sarif", "junit", "github", "message", "catalog", "main", "\u202e", "out", "1e9", "dir/msg/Lamp.msg", "class"),
 )
 ROUNDS = 25

@@ -553,3 +553,14 @@ def test_a_link_on_the_way_to_the_output_is_refused(
     assert main([*arguments, "-o", os.path.abspath(output)]) == (
         0 if output == "out/inner" or "build" in arguments else 2
     )
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes in folders")
+def test_a_pipe_or_a_device_is_not_replaced(capsys: pytest.CaptureFixture[str]) -> None:
+    definitions("Rpm")
+    write_definitions(Path(), {"a.txt.j2": "{{ message.name }}\n"})
+    os.mkdir("out")
+    os.mkfifo("out/rpm.txt")
+    assert main(["render", "--template", "a.txt.j2", "--px4", "in", "-o", "out"]) == 2
+    assert "rpm.txt: S104 not a regular file" in capsys.readouterr().err
+    assert Path("out/rpm.txt").is_fifo()
