@@ -1,10 +1,10 @@
 """Time and memory of every parser and reader for inputs of 10 kB to 10 MB, drawn as docs/benchmarks/linear.svg.
 
-    python benchmarks/linear.py          measures for some minutes, prints a table and draws the chart
+    python benchmarks/linear.py          measures for about 20 minutes, prints a table and draws the chart
     python benchmarks/linear.py --quick  measures up to 100 kB and draws nothing
 
-An input is not made larger once a reader has taken `PATIENCE` seconds for it. The chart needs matplotlib, from the
-environment of the other benchmarks.
+An input is not made larger if the next size is expected to take more than `PATIENCE` seconds. The chart needs
+matplotlib, from the environment of the other benchmarks.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from worst_inputs import READERS, Reader
 
 CHART = Path(__file__).resolve().parent.parent / "docs" / "benchmarks" / "linear.svg"
 SIZES = (10**4, 3 * 10**4, 10**5, 3 * 10**5, 10**6, 3 * 10**6, 10**7)
-PATIENCE = 0.7
+PATIENCE = 90
 TRACED = 10**5
 """The largest size for which memory is measured, because tracing slows a reader down."""
 
@@ -42,10 +42,10 @@ class Cost(NamedTuple):
 
 
 def costs(reader: Reader, sizes: Sequence[int]) -> list[Cost]:
-    """Return the costs of a reader for each size, as far as all its inputs are read in `PATIENCE` seconds."""
+    """Return the costs of a reader for each size, up to one that is expected to take longer than `PATIENCE`."""
     found: list[Cost] = []
     for size in sizes:
-        if found and found[-1].seconds * size / found[-1].size > PATIENCE * 3:
+        if found and found[-1].seconds * size / found[-1].size > PATIENCE:
             break
         each = [cost(reader, kind, size) for kind in reader.inputs]
         found.append(Cost(size, max(one.seconds for one in each), max(one.peak for one in each)))
