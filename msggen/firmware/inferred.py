@@ -50,8 +50,8 @@ class Inference:
     """Inference of tags for the fields of the firmware in `sources`.
 
     The embedded release that the firmware is has priority, then the newest that has a field. The names of the messages
-    show which release it is. A folder of the user's own messages is none. Embedded definitions have all of their tags,
-    and so nothing is inferred for them. Messages of other packages get enums by name only.
+    show which release it is. A folder of the user's own messages is none. Embedded definitions have all of their tags.
+    For them, and for messages of other packages, only enums by name are inferred.
     """
 
     def __init__(self, sources: Sources) -> None:
@@ -65,8 +65,6 @@ class Inference:
 
     def field(self, message: Message, field: Field) -> Field:
         """Return a field of `message` with the tags that can be inferred for it."""
-        if message.location.path in self._complete:
-            return field
         own = field.comment
         inferred = self._of_firmware(message, field) if message.location.path in self._own else ()
         if not own.tag(ENUM.name) and all(tag.name != ENUM.name for tag in inferred):
@@ -113,18 +111,11 @@ class Inference:
 
     @cached_property
     def _own(self) -> frozenset[str]:
-        """The paths of the firmware's definitions."""
-        sources = self._sources
-        files = (*sources.messages, *sources.services, *sources.archived)
-        return frozenset(file.path for file in files if not file.package)
-
-    @cached_property
-    def _complete(self) -> frozenset[str]:
-        """The paths of embedded definitions, which have all of their tags."""
+        """The paths of the firmware's definitions that are not embedded."""
         sources = self._sources
         embedded = sources.root if sources.embedded else None
         files = (*sources.messages, *sources.services, *sources.archived)
-        return frozenset(file.path for file in files if embedded is not None and file.tree is embedded)
+        return frozenset(file.path for file in files if not file.package and file.tree is not embedded)
 
     @cached_property
     def _order(self) -> tuple[str, ...]:

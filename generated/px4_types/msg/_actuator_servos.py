@@ -112,7 +112,10 @@ class ActuatorServos(_cdr.Message):
             ),
             info.Field(
                 "control", "float32[15]", 16, 60, unit="-", range="-1, 1",
-                description="Deflection per servo between its negative and positive end stop. NaN switches the servo to its disarmed value.",
+                description=(
+                    "Deflection per servo between its negative and positive end stop. NaN switches the "
+                    "servo to its disarmed value."
+                ),
             ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 NUM_CONTROLS"),

@@ -124,7 +124,10 @@ class ActuatorTest(_cdr.Message):
             ),
             info.Field(
                 "value", "float32", 12, 4, range="-1, 1",
-                description="Motors: 0 is least thrust, below 0 reverses or stops. Servos: 0 is the centre. NaN disarms the output.",
+                description=(
+                    "Motors: 0 is least thrust, below 0 reverses or stops. Servos: 0 is the centre. NaN "
+                    "disarms the output."
+                ),
             ),
             info.Field(
                 "timeout_ms", "uint32", 16, 4, unit="ms",

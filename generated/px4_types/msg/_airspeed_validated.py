@@ -196,7 +196,10 @@ class AirspeedValidated(_cdr.Message):
             ),
             info.Field(
                 "calibrated_airspeed_m_s", "float32", 12, 4, unit="m/s", invalid="NaN",
-                description="Indicated airspeed after the scale correction. The fixed-wing controllers work with this one.",
+                description=(
+                    "Indicated airspeed after the scale correction. The fixed-wing controllers work with "
+                    "this one."
+                ),
             ),
             info.Field(
                 "true_airspeed_m_s", "float32", 16, 4, unit="m/s", invalid="NaN",

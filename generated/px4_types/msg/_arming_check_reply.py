@@ -297,14 +297,20 @@ class ArmingCheckReply(_cdr.Message):
             ),
             info.Field(
                 "can_arm_and_run", "bool", 14, 1,
-                description="True if the component has no objection to arming. For a mode also: it may be selected in flight.",
+                description=(
+                    "True if the component has no objection to arming. For a mode also: it may be selected "
+                    "in flight."
+                ),
             ),
             info.Field(
                 "num_events", "uint8", 15, 1, description="How many entries of events are filled in.",
             ),
             info.Field(
                 "events", "Event[5]", 16, 200,
-                description="Reasons why arming is refused, forwarded to the ground station. PX4 overwrites the first argument of each.",
+                description=(
+                    "Reasons why arming is refused, forwarded to the ground station. PX4 overwrites the "
+                    "first argument of each."
+                ),
             ),
             info.Field(
                 "mode_req_angular_velocity", "bool", 216, 1, description="The mode needs valid body rates.",

@@ -488,7 +488,10 @@ class BatteryStatus(_cdr.Message):
             ),
             info.Field(
                 "current_average_a", "float32", 20, 4, unit="A", invalid="-1",
-                description="Slowly filtered current behind time_remaining_s. On fixed wings it updates only in level flight.",
+                description=(
+                    "Slowly filtered current behind time_remaining_s. On fixed wings it updates only in "
+                    "level flight."
+                ),
             ),
             info.Field(
                 "discharged_mah", "float32", 24, 4, unit="mAh", invalid="-1",

@@ -268,7 +268,10 @@ class DistanceSensor(_cdr.Message):
             ),
             info.Field(
                 "q", "float32[4]", 40, 16,
-                description="Quaternion (w, x, y, z) turning sensor axes into body axes. Only read when orientation is ROTATION_CUSTOM.",
+                description=(
+                    "Quaternion (w, x, y, z) turning sensor axes into body axes. Only read when orientation "
+                    "is ROTATION_CUSTOM."
+                ),
             ),
             info.Field(
                 "orientation", "uint8", 56, 1, enum="ROTATION", enum_class="Rotation",
@@ -276,7 +279,10 @@ class DistanceSensor(_cdr.Message):
             ),
             info.Field(
                 "mode", "uint8", 57, 1, enum="MODE", enum_class="Mode",
-                description="Whether the driver has the sensor switched on. A disabled sensor may stay silent without failing checks.",
+                description=(
+                    "Whether the driver has the sensor switched on. A disabled sensor may stay silent "
+                    "without failing checks."
+                ),
             ),
         ),
         constants=info.constants(

@@ -101,7 +101,10 @@ class EscEepromRead(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "firmware", "uint8", 8, 1, unit="-",
-                description="Kind of ESC firmware, numbered as in MAVLink's ESC_FIRMWARE. It defines the layout of `data`.",
+                description=(
+                    "Kind of ESC firmware, numbered as in MAVLink's ESC_FIRMWARE. It defines the layout of "
+                    "`data`."
+                ),
             ),
             info.Field("index", "uint8", 9, 1, unit="-", description="Which ESC, counted from 0."),
             info.Field("length", "uint16", 10, 2, unit="-", description="Bytes of `data` in use."),

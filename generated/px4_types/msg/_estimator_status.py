@@ -541,7 +541,10 @@ class EstimatorStatus(_cdr.Message):
             ),
             info.Field(
                 "filter_fault_flags", "uint32", 40, 4,
-                description="Faults by bit: 0-2 mag, 3 heading, 4 declination, 5 airspeed, 6 sideslip, 7-8 flow, 9-11 velocity, 12-14 position, 15-17 IMU.",
+                description=(
+                    "Faults by bit: 0-2 mag, 3 heading, 4 declination, 5 airspeed, 6 sideslip, 7-8 flow, "
+                    "9-11 velocity, 12-14 position, 15-17 IMU."
+                ),
             ),
             info.Field(
                 "pos_horiz_accuracy", "float32", 44, 4, unit="m", description="One standard deviation.",

@@ -521,7 +521,10 @@ class EstimatorStatusFlags(_cdr.Message):
             ),
             info.Field(
                 "cs_mag_dec", "bool", 26, 1,
-                description="A known magnetic declination is used as a measurement, so that the field estimate does not turn.",
+                description=(
+                    "A known magnetic declination is used as a measurement, so that the field estimate does "
+                    "not turn."
+                ),
             ),
             info.Field(
                 "cs_in_air", "bool", 27, 1, description="The land detector says the vehicle flies.",
@@ -606,7 +609,10 @@ class EstimatorStatusFlags(_cdr.Message):
             ),
             info.Field(
                 "cs_fake_pos", "bool", 52, 1,
-                description="For lack of aiding, a held position is used to keep the filter stable. It is no real position.",
+                description=(
+                    "For lack of aiding, a held position is used to keep the filter stable. It is no real "
+                    "position."
+                ),
             ),
             info.Field(
                 "cs_fake_hgt", "bool", 53, 1,
@@ -707,7 +713,10 @@ class EstimatorStatusFlags(_cdr.Message):
             ),
             info.Field(
                 "fs_bad_acc_vertical", "bool", 85, 1,
-                description="Vertical acceleration does not fit the height and vertical speed sensors, mostly due to vibration.",
+                description=(
+                    "Vertical acceleration does not fit the height and vertical speed sensors, mostly due "
+                    "to vibration."
+                ),
             ),
             info.Field(
                 "fs_bad_acc_clipping", "bool", 86, 1,

@@ -113,7 +113,10 @@ class Event(_cdr.Message):
             ),
             info.Field(
                 "arguments", "uint8[25]", 14, 25,
-                description="Values to insert in the text, packed in the order and types that the metadata lists. Unused bytes are zero.",
+                description=(
+                    "Values to insert in the text, packed in the order and types that the metadata lists. "
+                    "Unused bytes are zero."
+                ),
             ),
             info.Field(
                 "log_levels", "uint8", 39, 1,

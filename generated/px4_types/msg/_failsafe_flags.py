@@ -546,7 +546,10 @@ class FailsafeFlags(_cdr.Message):
             ),
             info.Field(
                 "gnss_lost", "bool", 94, 1,
-                description="Fewer receivers work than SYS_HAS_NUM_GNSS asks for, or two of them disagree on the position.",
+                description=(
+                    "Fewer receivers work than SYS_HAS_NUM_GNSS asks for, or two of them disagree on the "
+                    "position."
+                ),
             ),
         ),
         constants=(),

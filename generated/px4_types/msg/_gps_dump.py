@@ -117,15 +117,18 @@ class GpsDump(_cdr.Message):
         fields=(
             info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
-                "instance", "uint8", 8, 1, enum="INSTANCE", enum_class="Instance",
-                description="Which receiver.",
+                "instance", "uint8", 8, 1, enum="INSTANCE", inferred=(("enum", "name"),),
+                enum_class="Instance", description="Which receiver.",
             ),
             info.Field(
                 "device_id", "uint32", 12, 4, description="Receiver that the bytes come from or go to.",
             ),
             info.Field(
                 "len", "uint8", 16, 1,
-                description="Number of bytes in the lower 7 bits. Top bit set means sent to the receiver, otherwise received from it.",
+                description=(
+                    "Number of bytes in the lower 7 bits. Top bit set means sent to the receiver, otherwise "
+                    "received from it."
+                ),
             ),
             info.Field("data", "uint8[79]", 17, 79),
         ),

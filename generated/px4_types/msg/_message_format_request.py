@@ -90,7 +90,10 @@ class MessageFormatRequest(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "protocol_version", "uint16", 8, 2,
-                description="Version the asker speaks, LATEST_PROTOCOL_VERSION. Stays the first field behind timestamp in all versions.",
+                description=(
+                    "Version the asker speaks, LATEST_PROTOCOL_VERSION. Stays the first field behind "
+                    "timestamp in all versions."
+                ),
             ),
             info.Field(
                 "topic_name", "char[50]", 10, 50,

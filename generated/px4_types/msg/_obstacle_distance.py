@@ -160,7 +160,10 @@ class ObstacleDistance(_cdr.Message):
             ),
             info.Field(
                 "distances", "uint16[72]", 10, 144, unit="cm", invalid="UINT16_MAX",
-                description="Nearest obstacle per sector, clockwise. max_distance + 1: sector is free. 0: touching the sensor.",
+                description=(
+                    "Nearest obstacle per sector, clockwise. max_distance + 1: sector is free. 0: touching "
+                    "the sensor."
+                ),
             ),
             info.Field(
                 "increment", "float32", 156, 4, unit="deg", description="Width of one sector.",

@@ -128,7 +128,10 @@ class OffboardControlMode(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "position", "bool", 8, 1,
-                description="Position is controlled, with velocity and acceleration as feedforward. Uses trajectory_setpoint.",
+                description=(
+                    "Position is controlled, with velocity and acceleration as feedforward. Uses "
+                    "trajectory_setpoint."
+                ),
             ),
             info.Field(
                 "velocity", "bool", 9, 1,

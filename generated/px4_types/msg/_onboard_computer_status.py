@@ -281,7 +281,10 @@ class OnboardComputerStatus(_cdr.Message):
             ),
             info.Field(
                 "type", "uint8", 12, 1,
-                description="Role of the computer: 0 main mission computer, 1 and 2 its backups, 3 compute node, 4 and 5 spare nodes, 6 to 9 for payloads.",
+                description=(
+                    "Role of the computer: 0 main mission computer, 1 and 2 its backups, 3 compute node, 4 "
+                    "and 5 spare nodes, 6 to 9 for payloads."
+                ),
             ),
             info.Field(
                 "cpu_cores", "uint8[8]", 13, 8, unit="%",
@@ -289,7 +292,10 @@ class OnboardComputerStatus(_cdr.Message):
             ),
             info.Field(
                 "cpu_combined", "uint8[10]", 21, 10,
-                description="Total CPU load in each of the ten latest 100 ms intervals, to show short peaks. Unused entries hold 255.",
+                description=(
+                    "Total CPU load in each of the ten latest 100 ms intervals, to show short peaks. Unused "
+                    "entries hold 255."
+                ),
             ),
             info.Field(
                 "gpu_cores", "uint8[4]", 31, 4, unit="%",
@@ -325,7 +331,10 @@ class OnboardComputerStatus(_cdr.Message):
             ),
             info.Field(
                 "link_type", "uint32[6]", 120, 24, unit="Kb/s",
-                description="Kind of link, a code despite the unit: 0+ UART, 10+ wired, 20+ Wi-Fi, 30+ proprietary direct link, 40+ proprietary mesh.",
+                description=(
+                    "Kind of link, a code despite the unit: 0+ UART, 10+ wired, 20+ Wi-Fi, 30+ proprietary "
+                    "direct link, 40+ proprietary mesh."
+                ),
             ),
             info.Field(
                 "link_tx_rate", "uint32[6]", 144, 24, unit="Kb/s",

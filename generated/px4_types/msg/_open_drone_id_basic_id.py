@@ -103,7 +103,10 @@ class OpenDroneIdBasicId(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "id_or_mac", "uint8[20]", 8, 20,
-                description="Sender of data received from another aircraft, else zeros. Zeros fill it up, none has to end it.",
+                description=(
+                    "Sender of data received from another aircraft, else zeros. Zeros fill it up, none has "
+                    "to end it."
+                ),
             ),
             info.Field(
                 "id_type", "uint8", 28, 1, description="Format of uas_id, numbered as in MAV_ODID_ID_TYPE.",

@@ -388,7 +388,10 @@ class RaptorStatus(_cdr.Message):
             ),
             info.Field(
                 "substep", "uint8", 45, 1, unit="-",
-                description="Steps since the network's state last advanced, where control runs faster than it was trained for.",
+                description=(
+                    "Steps since the network's state last advanced, where control runs faster than it was "
+                    "trained for."
+                ),
             ),
             info.Field(
                 "control_interval", "float32", 48, 4, unit="s", description="Time between two commands.",

@@ -154,7 +154,10 @@ class RegisterExtComponentReply(_cdr.Message):
             ),
             info.Field(
                 "mode_id", "int8", 46, 1, invalid="-1",
-                description="Navigation state given to the mode, from NAVIGATION_STATE_EXTERNAL1 in VehicleStatus upwards.",
+                description=(
+                    "Navigation state given to the mode, from NAVIGATION_STATE_EXTERNAL1 in VehicleStatus "
+                    "upwards."
+                ),
             ),
             info.Field(
                 "mode_executor_id", "int8", 47, 1, invalid="-1",

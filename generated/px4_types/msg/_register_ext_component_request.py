@@ -186,7 +186,10 @@ class RegisterExtComponentRequest(_cdr.Message):
             ),
             info.Field(
                 "register_mode_executor", "bool", 46, 1,
-                description="True to add an executor, which owns the new mode and may switch modes itself. Needs register_mode.",
+                description=(
+                    "True to add an executor, which owns the new mode and may switch modes itself. Needs "
+                    "register_mode."
+                ),
             ),
             info.Field(
                 "enable_replace_internal_mode", "bool", 47, 1,

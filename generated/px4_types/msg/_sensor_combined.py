@@ -177,7 +177,10 @@ class SensorCombined(_cdr.Message):
             ),
             info.Field(
                 "accelerometer_m_s2", "float32[3]", 28, 12, unit="m/s^2", frame="FRD",
-                description="Specific force, averaged over accelerometer_integral_dt. About -9.81 on Z when level and still.",
+                description=(
+                    "Specific force, averaged over accelerometer_integral_dt. About -9.81 on Z when level "
+                    "and still."
+                ),
             ),
             info.Field(
                 "accelerometer_integral_dt", "uint32", 40, 4, unit="us",

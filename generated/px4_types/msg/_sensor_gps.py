@@ -495,7 +495,10 @@ class SensorGps(_cdr.Message):
             ),
             info.Field(
                 "automatic_gain_control", "uint16", 88, 2,
-                description="Gain monitor of the receiver's front end, on a scale of its own. A change may hint at interference.",
+                description=(
+                    "Gain monitor of the receiver's front end, on a scale of its own. A change may hint at "
+                    "interference."
+                ),
             ),
             info.Field(
                 "jamming_state", "uint8", 90, 1, enum="JAMMING_STATE", enum_class="JammingState",

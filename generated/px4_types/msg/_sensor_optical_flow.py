@@ -199,7 +199,10 @@ class SensorOpticalFlow(_cdr.Message):
             ),
             info.Field(
                 "pixel_flow", "float32[2]", 20, 8, unit="rad",
-                description="Flow angle about sensor X and Y in the interval, positive for a right-handed turn of the sensor.",
+                description=(
+                    "Flow angle about sensor X and Y in the interval, positive for a right-handed turn of "
+                    "the sensor."
+                ),
             ),
             info.Field(
                 "delta_angle", "float32[3]", 28, 12, unit="rad", invalid="NaN",

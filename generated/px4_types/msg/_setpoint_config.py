@@ -222,11 +222,17 @@ class SetpointConfig(_cdr.Message):
             ),
             info.Field(
                 "should_apply", "bool", 11, 1,
-                description="True to switch over now, while the mode is active. False only asks whether the vehicle could follow.",
+                description=(
+                    "True to switch over now, while the mode is active. False only asks whether the vehicle "
+                    "could follow."
+                ),
             ),
             info.Field(
                 "timeout_ms", "uint16", 12, 2, unit="ms",
-                description="Failsafe if no setpoint comes for so long. 0 leaves it to the arming checks to notice a mode that hangs.",
+                description=(
+                    "Failsafe if no setpoint comes for so long. 0 leaves it to the arming checks to notice "
+                    "a mode that hangs."
+                ),
             ),
         ),
         constants=info.constants(

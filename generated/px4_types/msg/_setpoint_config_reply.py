@@ -177,7 +177,10 @@ class SetpointConfigReply(_cdr.Message):
             ),
             info.Field(
                 "mode_req_local_position", "bool", 15, 1,
-                description="True if such setpoints need a local position, also where the mode leaves position control unused.",
+                description=(
+                    "True if such setpoints need a local position, also where the mode leaves position "
+                    "control unused."
+                ),
             ),
         ),
         constants=info.constants(

@@ -1491,7 +1491,10 @@ class VehicleCommand(_cdr.Message):
             ),
             info.Field(
                 "source_component", "uint16", 52, 2,
-                description="MAVLink component id of the sender, or COMPONENT_MODE_EXECUTOR_START plus the id of a mode executor.",
+                description=(
+                    "MAVLink component id of the sender, or COMPONENT_MODE_EXECUTOR_START plus the id of a "
+                    "mode executor."
+                ),
             ),
             info.Field(
                 "confirmation", "uint8", 54, 1,
@@ -1499,7 +1502,10 @@ class VehicleCommand(_cdr.Message):
             ),
             info.Field(
                 "from_external", "bool", 55, 1,
-                description="True when the command comes from outside the autopilot, such as a ground station or companion computer.",
+                description=(
+                    "True when the command comes from outside the autopilot, such as a ground station or "
+                    "companion computer."
+                ),
             ),
         ),
         constants=info.constants(

@@ -210,7 +210,10 @@ class VehicleCommandAck(_cdr.Message):
             ),
             info.Field(
                 "result_param1", "uint8", 13, 1, unit="-",
-                description="Progress in percent with IN_PROGRESS. When arming is refused by an authorizer, an ARM_AUTH_DENIED_REASON_* value.",
+                description=(
+                    "Progress in percent with IN_PROGRESS. When arming is refused by an authorizer, an "
+                    "ARM_AUTH_DENIED_REASON_* value."
+                ),
             ),
             info.Field(
                 "result_param2", "int32", 16, 4,

@@ -180,7 +180,10 @@ class VehicleLandDetected(_cdr.Message):
             ),
             info.Field(
                 "in_ground_effect", "bool", 12, 1,
-                description="Air pressure readings may suffer from rotor wash close to the ground, so barometer height is doubtful.",
+                description=(
+                    "Air pressure readings may suffer from rotor wash close to the ground, so barometer "
+                    "height is doubtful."
+                ),
             ),
             info.Field(
                 "in_descend", "bool", 13, 1, description="The controller currently demands a descent.",

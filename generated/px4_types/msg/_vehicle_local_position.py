@@ -578,7 +578,10 @@ class VehicleLocalPosition(_cdr.Message):
             ),
             info.Field(
                 "dead_reckoning", "bool", 192, 1,
-                description="No position or velocity aiding over ground: the estimate runs on IMU or wind data and drifts.",
+                description=(
+                    "No position or velocity aiding over ground: the estimate runs on IMU or wind data and "
+                    "drifts."
+                ),
             ),
             info.Field(
                 "vxy_max", "float32", 196, 4, unit="m/s", invalid="INFINITY",

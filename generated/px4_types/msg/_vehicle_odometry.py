@@ -290,11 +290,17 @@ class VehicleOdometry(_cdr.Message):
             ),
             info.Field(
                 "reset_counter", "uint8", 112, 1, unit="-",
-                description="Increments when the source jumps, so that the consumer can restart instead of fusing the jump.",
+                description=(
+                    "Increments when the source jumps, so that the consumer can restart instead of fusing "
+                    "the jump."
+                ),
             ),
             info.Field(
                 "quality", "int8", 113, 1, unit="-", invalid="0",
-                description="Confidence in the data, higher is better. EKF2 holds that of visual odometry against EKF2_EV_QMIN.",
+                description=(
+                    "Confidence in the data, higher is better. EKF2 holds that of visual odometry against "
+                    "EKF2_EV_QMIN."
+                ),
             ),
         ),
         constants=info.constants(

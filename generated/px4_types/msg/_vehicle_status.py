@@ -615,7 +615,10 @@ class VehicleStatus(_cdr.Message):
             ),
             info.Field(
                 "valid_nav_states_mask", "uint32", 48, 4,
-                description="Bit n is set if NAVIGATION_STATE n exists on this vehicle. Places for external modes always count.",
+                description=(
+                    "Bit n is set if NAVIGATION_STATE n exists on this vehicle. Places for external modes "
+                    "always count."
+                ),
             ),
             info.Field(
                 "can_set_nav_states_mask", "uint32", 52, 4,

@@ -133,7 +133,10 @@ class VtolVehicleStatus(_cdr.Message):
             ),
             info.Field(
                 "fixed_wing_system_failure", "bool", 9, 1,
-                description="A quad-chute saved the vehicle by falling back to hover. Cleared by the next transition to forward flight.",
+                description=(
+                    "A quad-chute saved the vehicle by falling back to hover. Cleared by the next "
+                    "transition to forward flight."
+                ),
             ),
         ),
         constants=info.constants(

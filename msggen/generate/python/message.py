@@ -9,7 +9,7 @@ from textwrap import wrap
 from typing import NamedTuple
 
 from msggen.enumeration import Enumeration, enumerations
-from msggen.generate.python.formatting import documentation, literal, wrapped
+from msggen.generate.python.formatting import documentation, literal, long_literal, wrapped
 from msggen.generate.python.kind import Kind, kind_of
 from msggen.generate.python.names import attribute_names, class_name, enum_names, member_names, module_name
 from msggen.generate.python.static_codec import Codec, as_tuple
@@ -89,7 +89,7 @@ class Attribute(NamedTuple):
         given += [f"inferred=({origins.strip()})"] if origins else []
         given += [f"enum_class={literal(self.enum_class)}"] if self.enum_class else []
         text = " ".join(self.comment.text.split())
-        given += [f"description={literal(text)}"] if text else []
+        given += [f"description={long_literal(text, 16)}"] if text else []
         items = (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
         return f"info.Field({wrapped(items, 16)})"
 
