@@ -102,7 +102,7 @@ class _Preprocessor:
     def tokens(self, text: str) -> list[str]:
         found: list[str] = []
         code: list[str] = []
-        for token in self._split(_SPLICE.sub(_JOINED, text)):
+        for token in self._split(_SPLICE.sub(_JOINED, text.replace(_JOINED, " "))):
             if not token.startswith("#"):
                 code.append(token)
                 continue
