@@ -74,8 +74,7 @@ def _build(options: argparse.Namespace) -> int:
         check_depfile(options.depfile, sources.dependencies(), [build.folder])
     outcome = build.run(write=write)
     if options.depfile and write:
-        places = [os.path.join(outcome.folder, name) for name in outcome.outputs]
-        write_depfile(options.depfile, sources.dependencies(), places)
+        write_depfile(options.depfile, sources.dependencies(), os.path.join(outcome.folder, outcome.outputs[0]))
     print_notices(outcome.notices, quiet=options.quiet)
     lines = list(_report(outcome, sources.label, time.perf_counter() - started, write=write, verbose=options.verbose))
     if options.diff and outcome.plan:

@@ -116,7 +116,7 @@ def _render(options: argparse.Namespace) -> int:
         check_depfile(options.depfile, inputs, places)
     stale = write_stale_files(options.output, files) if write else stale_files(options.output, files)
     if options.depfile and write:
-        write_depfile(options.depfile, inputs, places)
+        write_depfile(options.depfile, inputs, places[0])
     if options.diff:
         for name in stale:
             print_change(os.path.join(options.output, name), files[name])
