@@ -10,8 +10,6 @@ import time
 from collections.abc import Iterator
 
 from msggen.cli.options import (
-    DONE,
-    FINDINGS,
     WRITING_CODES,
     Commands,
     add_command,
@@ -25,6 +23,7 @@ from msggen.cli.sources import sources_of
 from msggen.diagnostics import counted, input_error
 from msggen.disk.depfile import check_depfile, write_depfile
 from msggen.disk.output import OutputPlan
+from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.sources import Sources, with_archived
 from msggen.generate.build import Build, Outcome
 from msggen.location import Location

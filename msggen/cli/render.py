@@ -8,8 +8,6 @@ import sys
 from collections.abc import Iterator, Sequence
 
 from msggen.cli.options import (
-    DONE,
-    FINDINGS,
     WRITING_CODES,
     Commands,
     add_command,
@@ -23,6 +21,7 @@ from msggen.cli.sources import sources_of
 from msggen.diagnostics import OF_BOARDS, counted
 from msggen.disk.depfile import check_depfile, write_depfile
 from msggen.disk.output import stale_files, write_stale_files
+from msggen.exit_codes import DONE, FINDINGS
 from msggen.render import THINGS
 from msggen.settings import read_settings
 
