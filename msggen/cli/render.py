@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from msggen.cli.options import (
     WRITING_CODES,
@@ -102,14 +102,19 @@ def _render(options: argparse.Namespace) -> int:
         print_notices(of_ids if shows_ids(template) else (), quiet=options.quiet)
         return DONE
     names = output_names(items, options.each, options.template, options.name)
-    places = [os.path.join(options.output, name) for name in names]
     if options.list_outputs:
-        print("\n".join(places))
+        print("\n".join(os.path.join(options.output, name) for name in names))
         return DONE
     files = dict(zip(names, texts_of(template, items), strict=True))
     print_notices(of_ids if shows_ids(template) else (), quiet=options.quiet)
     inputs = (*sources.dependencies(), *template.inputs)
     check_places(options.output, names, inputs)
+    return _update(options, files, inputs, sources.label)
+
+
+def _update(options: argparse.Namespace, files: Mapping[str, str], inputs: Sequence[str], label: str) -> int:
+    """Write `files`, texts by name, or with `--check` or `--diff` only report the changes. Return the exit code."""
+    places = [os.path.join(options.output, name) for name in files]
     write = writes(options)
     if options.depfile and write:
         check_depfile(options.depfile, inputs, places)
@@ -120,7 +125,7 @@ def _render(options: argparse.Namespace) -> int:
         for name in stale:
             print_change(os.path.join(options.output, name), files[name])
     if not options.quiet:
-        print("\n".join(_report(options, stale, len(files), sources.label)))
+        print("\n".join(_report(options, stale, len(files), label)))
     return FINDINGS if stale and not write else DONE
 
 
