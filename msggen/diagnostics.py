@@ -132,7 +132,6 @@ The text about each code is in msggen/report/errors.yaml, not here, because a bu
 module.
 """
 
-
 OF_BOARDS = ("M407",)
 """Notes about ids that depend on the board, for commands that do not show ids."""
 

@@ -18,7 +18,7 @@ _MAX_WORK = 500_000
 _MAX_DEPTH = 20
 _SPLICE = re.compile(r"\\\r?\n")
 _JOINED = "\v"
-"""White space in place of a splice, which is counted as a line but does not end one."""
+"""White space in place of a splice, which is counted as a line but does not end one. The text has no other `\\v`."""
 _TOKEN = re.compile(
     r"""\s+|//[^\n]*|/\*.*?(?:\*/|\Z)
     |(?P<directive>\#[^\n]*)
