@@ -24,11 +24,11 @@ def rule(target: str, inputs: Collection[str]) -> str:
 def check_depfile(path: str, inputs: Collection[str], outputs: Sequence[str]) -> None:
     """Raise InputError if the depfile `path` would replace anything but a depfile, or cannot list these paths.
 
-    `outputs` are the files and folders of the run, of which the depfile cannot be one, nor be in one or around one.
+    The depfile cannot be one of `outputs`, the files and folders that the run writes, or inside one or around one.
     """
-    place = os.path.join(os.path.abspath(path), "")
+    place = os.path.join(os.path.realpath(path), "")
     for output in outputs:
-        other = os.path.join(os.path.abspath(output), "")
+        other = os.path.join(os.path.realpath(output), "")
         if place.startswith(other) or other.startswith(place):
             raise _error(path, f"this overlaps with {output}, an output of this run: name another file")
     if os.path.lexists(path) and (not _is_depfile(path) or any(os.path.samefile(path, each) for each in inputs)):

@@ -193,6 +193,15 @@ def test_a_depfile_that_overlaps_with_a_rendered_file_is_refused(name: str, caps
     assert not Path("out").exists()
 
 
+def test_a_depfile_that_overlaps_through_a_link_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    definitions("Rpm")
+    Path("generated").mkdir()
+    Path("link").symlink_to("generated")
+    assert build("--depfile", "link/px4_types/__init__.py") == 2
+    assert "S123 this overlaps with generated/px4_types" in capsys.readouterr().err
+    assert os.listdir("generated") == []
+
+
 def test_an_empty_file_and_an_earlier_depfile_are_replaced() -> None:
     definitions("Rpm")
     Path("types.d").touch()
