@@ -46,9 +46,9 @@ def with_inferred(catalog: Catalog, sources: Sources) -> Catalog:
 class Inference:
     """Inference of tags for the fields of the firmware in `sources`.
 
-    The embedded release that the firmware is has priority, then the newest that has a field. The names of the messages
-    show which release it is. A folder of the user's own messages is none. Embedded definitions have all of their tags,
-    and so nothing is inferred for them, nor for messages of other packages.
+    Tags come from the embedded release of the firmware, or else from the newest release that has the field. The release
+    of the firmware is recognised by the names of its messages. A folder of the user's own messages has no release.
+    Nothing is inferred for messages of other packages, nor for embedded definitions, which have all of their tags.
     """
 
     def __init__(self, sources: Sources) -> None:
