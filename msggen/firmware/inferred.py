@@ -49,9 +49,10 @@ def with_inferred(catalog: Catalog, sources: Sources) -> Catalog:
 class Inference:
     """Inference of tags for the fields of the firmware in `sources`.
 
-    The embedded release that the firmware is has priority, then the newest that has a field. The names of the messages
-    show which release it is. A folder of the user's own messages is none. Embedded definitions have all of their tags.
-    For them, and for messages of other packages, only enums by name are inferred.
+    Tags come from the embedded release of the firmware, or else from the newest release that has the field. The release
+    of the firmware is recognised by the names of its messages. A folder of the user's own messages has no release.
+    Nothing is inferred for embedded definitions, which have all of their tags. Messages of other packages get enums by
+    name.
     """
 
     def __init__(self, sources: Sources) -> None:
@@ -65,6 +66,8 @@ class Inference:
 
     def field(self, message: Message, field: Field) -> Field:
         """Return a field of `message` with the tags that can be inferred for it."""
+        if message.location.path in self._complete:
+            return field
         own = field.comment
         inferred = self._of_firmware(message, field) if message.location.path in self._own else ()
         if not own.tag(ENUM.name) and all(tag.name != ENUM.name for tag in inferred):
@@ -111,11 +114,18 @@ class Inference:
 
     @cached_property
     def _own(self) -> frozenset[str]:
-        """The paths of the firmware's definitions that are not embedded."""
+        """The paths of the firmware's definitions."""
+        sources = self._sources
+        files = (*sources.messages, *sources.services, *sources.archived)
+        return frozenset(file.path for file in files if not file.package)
+
+    @cached_property
+    def _complete(self) -> frozenset[str]:
+        """The paths of embedded definitions, which have all of their tags."""
         sources = self._sources
         embedded = sources.root if sources.embedded else None
         files = (*sources.messages, *sources.services, *sources.archived)
-        return frozenset(file.path for file in files if not file.package and file.tree is not embedded)
+        return frozenset(file.path for file in files if embedded is not None and file.tree is embedded)
 
     @cached_property
     def _order(self) -> tuple[str, ...]:

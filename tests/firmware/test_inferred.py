@@ -12,7 +12,7 @@ from msggen import read
 from msggen.check import breaking
 from msggen.firmware.embedded import EMBEDDED
 from msggen.firmware.sources import find_sources
-from msggen.model import Comment, Field, InferredTag
+from msggen.model import Comment, Field
 from support.catalogs import write_definitions
 from support.repository import ROOT
 
@@ -90,10 +90,9 @@ def test_a_firmware_takes_the_tags_of_the_release_that_it_is_nearest_to(tmp_path
 
 
 @pytest.mark.parametrize("release", EMBEDDED)
-def test_only_enums_by_name_are_inferred_for_embedded_definitions(release: str) -> None:
+def test_nothing_is_inferred_for_embedded_definitions(release: str) -> None:
     messages = read(release).messages.values()
-    inferred = {tag for message in messages for field in message.fields for tag in field.comment.inferred}
-    assert inferred <= {InferredTag("enum", "INSTANCE", "name")}
+    assert not any(field.comment.inferred for message in messages for field in message.fields)
 
 
 def test_messages_of_other_packages_take_nothing(tmp_path: Path) -> None:

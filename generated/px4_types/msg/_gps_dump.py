@@ -117,8 +117,8 @@ class GpsDump(_cdr.Message):
         fields=(
             info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
-                "instance", "uint8", 8, 1, enum="INSTANCE", inferred=(("enum", "name"),),
-                enum_class="Instance", description="Which receiver.",
+                "instance", "uint8", 8, 1, enum="INSTANCE", enum_class="Instance",
+                description="Which receiver.",
             ),
             info.Field(
                 "device_id", "uint32", 12, 4, description="Receiver that the bytes come from or go to.",
