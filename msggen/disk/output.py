@@ -50,7 +50,7 @@ def plan_output(folder: str, files: Mapping[str, str], record: Record) -> Output
     Raises InputError if a file to be replaced is not in `record`, or if `folder` or a folder in it to write to is a
     symbolic link.
     """
-    _check_links(folder, ["", *_parents(files)])
+    check_links(folder, ["", *_parents(files)])
     stale = stale_files(folder, files)
     for name in stale:
         path = os.path.join(folder, name)
@@ -67,7 +67,7 @@ def plan_output(folder: str, files: Mapping[str, str], record: Record) -> Output
 @contextmanager
 def locked_output(folder: str) -> Iterator[None]:
     """Create the parent of `folder` and hold a lock on it: the folder itself may be replaced. Raises OSError."""
-    _check_links(folder, [""])  # before a folder is created
+    check_links(folder, [""])  # before a folder is created
     parent = os.path.dirname(folder) or os.curdir
     if not os.path.isdir(parent):
         make_folder(parent)
@@ -113,11 +113,11 @@ def write_stale_files(folder: str, files: Mapping[str, str]) -> tuple[str, ...]:
     place. Runs on the same folder wait for each other. Raises InputError if a folder to write to is a symbolic link, or
     OSError if the folder cannot be written; nothing is changed then.
     """
-    _check_links(folder, [""])  # before a folder is created
+    check_links(folder, [""])  # before a folder is created
     if not os.path.isdir(folder):
         make_folder(folder)
     with locked(folder):
-        _check_links(folder, _parents(files))
+        check_links(folder, _parents(files))
         stale = stale_files(folder, files)
         if stale:
             encoded = _encoded(folder, files, stale)
@@ -180,8 +180,8 @@ def _obsolete(folder: str, files: Collection[str], record: Record) -> list[str]:
     return [name for name in names if os.path.dirname(name) not in linked]
 
 
-def _check_links(folder: str, parents: Collection[str]) -> None:
-    """Raise InputError if one of `parents`, folders in `folder`, is a symbolic link or below one."""
+def check_links(folder: str, parents: Collection[str]) -> None:
+    """Raise InputError if one of `parents`, folders in `folder` or "" for itself, is a symbolic link or below one."""
     for parent in parents:
         link = _link_in(folder, parent)
         if link:

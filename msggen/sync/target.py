@@ -7,6 +7,7 @@ import re
 from typing import NamedTuple
 
 from msggen.diagnostics import input_error
+from msggen.disk.output import check_links
 from msggen.disk.record import read_record
 from msggen.firmware.overlap import KINDS, source_around
 from msggen.firmware.sources import Sources
@@ -105,6 +106,7 @@ def _check_free(path: str, folder: str, *, create: bool) -> None:
         problem = "no package.xml here" if exists else "no such folder"
         text = f"{problem}: expected a ROS package such as px4_msgs, or --create to create one"
         raise input_error(path, "S111", text, 0)
+    check_links(path, [""])
     if exists and os.listdir(folder):
         raise input_error(
             path, "S111", "--create needs a new or an empty folder: this one has files but no package.xml", 0

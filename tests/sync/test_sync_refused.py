@@ -92,6 +92,12 @@ def make_file() -> None:
     Path("file").write_text("mine")
 
 
+def make_links() -> None:
+    Path("outside").mkdir()
+    Path("linked").symlink_to("outside")
+    Path("dangling").symlink_to("nowhere")
+
+
 def make_folder() -> None:
     write_definitions(Path("folder"), {"notes.txt": "mine"})
 
@@ -235,7 +241,15 @@ REFUSALS = [
     Refusal("S111", "folder", "this one has files", make_folder, ("--px4", "firmware", "--create", "folder")),
     Refusal("S111", "file", "not a folder", make_file, ("--px4", "firmware", "file")),
     Refusal("S111", "file", "not a folder", make_file, ("--px4", "firmware", "--create", "file")),
+    *(
+        Refusal("S115", place.split("/")[0], "symbolic link to", make_links, ("--px4", "firmware", "--create", place))
+        for place in ("dangling", "linked", "linked/new")
+    ),
     Refusal("S111", "firmware", "a PX4-Autopilot tree", nothing, ("--px4", "firmware", "firmware")),
+    *(
+        Refusal("S115", place.split("/")[0], "symbolic link to", make_links, ("--px4", "firmware", "--create", place))
+        for place in ("dangling", "linked", "linked/new")
+    ),
     Refusal("S111", "firmware", "a PX4-Autopilot tree", nothing, ("--px4", "firmware", "--create", "firmware")),
     Refusal("S111", "bare", "is also a source", make_bare_source, ("--px4", "bare", "bare")),
     Refusal("S111", "bare", "is also a source", make_bare_source, ("--msg-dir", "bare/msg", "bare")),
