@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 from msggen.cli.options import (
     COMPARING_CODES,
@@ -14,11 +12,11 @@ from msggen.cli.options import (
     add_output_format,
     add_shared,
     add_sources,
-    non_empty,
 )
 from msggen.cli.printing import print_report
+from msggen.cli.selection import add_selection, selected_rules
 from msggen.cli.sources import board_of, firmware_path, shell_options, sources_of
-from msggen.diagnostics import Diagnostic, InputError, suggestion
+from msggen.diagnostics import Diagnostic
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.file import File
@@ -26,9 +24,6 @@ from msggen.firmware.sources import Sources, find_sources, join_package, open_tr
 from msggen.firmware.tree import Folder
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
-
-if TYPE_CHECKING:
-    from msggen.compare.finding import Rule
 
 
 def add_to(commands: Commands) -> None:
@@ -47,14 +42,8 @@ def add_to(commands: Commands) -> None:
     add_sources(parser, "--board")
     add_shared(parser, "--against", required=True)
     add_shared(parser, "--topics-only")
-    choice = parser.add_argument_group("rules")
-    choice.add_argument("--select", metavar="RULE,...", type=_list, help="rules or categories to check (default: all)")
-    choice.add_argument("--ignore", metavar="RULE,...", type=_list, help="rules or categories to leave out")
+    add_selection(parser)
     add_output_format(parser)
-
-
-def _list(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in non_empty(text).split(","))
 
 
 def _breaking(options: argparse.Namespace) -> int:
@@ -65,7 +54,7 @@ def _breaking(options: argparse.Namespace) -> int:
     settings = read_settings(".")
     named = options.px4
     options.px4 = firmware_path(options, settings)
-    rules, ignored = _rules(options, settings)
+    rules, ignored = selected_rules("breaking", options, settings)
     current = sources_of(options, settings)
     if current.label == os.curdir:
         current = current._replace(label="the working tree")
@@ -110,35 +99,3 @@ def _revised_folder(text: str, repository: str, revision: str) -> str:
 def _bridge_in(folder: str, topics: str) -> File | str:
     tree, name = open_tree(folder), os.path.basename(topics)
     return File(tree.place(name), name, tree) if tree.is_file(name) else topics
-
-
-def _rules(options: argparse.Namespace, settings: Settings) -> tuple[tuple[Rule, ...], dict[str, list[Rule]]]:
-    """Return the rules to apply, and those to ignore by message. Raises InputError with all unknown names."""
-    from msggen.compare.rules import BREAKING, named
-
-    errors: list[Diagnostic] = []
-
-    def all_named(key: str, names: Iterable[str] | None, option: Iterable[str] | None = None) -> list[Rule]:
-        place = settings.place(key) if option is None else Location(f"--{key}", 0)
-        given = (names if option is None else option) or ()
-        found = {name: [rule for rule in named(name) if rule in BREAKING] for name in given}
-        errors.extend(Diagnostic(place, "C104", _unknown(name)) for name, rules in found.items() if not rules)
-        return [rule for rules in found.values() for rule in rules]
-
-    selected = all_named("select", settings.select, options.select) or BREAKING
-    ignored = all_named("ignore", settings.ignore, options.ignore)
-    by_message = {
-        message: all_named("per-message-ignores", names) for message, names in settings.per_message_ignores.items()
-    }
-    if errors:
-        raise InputError(errors)
-    return tuple(rule for rule in BREAKING if rule in selected and rule not in ignored), by_message
-
-
-def _unknown(name: str) -> str:
-    from msggen.compare.rules import BREAKING, named
-
-    if named(name):
-        return f"'{name}' is a rule of check only"
-    known = [*(rule.category.name for rule in BREAKING), *(rule.id for rule in BREAKING)]
-    return f"unknown rule '{name}'{suggestion(name, known)}"

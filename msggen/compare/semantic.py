@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msggen.compare.comparison import Comparison
-from msggen.compare.finding import Change, Excerpt
+from msggen.finding import Change, Excerpt
 from msggen.model import Field
 from msggen.tags import Tag
 

@@ -1,0 +1,85 @@
+"""A message as the rules see it: its fields and constants with their comments, and the lines of its file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+from msggen.finding import Change, Excerpt
+from msggen.location import Location
+from msggen.model import Catalog, Comment, Constant, Field, Message
+from msggen.parse.comment import parse_comment
+
+
+class Remark(NamedTuple):
+    """A comment and the field or constant that it belongs to. `title` names them in messages.
+
+    The comment of a command has the comments of its parameters, each after a `|`. They are remarks as well.
+    """
+
+    title: str
+    element: Field | Constant
+    comment: Comment
+
+
+@dataclass(frozen=True, eq=False)
+class Definition:
+    """A message, or half of a service.
+
+    `message` has the tags of the definition only, `inferred` also those that msggen knows from its sentences and from
+    embedded releases. `lines` are those of the file.
+    """
+
+    catalog: Catalog
+    message: Message
+    inferred: Message
+    lines: tuple[str, ...]
+
+    @cached_property
+    def remarks(self) -> tuple[Remark, ...]:
+        """All comments of fields, constants and parameters of commands."""
+        return tuple(self._remarks())
+
+    def _remarks(self) -> Iterator[Remark]:
+        for field in self.message.fields:
+            yield Remark(f"'{field.name}'", field, field.comment)
+        for constant in self.message.constants:
+            own, *parameters = constant.comment.text.split("|")
+            yield Remark(f"'{constant.name}'", constant, constant.comment._replace(text=own.strip()))
+            for number, text in enumerate(parameters, 1):
+                yield Remark(f"parameter {number} of '{constant.name}'", constant, parse_comment([text]))
+
+    def change(self, element: Field | Constant, message: str, text: str = "") -> Change:
+        """Return what a rule found at `text` in the comment of `element`, or at `element` itself."""
+        return self._change(self._place(element, text), message, element.name)
+
+    def change_of_all(self, message: str) -> Change:
+        """Return what a rule found about the whole message."""
+        start = next((each.location.line for each in self.message.fields), 1)
+        return self._change(Location(self.message.location.path, start if self.message.folder == "srv" else 1), message)
+
+    def _change(self, location: Location, message: str, *names: str) -> Change:
+        line = self.lines[location.line - 1] if location.line <= len(self.lines) else ""
+        excerpt = Excerpt(location, " ".join(line.split()))
+        return Change(self.message.name, message, location, after=excerpt, names=names)
+
+    def _place(self, element: Field | Constant, text: str) -> Location:
+        """Return the location of `text` in the comment after, above or below an element, or that of the element."""
+        line = element.location.line
+        numbers = [line, *self._comments(line, -1), *self._comments(line, 1)] if text else []
+        for wanted in (text, text.partition(" ")[2]):  # a range may have no tag: [0, 1]
+            for number in numbers if wanted else ():
+                whole = self.lines[number - 1]
+                column = whole.find(wanted, whole.find("#"))
+                if column >= 0:
+                    return Location(element.location.path, number, column + 1)
+        return element.location
+
+    def _comments(self, line: int, step: int) -> Iterator[int]:
+        """Yield the numbers of the lines next to `line` that have only a comment."""
+        line += step
+        while 1 <= line <= len(self.lines) and self.lines[line - 1].lstrip().startswith("#"):
+            yield line
+            line += step
