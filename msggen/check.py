@@ -19,11 +19,10 @@ from msggen.firmware.history import read_history
 from msggen.firmware.inferred import Inference
 from msggen.firmware.sources import Sources, find_sources, read_files
 from msggen.firmware.tree import Folder, Snapshot
-from msggen.lint.definition import Definition
+from msggen.lint.definition import definitions_of
 from msggen.lint.rules import LINT
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
-from msggen.parse.text import decode_text
 
 _OF_NEW_VERSIONS = ("S119",)
 """Notes about a tree that is newer than the known releases. A new version in the change itself would cause one."""
@@ -100,7 +99,7 @@ def lint(
     catalog = read_catalog(sources, contents, tolerated=_OF_TAGS)
     chosen = [rule for rule in LINT if rule.is_default] if rules is None else rules
     applied = _as_strict(chosen, sources)
-    definitions = list(_definitions(sources, catalog, contents))
+    definitions = list(definitions_of(sources, catalog, contents))
     found = (Finding(rule, change) for each in definitions for rule in applied for change in rule.find(each))
     findings = [finding for finding in found if not _is_ignored(finding, ignored or {})]
     subjects = {finding.change.subject for finding in findings}
@@ -115,18 +114,6 @@ def lint(
         summary=f"{sources.label}: {counts}",
         notices=_without(catalog.notices, OF_BOARDS + _OF_NEW_VERSIONS),
     )
-
-
-def _definitions(sources: Sources, catalog: Catalog, contents: Mapping[str, bytes]) -> Iterator[Definition]:
-    """Yield the messages and the halves of services of the user, or else those of the embedded release."""
-    files = [file for file in (*sources.messages, *sources.services) if not file.package]
-    own = [file for file in files if not (sources.embedded and file.tree is sources.root)] or files
-    lines = {file.path: tuple(decode_text(contents[file.path], file.path)[0].split("\n")) for file in own}
-    inference = Inference(sources)
-    halves = [half for service in catalog.own_services for half in (service.request, service.response)]
-    for message in (*catalog.uorb_messages, *halves):
-        if message.location.path in lines:
-            yield Definition(catalog, message, inference.message(message), lines[message.location.path])
 
 
 def _as_strict(rules: Sequence[Rule], current: Sources) -> tuple[Rule, ...]:

@@ -20,7 +20,7 @@ from msggen.lint.frame import frame_problem, is_frame
 from msggen.model import Constant, Field
 from msggen.primitives import PRIMITIVES
 from msggen.tags import NAMES
-from msggen.unit import bounds, is_unit, nearest_unit
+from msggen.unit import bounds, is_unit, nearest_unit, normalized_range
 
 MALFORMED, UNKNOWN, INEXACT = "malformed", "unknown", "inexact"
 """The kinds of annotations that are no tag, are a tag with an unknown name, and name an enum by a longer prefix."""
@@ -126,7 +126,8 @@ def _range_problem(_: Definition, remark: Remark, content: str) -> str:
         return f"'[@range {content}]' cannot be read: expected two numbers, such as '[@range 0, 1]'"
     low, high = found
     if low > high:
-        return f"'[@range {content}]' is upside down: expected '[@range {high:g}, {low:g}]'"
+        turned = ", ".join(reversed(normalized_range(content).split(", ")))
+        return f"'[@range {content}]' is upside down: expected '[@range {turned}]'"
     outside = [bound for bound in found if abs(bound) != float("inf") and not _fits(remark, bound)]
     return f"'[@range {content}]': {outside[0]:g} is no {remark.element.type.base}" if outside else ""
 

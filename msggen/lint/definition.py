@@ -1,16 +1,19 @@
-"""A message as the rules see it: its fields and constants with their comments, and the lines of its file."""
+"""Definitions as the rules see them: fields and constants with their comments, and the lines of the file."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 from msggen.finding import Change, Excerpt
+from msggen.firmware.inferred import Inference
+from msggen.firmware.sources import Sources
 from msggen.location import Location
 from msggen.model import Catalog, Comment, Constant, Field, Message
 from msggen.parse.comment import parse_comment
+from msggen.parse.text import decode_text
 
 
 class Remark(NamedTuple):
@@ -62,7 +65,7 @@ class Definition:
 
     def _change(self, location: Location, message: str, *names: str) -> Change:
         line = self.lines[location.line - 1] if location.line <= len(self.lines) else ""
-        excerpt = Excerpt(location, " ".join(line.split()))
+        excerpt = Excerpt(location._replace(column=1), " ".join(line.split()))
         return Change(self.message.name, message, location, after=excerpt, names=names)
 
     def _place(self, element: Field | Constant, text: str) -> Location:
@@ -83,3 +86,18 @@ class Definition:
         while 1 <= line <= len(self.lines) and self.lines[line - 1].lstrip().startswith("#"):
             yield line
             line += step
+
+
+def definitions_of(sources: Sources, catalog: Catalog, contents: Mapping[str, bytes]) -> Iterator[Definition]:
+    """Yield the messages and the halves of services of the user, or else those of the embedded release.
+
+    `catalog` and `contents` are what `sources` have. Definitions of other packages are left out.
+    """
+    files = [file for file in (*sources.messages, *sources.services) if not file.package]
+    own = [file for file in files if not (sources.embedded and file.tree is sources.root)] or files
+    lines = {file.path: tuple(decode_text(contents[file.path], file.path)[0].split("\n")) for file in own}
+    inference = Inference(sources)
+    halves = [half for service in catalog.own_services for half in (service.request, service.response)]
+    for message in (*catalog.uorb_messages, *halves):
+        if message.location.path in lines:
+            yield Definition(catalog, message, inference.message(message), lines[message.location.path])

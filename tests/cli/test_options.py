@@ -108,7 +108,15 @@ def test_the_help_lists_each_command_in_a_line(
     assert listed == [*COMMANDS]
 
 
-PAGES = {"build": "build", "sync": "sync", "check": "check", "bump": "bump", "render": "render", "breaking": "check"}
+PAGES = {
+    "build": "build",
+    "sync": "sync",
+    "check": "check",
+    "bump": "bump",
+    "render": "render",
+    "breaking": "check",
+    "lint": "lint",
+}
 
 
 @pytest.mark.parametrize("command", PAGES)

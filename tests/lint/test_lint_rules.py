@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -104,6 +105,15 @@ def test_every_rule_has_an_example_and_every_example_a_rule() -> None:
     assert sorted(FOUND) == sorted(rule.id for rule in LINT)
 
 
+def test_the_page_lists_every_rule_with_its_purpose() -> None:
+    rows = re.findall(
+        r"(?m)^\| ([A-Z_]+) \| ([A-Z]+) \| (.*) \|$", (ROOT / "docs" / "lint.md").read_text(encoding="utf-8")
+    )
+    assert [(id_, category, purpose.replace("`", "'")) for id_, category, purpose in rows] == [
+        (rule.id, rule.category.name, rule.purpose if rule.is_default else f"{rule.purpose}; optional") for rule in LINT
+    ]
+
+
 def lint_text(tmp_path: Path, text: str, *ids: str) -> list[str]:
     """Return the messages of all rules, or of some, about a definition."""
     (tmp_path / "msg").mkdir(exist_ok=True)
@@ -151,6 +161,10 @@ def test_nothing_is_found_in_good_definitions(text: str, tmp_path: Path) -> None
         ),
         ("float32 x # [m] [@enum] A place.", "'x': '[@enum]' has no content"),
         ("float32 x # [3, 1] A range without a tag.", "'x': '[@range 3, 1]' is upside down: expected '[@range 1, 3]'"),
+        (
+            "float32 x # [rad] [@range 2pi, 0] An angle.",
+            "'x': '[@range 2pi, 0]' is upside down: expected '[@range 0, 2pi]'",
+        ),
         ("uint8 x # [@invalid -1] A number.", "'x': '[@invalid -1]': -1 is no uint8"),
         (
             "uint8 CMD_GO = 1 # Go. |[m] Far.|[secnd] Late.|\nuint8 CMD_STOP = 2 # Stop.\nuint8 x # [@enum CMD] Text.",
