@@ -88,7 +88,7 @@ _TOKEN = re.compile(
 _SCALE = re.compile(r"1[eE]-\d{1,2} ?\b")
 _PER = re.compile(r"(?<=\w) per (?=\w)")
 _NOTE = re.compile(r"\([^)]*\)")
-_BETWEEN = re.compile(r"\s*(?:,|;|\.\.+|…|\bto\b|(?<=[\w.])\s*[-\u2013](?=\s*[\w.+-]))\s*")
+_BETWEEN = re.compile(r"\s*(?:,|;|\.\.+|…|\bto\b|(?<=[\w.])(?<![\d.][eE])\s*[-\u2013](?=\s*[\w.+-]))\s*")
 _INFINITE = re.compile(r"\+?(inf|infinity)$")
 _OF_PI = re.compile(r"([-+]?)(\d*\.?\d*)\*?pi(?:/(\d+))?")
 

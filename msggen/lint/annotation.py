@@ -26,12 +26,12 @@ MALFORMED, UNKNOWN, INEXACT = "malformed", "unknown", "inexact"
 """The kinds of annotations that are no tag, are a tag with an unknown name, and name an enum by a longer prefix."""
 
 _NAME = "|".join(NAMES)
-_UNCLOSED = re.compile(r"(\[@\w+)[^\]\n]*$", re.MULTILINE)
-_AGAIN = re.compile(r"\[@(\w+)[^\]]*\]")
-_WITHOUT_AT = re.compile(rf"\[\s*(?:{_NAME})\b[^\]\n]*\]")
+_START = re.compile(r"\[@\w+")
+_TAG = re.compile(r"\[@(\w+)[^\]]*\]")
+_WITHOUT_AT = re.compile(rf"\[\s*(?:{_NAME})\b[^\]]*\]")
 _WITHOUT_BRACKETS = re.compile(rf"(?<![\[\w])@(?:{_NAME})\b")
-_OPEN = re.compile(r"^\s*(\[[^\]@\d\s][^\]\s]*)[^\]\n]*$", re.MULTILINE)
-_BRACKETED = re.compile(r"^\s*\[(\w+)\]", re.MULTILINE)
+_OPENING = re.compile(r"\[[^\s@\d]\S*")
+_WORD = re.compile(r"\[\w+\]")
 
 _NUMBER = re.compile(r"[-+]?(?:\d[\d_.]*(?:e[-+]?\d+)?f?|0x[\da-f]+)", re.IGNORECASE)
 _NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
@@ -88,21 +88,24 @@ def _tags(definition: Definition, remark: Remark) -> Iterator[Annotation]:
 
 def _malformed(remark: Remark) -> Iterator[tuple[str, str]]:
     """Yield the texts that are meant as tags but cannot be read, each with its problem."""
-    text = remark.comment.text
-    if "[" not in text and "@" not in text:
-        return
-    for pattern in (_UNCLOSED, _OPEN):
-        for found in pattern.finditer(text):
-            yield found[1], f"'{found[1]}' is not closed: expected ']'"
-    for found in _AGAIN.finditer(text):
+    for line in remark.comment.text.split("\n"):
+        if "[" in line or "@" in line:
+            yield from dict.fromkeys(_malformed_in(line.strip()))
+
+
+def _malformed_in(line: str) -> Iterator[tuple[str, str]]:
+    end = line.rfind("]") + 1
+    closed, rest = line[:end], line[end:]  # so that no search for a "]" fails: the time is linear
+    for found in _TAG.finditer(closed):
         yield found[0], f"'{found[0]}' is the second tag '@{found[1]}': expected one"
-    for pattern in (_WITHOUT_AT, _BRACKETED):
-        for found in pattern.finditer(text):
-            problem = _intended(found[0].strip())
-            if problem:
-                yield found[0].strip(), problem
-    for found in _WITHOUT_BRACKETS.finditer(text):
+    for found in (*_WITHOUT_AT.finditer(closed), *filter(None, [_WORD.match(closed)])):
+        problem = _intended(found[0])
+        if problem:
+            yield found[0], problem
+    for found in _WITHOUT_BRACKETS.finditer(line):
         yield found[0], f"'{found[0]}' has no brackets: expected '[{found[0]} ...]'"
+    for found in (*_START.finditer(rest), *filter(None, [None if closed else _OPENING.match(rest)])):
+        yield found[0], f"'{found[0]}' is not closed: expected ']'"
 
 
 def _intended(text: str) -> str:

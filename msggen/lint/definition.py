@@ -15,6 +15,9 @@ from msggen.model import Catalog, Comment, Constant, Field, Message
 from msggen.parse.comment import parse_comment
 from msggen.parse.text import decode_text
 
+_FARTHEST = 50
+"""The number of lines of a comment in which a tag is searched for its location."""
+
 
 class Remark(NamedTuple):
     """A comment and the field or constant that it belongs to. `title` names them in messages.
@@ -81,11 +84,11 @@ class Definition:
         return element.location
 
     def _comments(self, line: int, step: int) -> Iterator[int]:
-        """Yield the numbers of the lines next to `line` that have only a comment."""
-        line += step
-        while 1 <= line <= len(self.lines) and self.lines[line - 1].lstrip().startswith("#"):
-            yield line
-            line += step
+        """Yield the numbers of the nearest lines to `line` that have only a comment."""
+        for number in range(line + step, line + (_FARTHEST + 1) * step, step):
+            if not (1 <= number <= len(self.lines) and self.lines[number - 1].lstrip().startswith("#")):
+                return
+            yield number
 
 
 def definitions_of(sources: Sources, catalog: Catalog, contents: Mapping[str, bytes]) -> Iterator[Definition]:

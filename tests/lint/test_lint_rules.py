@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import re
+from functools import cache
+from itertools import combinations_with_replacement, permutations
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from msggen.check import example_of, lint
 from msggen.cli import main
 from msggen.finding import Rule, Severity
+from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources
+from msggen.lint.definition import Definition
+from msggen.lint.layout import find_avoidable
 from msggen.lint.rules import LINT
+from msggen.model import Message
+from msggen.parse.definition import parse_message
+from msggen.primitives import PRIMITIVES
+from msggen.unit import SPELLINGS, bounds, is_unit, nearest_unit
 from support.repository import ROOT
 
 EXAMPLES = ROOT / "msggen" / "lint" / "examples"
@@ -68,6 +80,9 @@ FOUND = {
     ],
 }
 """The findings in each example: line, column and message."""
+
+CATALOG = read_catalog(find_sources("v1.18"), wanted=())
+"""A catalog without messages."""
 
 each_rule = pytest.mark.parametrize("rule", LINT, ids=lambda rule: rule.id)
 
@@ -178,3 +193,62 @@ def test_nothing_is_found_in_good_definitions(text: str, tmp_path: Path) -> None
 )
 def test_a_message_says_what_is_wrong_and_what_is_meant(text: str, message: str, tmp_path: Path) -> None:
     assert lint_text(tmp_path, text) == [message]
+
+
+# Properties
+
+
+@given(st.text(st.sampled_from("[]@ \nmaxnge|0,1-(rNED)enumXA_"), max_size=60))
+def test_any_comment_can_be_read_and_findings_point_into_it(comment: str) -> None:
+    lines = ["# A probe.", "", *(f"# {line}" for line in comment.split("\n")), "uint8 x", "uint8 X_A = 1", ""]
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "Probe.msg").write_text("uint64 timestamp # Time.\n" + "\n".join(lines), encoding="utf-8")
+        for finding in lint(find_sources(folder), LINT).findings:
+            place = finding.change.location
+            assert finding.change.after
+            assert 1 <= place.line <= len(lines)
+            assert place.column <= len((Path(folder) / "Probe.msg").read_text().split("\n")[place.line - 1]) + 1
+
+
+def test_no_other_order_saves_more_than_the_advised_one() -> None:
+    """The reference tries every order of four fields after the timestamp."""
+    primitives = ["bool", "uint16", "float32", "float64", "uint8[3]", "float32[3]"]
+    for types in combinations_with_replacement(primitives, 4):
+        for order in {*permutations(types)}:
+            message = message_of(order)
+            advised = [change.message for change in find_avoidable(definition_of(message))]
+            least = min(size_of(message_of(other)) for other in permutations(types))
+            assert advised or size_of(message) == least
+            assert not advised or f"samples have {size_of(message)} bytes, {least} with" in advised[0]
+
+
+@cache
+def message_of(types: tuple[str, ...]) -> Message:
+    fields = "".join(f"{type_} f{number}\n" for number, type_ in enumerate(types))
+    return parse_message(f"uint64 timestamp\n{fields}", "Probe.msg", "Probe", "px4_msgs")[0]
+
+
+def definition_of(message: Message) -> Definition:
+    return Definition(CATALOG, message, message, ())
+
+
+@cache
+def size_of(message: Message) -> int:
+    """Return the size of a sample, rounded up to a multiple of 4."""
+    offset = 0
+    for field in message.fields:
+        size = PRIMITIVES[field.type.name].size
+        offset = -(-offset // size) * size + size * field.type.element_count
+    return -(-offset // 4) * 4
+
+
+@pytest.mark.parametrize("unit", sorted(SPELLINGS))
+def test_every_known_spelling_is_a_unit_but_for_the_misspelt_one(unit: str) -> None:
+    assert is_unit(unit) == (unit.lower() != "celcius")
+    assert is_unit(nearest_unit(f"{unit}{unit[-1]}")) or not nearest_unit(f"{unit}{unit[-1]}")
+
+
+@given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
+def test_the_bounds_of_a_range_are_read(low: float, high: float) -> None:
+    assert bounds(f"{low!r}, {high!r}") == pytest.approx((low, high), rel=1e-5, abs=1e-5)
+    assert bounds(f"{low!r}") is None
