@@ -358,7 +358,8 @@ def octets_bytes(value: BytesLike, wire: int, most: int = 0) -> bytes:
         raw = value
     else:
         view = memoryview(value)
-        if view.format not in OCTET_FORMATS or view.ndim != 1 or (most and view.nbytes > most):
+        is_scalar = not hasattr(value, "__len__")  # a date of numpy, whose bytes would be taken
+        if is_scalar or view.format not in OCTET_FORMATS or view.ndim != 1 or (most and view.nbytes > most):
             raise Refused
         raw = view.tobytes()
     if most and len(raw) > most:
