@@ -11,7 +11,16 @@ from operator import index
 
 from .cdr import ENCODE_FAILURES, SEQUENCES, EncodeError, Message
 from .info import Field, nested_class
-from .primitives import NO_SEQUENCES, OCTET_FORMATS, OCTETS, PRIMITIVES, STRINGS, NotASequence, WrongNumber, listed
+from .primitives import (
+    NO_SEQUENCES,
+    OCTETS,
+    PRIMITIVES,
+    STRINGS,
+    NotASequence,
+    WrongNumber,
+    listed,
+    octets_of,
+)
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
@@ -36,7 +45,7 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
     if field.length is None and not field.is_sequence:
         return _value_problem(message, field.base, value, path)
     if field.base in OCTETS:
-        if isinstance(value, (bytes, bytearray)) or (field.is_sequence and _has_octets(value)):
+        if isinstance(value, (bytes, bytearray)) or (field.is_sequence and octets_of(value) is not None):
             number = memoryview(value).nbytes
             problem = _number_problem(field, number, path, "bytes")
             pads = field.length is not None and number < field.length
@@ -55,14 +64,6 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
         return problem
     problems = (_value_problem(message, field.base, item, f"{path}[{index}]") for index, item in enumerate(items))
     return next(filter(None, problems), "")
-
-
-def _has_octets(value: Any) -> bool:
-    try:
-        view = memoryview(value)
-    except (BufferError, TypeError, ValueError):
-        return False
-    return view.format in OCTET_FORMATS and view.ndim == 1
 
 
 def _no_sequence(value: Any) -> str:

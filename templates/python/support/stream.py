@@ -26,7 +26,7 @@ from .cdr import (
     new,
 )
 from .encapsulation import ENCODINGS, encapsulation_of, sample_bytes
-from .primitives import OCTET_FORMATS, listed
+from .primitives import listed, octets_of
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
@@ -357,9 +357,8 @@ def octets_bytes(value: BytesLike, wire: int, most: int = 0) -> bytes:
     if type(value) is bytes:
         raw = value
     else:
-        view = memoryview(value)
-        is_scalar = not hasattr(value, "__len__")  # a date of numpy, whose bytes would be taken
-        if is_scalar or view.format not in OCTET_FORMATS or view.ndim != 1 or (most and view.nbytes > most):
+        view = octets_of(value)
+        if view is None or (most and view.nbytes > most):
             raise Refused
         raw = view.tobytes()
     if most and len(raw) > most:
