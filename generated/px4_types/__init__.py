@@ -281,8 +281,9 @@ if TYPE_CHECKING:
     from .msg import YawEstimatorStatus as YawEstimatorStatus
 
 _MODULES = (
-    "arrays", "batch", "cdr", "encapsulation", "explain", "hints", "info", "lazy", "lookup", "msg", "orb_id",
-    "places", "primitives", "records", "registry", "srv", "topics",
+    "arrays", "batch", "cdr", "commands", "encapsulation", "explain", "hints", "info", "lazy", "lookup",
+    "msg", "orb_id", "parameters", "places", "primitives", "records", "registry", "srv", "topics", "unit",
+    "units",
 )
 _AttributeError = AttributeError  # a message may have this name
 _ERRORS = {"DecodeError", "EncodeError"}

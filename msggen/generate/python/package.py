@@ -9,8 +9,17 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError
-from msggen.disk.resources import template_text
-from msggen.generate.python.formatting import arguments, documentation, joined_by, literal, wrapped, wrapped_tuple
+from msggen.disk.resources import module_text, template_text
+from msggen.generate.python.commands import command_classes, example, has_commands
+from msggen.generate.python.formatting import (
+    arguments,
+    documentation,
+    joined_by,
+    literal,
+    long_literal,
+    wrapped,
+    wrapped_tuple,
+)
 from msggen.generate.python.message import message_class
 from msggen.generate.python.names import class_name, endpoint_attributes, member_names, module_name
 from msggen.generate.python.versions import translation_table
@@ -192,6 +201,14 @@ def _home(part: _Part) -> str:
     return f'f"{{__name__}}.{part.package}"' if part.prefix else "__name__"
 
 
+def _commands(package: _Package) -> str:
+    commands = command_classes(package.catalog)
+    attribute, arguments = example(commands)
+    return _render(
+        "commands", name=package.name, commands=commands, example={"attribute": attribute, "arguments": arguments}
+    )
+
+
 def _topics(package: _Package) -> str:
     catalog = package.catalog
     found = endpoints(catalog)
@@ -235,6 +252,7 @@ FILES = (
     _support("arrays.py"),
     _support("batch.py"),
     _support("cdr.py"),
+    _File("commands.py", _commands, lambda package: has_commands(package.catalog)),
     _support("encapsulation.py"),
     _support("explain.py"),
     _support("hints.py"),
@@ -242,6 +260,7 @@ FILES = (
     _support("lazy.py"),
     _support("lookup.py"),
     _File("orb_id.py", lambda package: _render("orb_id", topics=package.topics)),
+    _support("parameters.py", lambda package: has_commands(package.catalog)),
     _support("places.py"),
     _support("primitives.py"),
     _File("py.typed", lambda _: ""),
@@ -254,6 +273,8 @@ FILES = (
         lambda package: _render("translations", table=translation_table(package.catalog)),
         _HAS_VERSIONS,
     ),
+    _File("unit.py", lambda _: module_text("unit.py")),
+    _support("units.py"),
     _support("versions.py", _HAS_VERSIONS),
 )
 """All files that do not belong to one definition. A new file of the generated package needs a row here."""
@@ -308,7 +329,15 @@ def _folder(part: _Part, folder: str) -> str:
 @lru_cache(maxsize=1)
 def _environment() -> jinja2.Environment:
     return make_environment(
-        arguments, class_name, documentation, endpoint_documentation, joined_by, literal, wrapped, wrapped_tuple
+        arguments,
+        class_name,
+        documentation,
+        endpoint_documentation,
+        joined_by,
+        literal,
+        long_literal,
+        wrapped,
+        wrapped_tuple,
     )
 
 
