@@ -193,7 +193,7 @@ def put(folder: Path, oddity: Oddity) -> None:
 
 
 def _put_git(folder: Path, path: Path, text: str) -> None:
-    if path.is_symlink() or not path.parent.joinpath("HEAD").exists():
+    if path.is_symlink() or not path.is_file() or not path.parent.joinpath("HEAD").exists():
         return
     config = text.format(p=folder / "program", r=folder / "outside", h=folder / "work" / "hooks")
     with path.open("a", encoding="utf-8") as stream:
