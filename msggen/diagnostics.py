@@ -124,6 +124,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "T207": Level.ERROR,
         "T208": Level.ERROR,
         "T209": Level.ERROR,
+        "T210": Level.ERROR,
     }
 )
 """The level of each code. Constructs that PX4 may add in its next release are warnings, so that it still builds.
