@@ -97,6 +97,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "S126": Level.NOTE,
         "S127": Level.WARNING,
         "S128": Level.ERROR,
+        "S129": Level.ERROR,
         "B101": Level.ERROR,
         "B102": Level.ERROR,
         "B103": Level.ERROR,

@@ -59,8 +59,9 @@ def write(**files: str) -> None:
 
 
 def render(template: str, *options: str) -> int:
-    """Run `msggen render` on the small tree, into `out`; return the exit code."""
-    return main(["render", "--template", template, "--px4", "in", "-o", "out", *options])
+    """Run `msggen render` on the small tree or another source, into `out`; return the exit code."""
+    source = [] if "--px4" in options else ["--px4", "in"]
+    return main(["render", "--template", template, "-o", "out", *source, *options])
 
 
 def made() -> dict[str, str]:
@@ -345,6 +346,8 @@ ERRORS = [
     named("{{ message.name }}/", "T206", "'Bar/' is a folder"),
     named("{{ message.name }}/..", "T206", "is a folder"),
     named("{{ message.name }}\n", "T206", "control character"),
+    named("{message.name}.proto", "T207", "Foo: --name has no {{ ... }}, as in '{{ message.name }}.h'"),
+    named("%s.proto", "T207", "Foo: --name has no {{ ... }}"),
     named("types.h", "T207", "'types.h' would be the output for both Bar and Foo: did you mean --each catalog?"),
     named("{{ {'Bar': 'x.h', 'Foo': 'a/../X.h'}[message.name] }}", "T207", "'X.h' would be the output for both"),
     named(
@@ -866,6 +869,37 @@ def test_only_the_named_messages_are_rendered_to_stdout(
     assert not (working_folder / "-").exists()
     assert main([*arguments, "made"]) == 0
     assert sorted(path.name for path in (working_folder / "made").iterdir()) == ["esc_report.txt", "rpm.txt"]
+
+
+@pytest.mark.parametrize("kind", ["j2", "em"])
+def test_texts_on_stdout_start_on_a_line_of_their_own(kind: str, capfdbinary: pytest.CaptureFixture[bytes]) -> None:
+    Path(f"any.{kind}").write_text("{{ message.name }}" if kind == "j2" else "@message.name")
+    assert main(["render", "--template", f"any.{kind}", "--px4", "in", "-o", "-"]) == DONE
+    assert capfdbinary.readouterr().out == b"Bar\nFoo"
+    assert render(f"any.{kind}") == DONE
+    assert made() == {"bar": "Bar", "foo": "Foo"}
+
+
+@pytest.mark.parametrize("kind", ["j2", "em"])
+def test_a_byte_order_mark_of_a_template_is_not_written(kind: str) -> None:
+    Path(f"any.{kind}").write_text("x\n", encoding="utf-8-sig")
+    assert render(f"any.{kind}") == DONE
+    assert made() == {"bar": "x\n", "foo": "x\n"}
+
+
+@pytest.mark.parametrize("name", ["Foo,Bar", "Foo Bar", "F*", "Fo?", "[FB]*"])
+def test_a_list_or_a_pattern_of_messages_is_told_the_option(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="")
+    assert render("any.j2", "--message", name) == FAILED
+    hint = "name one message, and repeat --message for more"
+    assert capsys.readouterr().err.startswith(f"--message: T208 the sources have no message '{name}': {hint}\n")
+
+
+def test_an_output_below_a_file_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="", file="")
+    for command in (["render", "--template", "any.j2"], ["build"]):
+        assert main([*command, "--px4", "in", "-o", "file/out"]) == FAILED
+        assert capsys.readouterr().err.startswith("file: S129 this is not a folder, and the output needs one here: ")
 
 
 def test_unknown_messages_are_reported_with_the_nearest_name(
