@@ -97,6 +97,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "S126": Level.NOTE,
         "S127": Level.WARNING,
         "S128": Level.ERROR,
+        "S129": Level.ERROR,
         "B101": Level.ERROR,
         "B102": Level.ERROR,
         "B103": Level.ERROR,
@@ -124,6 +125,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "T207": Level.ERROR,
         "T208": Level.ERROR,
         "T209": Level.ERROR,
+        "T210": Level.ERROR,
     }
 )
 """The level of each code. Constructs that PX4 may add in its next release are warnings, so that it still builds.

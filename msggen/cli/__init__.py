@@ -125,11 +125,23 @@ class _Formatter(argparse.HelpFormatter):
             self._action_max_length += 2  # argparse ignores the indentation of commands
 
 
+class _StoreOnce(argparse._StoreAction):  # noqa: SLF001 - argparse has no public name
+    """An argument with a single value. A second value is an error, because one of them would be ignored."""
+
+    def __call__(
+        self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: str | None = None
+    ) -> None:
+        if option_string and self.dest in parser.given:
+            raise argparse.ArgumentError(self, "given more than once")
+        parser.given.add(self.dest)
+        super().__call__(parser, namespace, values, option_string)
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser that suggests the nearest option, choice of an option, or command.
 
-    It reports unknown options before the errors that follow from them, such as a missing option. It reports errors in
-    `output_format` too, if that is a format for programs.
+    It reports unknown arguments before the errors that follow from them, such as a missing option. It reports errors in
+    `output_format` too, if that is a format for programs. `given` are the arguments with a single value so far.
     """
 
     def __init__(self, *, output_format: str = "", **about: Any) -> None:
@@ -142,6 +154,9 @@ class _Parser(argparse.ArgumentParser):
         if sys.version_info >= (3, 14):  # where argparse has colours
             about["color"] = colour(sys.stdout)
         super().__init__(formatter_class=formatter, allow_abbrev=False, **about)
+        self.given: set[str] = set()
+        for name in (None, "store"):
+            self.register("action", name, _StoreOnce)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         for word in args[:1] if self._subparsers else args:  # the others belong to the command
@@ -149,11 +164,35 @@ class _Parser(argparse.ArgumentParser):
                 break
             if self._is_unknown(word):
                 self._refuse(word)
+        positional = [action for action in self._actions if not action.option_strings]
+        if not positional:
+            self._check_stray(args)
+        self.given.clear()
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            positional = [action for action in self._actions if not action.option_strings]
             self._refuse(unknown[0], [str(getattr(options, action.dest, "")) for action in positional])
         return options, unknown
+
+    def _check_stray(self, words: Sequence[str]) -> None:
+        """Refuse a word that is neither an option nor a value of one."""
+        option, room = "", 0
+        for word in words[: words.index("--") if "--" in words else None]:
+            name, value = self._split(word)
+            if name:
+                option, nargs = name, self._option_string_actions[name].nargs
+                room = 0 if value or nargs == 0 else 1 if nargs is None else len(words)
+            elif room:
+                room -= 1
+            else:
+                self._refuse(word, after=option)
+
+    def _split(self, word: str) -> tuple[str, str]:
+        """Return the last option in `word` and the value that is attached to it, or "" and `word` for a value."""
+        known = self._option_string_actions
+        while word[1:2] not in ("", "-") and word not in known and word[:2] in known and known[word[:2]].nargs == 0:
+            word = f"-{word[2:]}"
+        name, value = (word[:2], word[2:]) if word[1:2] != "-" else (word.partition("=")[::2])
+        return (name, value) if name in known else ("", word)
 
     def _is_unknown(self, word: str) -> bool:
         """Whether `word` is an option that this parser does not have. For argparse, a word with a space is a value."""
@@ -162,15 +201,19 @@ class _Parser(argparse.ArgumentParser):
         is_option = is_long or (word.startswith("-") and word[1:2].isalpha())
         return is_option and " " not in word and name not in self._option_string_actions
 
-    def _refuse(self, wrong: str, given: Sequence[str] = ()) -> NoReturn:
-        """Report the unknown argument `wrong`, an option without its value, after the arguments `given`."""
+    def _refuse(self, wrong: str, given: Sequence[str] = (), after: str = "") -> NoReturn:
+        """Report the unknown argument `wrong` without its value, after the arguments `given` and the option `after`."""
         wrong = wrong.partition("=")[0] if wrong.startswith("-") else wrong
-        self.error(f"unknown argument '{printable(wrong)}'{self._hint(wrong, given)}")
+        is_repeatable = isinstance(self._option_string_actions.get(after), argparse._AppendAction)  # noqa: SLF001
+        hint = f": repeat the option, {after} {wrong}" if is_repeatable else self._hint(wrong, given)
+        self.error(f"unknown argument '{printable(wrong)}'{printable(hint)}")
 
     def _hint(self, wrong: str, given: Sequence[str]) -> str:
         """Return what to do about `wrong`: use a similar option, name the firmware with --px4, or give fewer names."""
         names = [str(action.metavar) for action in self._actions if not action.option_strings]
         known = self._option_string_actions
+        if wrong.endswith((".j2", ".em")) and "--template" in known:
+            return f": name the template with --template {wrong}"
         if not wrong.startswith("-") and "--px4" in known:
             firmware = next(filter(_is_firmware, [*given, wrong]), None) if names else wrong
             if firmware:
@@ -183,6 +226,8 @@ class _Parser(argparse.ArgumentParser):
         return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
 
     def error(self, message: str) -> NoReturn:
+        for option, hint in (self.get_default("hints") or {}).items():
+            message += f": {hint}" if message.startswith("the following arguments") and option in message else ""
         print_document([Diagnostic(Location(self.prog, 0), "usage", message)], self._output_format)
         super().error(message)
 

@@ -111,7 +111,7 @@ def test_below_a_tree_the_embedded_release_is_read_with_a_warning(
         if command[0] == "sync":
             break
     for named, folder in (("v1.18", "a"), (tree, "b")):
-        target = [*command[:-1], folder] if command[0] == "sync" else [*command, "-o", folder]
+        target = [*command, "-o", folder] if command[0] == "build" else [*command[:-1], folder]
         assert main([*target, "--px4", named]) == DONE
         assert "S127" not in capsys.readouterr().err
 

@@ -426,6 +426,12 @@ def test_templates_that_are_not_there_are_told(folder: str, said: str, capsys: p
     assert errors(capsys) == [said]
 
 
+def test_a_template_of_another_name_is_told_the_name_that_it_needs(capsys: pytest.CaptureFixture[str]) -> None:
+    write_definitions(Path("mine"), {"rust.rs.em": "", "notes.txt": ""})
+    assert generate("--headers", templates="mine") == FAILED
+    assert errors(capsys) == ["mine: T102 has no template 'msg.h.em': the template needs this name, found rust.rs.em"]
+
+
 def test_all_folders_that_have_the_template_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copytree(f"{TEMPLATES}/uorb", f"{TEMPLATES}/ucdr")
     assert generate("--headers", templates=TEMPLATES) == FAILED
