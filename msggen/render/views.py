@@ -31,7 +31,8 @@ class Views:
 
     def message(self, message: Message) -> MessageView:
         """Return the view of `message`."""
-        return self._messages.setdefault(message.ros_type, MessageView(message, self))
+        known = self._messages.get(message.ros_type)
+        return known or self._messages.setdefault(message.ros_type, MessageView(message, self))
 
 
 class _View:
