@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 import time
 from collections.abc import Iterator
 
@@ -20,7 +19,7 @@ from msggen.cli.options import (
     non_empty,
     writes,
 )
-from msggen.cli.printing import print_change, print_notices
+from msggen.cli.printing import print_notices, print_plan
 from msggen.cli.sources import source_here, sources_of
 from msggen.diagnostics import counted, input_error
 from msggen.firmware.embedded import EMBEDDED, PREFIX
@@ -79,11 +78,8 @@ def _docs(options: argparse.Namespace) -> int:
     outcome = build.run(write=write)
     print_notices(outcome.notices, quiet=options.quiet)
     plan = outcome.plan
-    if options.diff and plan:
-        for name in (*plan.written, *plan.removed):
-            print_change(os.path.join(plan.folder, name), plan.files.get(name))
-    for name in plan.edited if plan else ():
-        print(f"{os.path.join(build.folder, name)} is no longer needed, but was edited: left in place", file=sys.stderr)
+    if plan:
+        print_plan(plan, diff=options.diff)
     if not options.quiet:
         print("\n".join(_report(outcome, build.folder, time.perf_counter() - started, write=write)))
     return FINDINGS if plan and plan.is_stale and not write else DONE
