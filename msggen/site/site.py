@@ -273,4 +273,4 @@ class Site:
 def summary(comment: str) -> str:
     """Return the first sentence of a comment."""
     first = next((line for line in paragraphs(comment.splitlines()) if line), "")
-    return re.split(r"(?<=[.:]) ", first, maxsplit=1)[0]
+    return re.split(r"(?<=\.) (?=[A-Z])", first, maxsplit=1)[0]

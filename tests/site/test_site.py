@@ -143,6 +143,24 @@ def test_long_arrays_are_shortened(site: Site) -> None:
     assert "esc[1] to esc[11]" in {cell.run.label for row in rows for cell in row.cells}
 
 
+# --- Commands
+
+
+def test_the_parameters_of_a_command_are_a_list(files: Mapping[str, str]) -> None:
+    row = files["msg/VehicleCommand.html"].partition('<tr id="VEHICLE_CMD_NAV_TAKEOFF">')[2].partition("</tr>")[0]
+    assert "<td>Take off.\n" in row
+    items = re.findall("<li>(.*?)</li>", row)
+    assert len(items) == 7
+    assert items[1:3] == ["Unused", "Unused"]
+    assert items[6].startswith("[m] Altitude")
+    row = (
+        files["msg/VehicleCommand.html"]
+        .partition('<tr id="VEHICLE_CMD_NAV_RETURN_TO_LAUNCH">')[2]
+        .partition("</tr>")[0]
+    )
+    assert "<li>" not in row, "no list of unused parameters"
+
+
 # --- The graph
 
 
@@ -225,7 +243,7 @@ def test_no_text_of_a_definition_becomes_markup(tmp_path: Path, files: Mapping[s
     assert all(attack.replace("`", "") in text for attack in ATTACKS)
 
 
-OF_MARKDOWN = {"a", "h1", "h2", "p", "ul", "li", "table", "thead", "tbody", "tr", "th", "td", "code", "pre"}
+OF_MARKDOWN = {"a", "br", "h1", "h2", "p", "ul", "li", "table", "thead", "tbody", "tr", "th", "td", "code", "pre"}
 
 
 def test_no_text_of_a_definition_becomes_markup_in_markdown(tmp_path: Path) -> None:
