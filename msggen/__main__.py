@@ -4,8 +4,7 @@ import os
 import signal
 import sys
 
-INTERRUPTED = 130
-"""The exit code after Ctrl-C, as shells define it: 128 and the number of SIGINT."""
+from msggen.exit_codes import INTERRUPTED
 
 
 def _leave(*_: object) -> None:

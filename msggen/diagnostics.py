@@ -132,7 +132,6 @@ The text about each code is in msggen/report/errors.yaml, not here, because a bu
 module.
 """
 
-
 OF_BOARDS = ("M407",)
 """Notes about ids that depend on the board, for commands that do not show ids."""
 
@@ -202,7 +201,12 @@ def printable(text: str) -> str:
     if not text.isprintable():
         shown = text if len(text) <= _WIDTH else text[:_WIDTH] + text[-_WIDTH:]  # escapes make a text only longer
         text = "".join(each if each.isprintable() else repr(each)[1:-1] for each in shown)
-    return text if len(text) <= _WIDTH else f"{text[: _WIDTH - _END - 1]}…{text[-_END:]}"
+    return shortened(text)
+
+
+def shortened(text: str, width: int = _WIDTH, end: int = _END) -> str:
+    """Return `text`, cut to `width` characters, of which the last are its `end`, with `…` for what is left out."""
+    return text if len(text) <= width else f"{text[: width - end - 1]}…{text[-end:]}"
 
 
 def counted(number: int, noun: str) -> str:

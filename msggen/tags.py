@@ -73,15 +73,18 @@ class Tag(NamedTuple):
 UNIT = Tag("unit", "Unit of the values.", "the unit of a field changed", _unit, rank=1, is_inherited=True)
 """The only tag without a name: `[m/s]`."""
 
+ENUM = Tag(
+    "enum",
+    "Prefix of the constants that are the values.",
+    "the enum of a field changed: other constants name its values",
+    rank=5,
+    is_inherited=True,
+)
+
 TAGS: tuple[Tag, ...] = (
     UNIT,
     Tag("range", "Smallest and largest value.", "the range of a field changed", _range, rank=2),
-    Tag(
-        "enum",
-        "Prefix of the constants that are the values.",
-        "the enum of a field changed: other constants name its values",
-        rank=5,
-    ),
+    ENUM,
     Tag(
         "invalid",
         'Value that means "unknown".',
@@ -100,7 +103,7 @@ ATTRIBUTES = tuple(tag for tag in TAGS if tag.purpose)
 """The tags that are attributes of fields in `__msg__` and in the views of `render`."""
 
 INHERITED = tuple(tag for tag in TAGS if tag.is_inherited)
-"""The tags that a field takes from an embedded release. A range or an enum belongs to one version of a message."""
+"""The tags that a field takes from an embedded release. A range belongs to one version of a message."""
 
 COMPARED = tuple(sorted(ATTRIBUTES, key=lambda tag: tag.rank))
 """The tags that rules compare, in the order of their rules."""

@@ -9,6 +9,7 @@ import sys
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum, IntFlag
     from typing import Any
 
     from .cdr import Message
@@ -61,6 +62,8 @@ class Field(Frozen):
         "frame",
         "attribute",
         "inferred",
+        "enum_class",
+        "description",
     )
 
     name: str
@@ -84,6 +87,10 @@ class Field(Frozen):
     """The attribute that holds the value: `name`, or a name such as `from_` if Python or the class reserves `name`."""
     inferred: tuple[tuple[str, str], ...]
     """The tags that the definition does not have in brackets, each with its origin: `("unit", "embedded v1.17")`."""
+    enum_class: str
+    """The enum of the values, a class in the class of the message: `NavigationState`. "" for none."""
+    description: str
+    """The comment of the definition without tags, in one line."""
 
     def __init__(
         self,
@@ -98,6 +105,8 @@ class Field(Frozen):
         frame: str = "",
         attribute: str = "",
         inferred: tuple[tuple[str, str], ...] = (),
+        enum_class: str = "",
+        description: str = "",
     ) -> None:
         put = object.__setattr__
         put(self, "name", name)
@@ -111,6 +120,8 @@ class Field(Frozen):
         put(self, "frame", frame)
         put(self, "attribute", attribute or name)
         put(self, "inferred", inferred)
+        put(self, "enum_class", enum_class)
+        put(self, "description", description)
 
     def origin(self, tag: str) -> str:
         """Return the origin of a tag such as "unit", or "" if the field does not have it.
@@ -119,6 +130,12 @@ class Field(Frozen):
         same field in the definitions of that release that msggen contains.
         """
         return dict(self.inferred).get(tag) or ("tag" if getattr(self, tag) else "")
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """The type, the tags and the description: the `metadata` of the field in `dataclasses.fields`."""
+        names = ("type", "unit", "range", "enum", "invalid", "frame", "description")
+        return {name: value for name in names if (value := getattr(self, name))}
 
     @property
     def base(self) -> str:
@@ -239,6 +256,12 @@ class MessageInfo(Frozen):
         check_name(name, self.fields[0].name if self.fields else "timestamp")
         near = nearest(name, [field.name for field in self.fields])
         raise UnknownName(f"{self.name} has no field '{name}'{hint(near)}")
+
+    def enum(self, name: str) -> type[IntEnum] | type[IntFlag] | None:
+        """Return the enum of the values of a field, or None if it has none. Raises KeyError as `field` does."""
+        enum_class = self.field(name).enum_class
+        found: type[IntEnum] | type[IntFlag] | None = getattr(self._cls, enum_class) if enum_class else None
+        return found
 
     @property
     def definition(self) -> str:

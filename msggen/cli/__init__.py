@@ -17,9 +17,10 @@ from functools import partial
 from typing import Any, NoReturn
 
 from msggen import __version__
-from msggen.cli.options import DONE, FAILED, FAILED_CODES, FINDINGS, INTERRUPTED, writes
+from msggen.cli.options import FAILED_CODES, writes
 from msggen.cli.printing import colour, discard_output, print_document, print_errors, print_notices, terminal_width
 from msggen.diagnostics import Diagnostic, InputError, printable, suggestion
+from msggen.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
 from msggen.location import Location
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main", "parser_for"]

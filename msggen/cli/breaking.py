@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 
 from msggen.cli.options import (
     COMPARING_CODES,
-    DONE,
-    FINDINGS,
     Commands,
     add_command,
     add_output_format,
@@ -21,6 +19,7 @@ from msggen.cli.options import (
 from msggen.cli.printing import print_report
 from msggen.cli.sources import board_of, firmware_path, shell_options, sources_of
 from msggen.diagnostics import Diagnostic, InputError, suggestion
+from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.file import File
 from msggen.firmware.sources import Sources, find_sources, join_package, open_tree, split_package, with_board

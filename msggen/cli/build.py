@@ -9,8 +9,6 @@ import time
 from collections.abc import Iterator
 
 from msggen.cli.options import (
-    DONE,
-    FINDINGS,
     WRITING_CODES,
     Commands,
     add_command,
@@ -23,6 +21,7 @@ from msggen.cli.printing import print_notices, print_plan
 from msggen.cli.sources import sources_of
 from msggen.diagnostics import counted, input_error
 from msggen.disk.depfile import check_depfile, write_depfile
+from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.sources import Sources, with_archived
 from msggen.generate.build import Build, Outcome
 from msggen.location import Location
@@ -72,8 +71,7 @@ def _build(options: argparse.Namespace) -> int:
         check_depfile(options.depfile, sources.dependencies(), [build.folder])
     outcome = build.run(write=write)
     if options.depfile and write:
-        places = [os.path.join(outcome.folder, name) for name in outcome.outputs]
-        write_depfile(options.depfile, sources.dependencies(), places)
+        write_depfile(options.depfile, sources.dependencies(), os.path.join(outcome.folder, outcome.outputs[0]))
     print_notices(outcome.notices, quiet=options.quiet)
     lines = list(_report(outcome, sources.label, time.perf_counter() - started, write=write, verbose=options.verbose))
     if outcome.plan:

@@ -7,9 +7,10 @@ import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from msggen.cli.options import DONE, FINDINGS, WRITING_CODES, Commands, add_command, add_shared, non_empty, writes
+from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, non_empty, writes
 from msggen.cli.printing import print_diff
 from msggen.cli.sources import check_setting, firmware_path
+from msggen.exit_codes import DONE, FINDINGS
 from msggen.settings import read_settings
 
 if TYPE_CHECKING:

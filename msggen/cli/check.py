@@ -7,8 +7,6 @@ from shlex import quote
 
 from msggen.cli.options import (
     COMPARING_CODES,
-    DONE,
-    FINDINGS,
     Commands,
     add_command,
     add_output_format,
@@ -19,6 +17,7 @@ from msggen.cli.options import (
 from msggen.cli.printing import print_report
 from msggen.cli.sources import board_of, firmware_of, is_named, is_strict, shell_options
 from msggen.diagnostics import Diagnostic
+from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.sources import Sources, find_sources, with_board
 from msggen.firmware.tree import Folder
 from msggen.firmware.tree_layout import find_manifest

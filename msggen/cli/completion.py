@@ -6,7 +6,8 @@ import argparse
 import os
 from collections.abc import Callable, Iterable, Mapping
 
-from msggen.cli.options import DONE, Commands, add_command
+from msggen.cli.options import Commands, add_command
+from msggen.exit_codes import DONE
 
 _SHELLS = ("bash", "zsh", "fish")
 

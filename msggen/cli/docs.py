@@ -9,8 +9,6 @@ from collections.abc import Iterator
 
 from msggen.cli.breaking import previous_sources
 from msggen.cli.options import (
-    DONE,
-    FINDINGS,
     WRITING_CODES,
     Commands,
     add_command,
@@ -22,6 +20,7 @@ from msggen.cli.options import (
 from msggen.cli.printing import print_notices, print_plan
 from msggen.cli.sources import source_here, sources_of
 from msggen.diagnostics import counted, input_error
+from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.sources import Sources, find_sources
 from msggen.settings import read_settings

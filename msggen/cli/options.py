@@ -12,9 +12,6 @@ from msggen.report import FORMATS
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001 - argparse has no public name
 Group: TypeAlias = "argparse._ActionsContainer"  # noqa: SLF001 - likewise, for parsers and groups of options
 
-DONE, FINDINGS, FAILED, INTERRUPTED = 0, 1, 2, 130
-"""Exit codes: success, findings or changes, usage, input or I/O errors, and Ctrl-C as shells report it."""
-
 FAILED_CODES = "2 usage, input or I/O error, 130 interrupted by Ctrl-C."
 WRITING_CODES = f"Exit codes: 0 done, 1 changes found by --check or --diff, {FAILED_CODES}"
 COMPARING_CODES = (

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 
-from msggen.cli.options import DONE, Commands, add_command, non_empty
+from msggen.cli.options import Commands, add_command, non_empty
+from msggen.exit_codes import DONE
 
 
 def add_to(commands: Commands) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from msggen.cli.options import DONE, Commands, add_command
+from msggen.cli.options import Commands, add_command
+from msggen.exit_codes import DONE
 
 _HEADINGS = ("release", "messages", "services", "topics", "endpoints")
 

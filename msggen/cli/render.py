@@ -5,11 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from msggen.cli.options import (
-    DONE,
-    FINDINGS,
     WRITING_CODES,
     Commands,
     add_command,
@@ -23,6 +21,7 @@ from msggen.cli.sources import sources_of
 from msggen.diagnostics import OF_BOARDS, counted
 from msggen.disk.depfile import check_depfile, write_depfile
 from msggen.disk.output import stale_files, write_stale_files
+from msggen.exit_codes import DONE, FINDINGS
 from msggen.render import THINGS
 from msggen.settings import read_settings
 
@@ -103,25 +102,30 @@ def _render(options: argparse.Namespace) -> int:
         print_notices(of_ids if shows_ids(template) else (), quiet=options.quiet)
         return DONE
     names = output_names(items, options.each, options.template, options.name)
-    places = [os.path.join(options.output, name) for name in names]
     if options.list_outputs:
-        print("\n".join(places))
+        print("\n".join(os.path.join(options.output, name) for name in names))
         return DONE
     files = dict(zip(names, texts_of(template, items), strict=True))
     print_notices(of_ids if shows_ids(template) else (), quiet=options.quiet)
     inputs = (*sources.dependencies(), *template.inputs)
     check_places(options.output, names, inputs)
+    return _update(options, files, inputs, sources.label)
+
+
+def _update(options: argparse.Namespace, files: Mapping[str, str], inputs: Sequence[str], label: str) -> int:
+    """Write `files`, texts by name, or with `--check` or `--diff` only report the changes. Return the exit code."""
+    places = [os.path.join(options.output, name) for name in files]
     write = writes(options)
     if options.depfile and write:
         check_depfile(options.depfile, inputs, places)
     stale = write_stale_files(options.output, files) if write else stale_files(options.output, files)
     if options.depfile and write:
-        write_depfile(options.depfile, inputs, places)
+        write_depfile(options.depfile, inputs, places[0])
     if options.diff:
         for name in stale:
             print_change(os.path.join(options.output, name), files[name])
     if not options.quiet:
-        print("\n".join(_report(options, stale, len(files), sources.label)))
+        print("\n".join(_report(options, stale, len(files), label)))
     return FINDINGS if stale and not write else DONE
 
 

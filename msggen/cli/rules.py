@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 
-from msggen.cli.options import DONE, Commands, add_command, add_output_format, non_empty
+from msggen.cli.options import Commands, add_command, add_output_format, non_empty
 from msggen.cli.printing import colour, width
 from msggen.diagnostics import CODES, input_error, suggestion
+from msggen.exit_codes import DONE
 
 
 def add_to(commands: Commands) -> None:

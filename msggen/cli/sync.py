@@ -7,8 +7,6 @@ import os
 from typing import TYPE_CHECKING
 
 from msggen.cli.options import (
-    DONE,
-    FINDINGS,
     WRITING_CODES,
     Commands,
     add_command,
@@ -21,6 +19,7 @@ from msggen.cli.options import (
 from msggen.cli.printing import print_diff, print_notices
 from msggen.cli.sources import firmware_of, is_named
 from msggen.diagnostics import counted
+from msggen.exit_codes import DONE, FINDINGS
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
 

@@ -22,9 +22,15 @@ def rule(target: str, inputs: Collection[str]) -> str:
 
 
 def check_depfile(path: str, inputs: Collection[str], outputs: Sequence[str]) -> None:
-    """Raise InputError if the depfile `path` would replace anything but a depfile, or cannot list these paths."""
-    if os.path.abspath(path) in map(os.path.abspath, outputs):
-        raise _error(path, "this is an output of this run, not a depfile: name another file")
+    """Raise InputError if the depfile `path` would replace anything but a depfile, or cannot list these paths.
+
+    The depfile cannot be one of `outputs`, the files and folders that the run writes, or inside one or around one.
+    """
+    place = os.path.join(os.path.realpath(path), "")
+    for output in outputs:
+        other = os.path.join(os.path.realpath(output), "")
+        if place.startswith(other) or other.startswith(place):
+            raise _error(path, f"this overlaps with {output}, an output of this run: name another file")
     if os.path.lexists(path) and (not _is_depfile(path) or any(os.path.samefile(path, each) for each in inputs)):
         raise _error(path, "this exists and is not a depfile: remove it, or name another file")
     for each in (*outputs[:1], *inputs):
@@ -32,10 +38,9 @@ def check_depfile(path: str, inputs: Collection[str], outputs: Sequence[str]) ->
             raise _error(path, f"a depfile cannot list {each!r}: rename it, without control characters")
 
 
-def write_depfile(path: str, inputs: Collection[str], outputs: Sequence[str]) -> None:
-    """Write the depfile `path` if it differs. Raises InputError as `check_depfile`, and OSError."""
-    check_depfile(path, inputs, outputs)
-    write_if_changed(path, rule(outputs[0], inputs), flushed=False)
+def write_depfile(path: str, inputs: Collection[str], target: str) -> None:
+    """Write the depfile `path`, which `check_depfile` accepted, if it differs. Raises OSError."""
+    write_if_changed(path, rule(target, inputs), flushed=False)
 
 
 def _is_depfile(path: str) -> bool:

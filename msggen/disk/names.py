@@ -4,11 +4,13 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 
+from msggen.diagnostics import shortened
+
 _NAME, _PATH = 255, 4095
 """The limits of most systems, in bytes."""
 
-_SHOWN = 40
-"""The number of characters of a name that are shown to the user."""
+_WIDTH, _END = 40, 10
+"""The number of characters of a name that are shown to the user, and of its end."""
 
 
 def too_long(folder: str, names: Iterable[str]) -> Iterator[tuple[str, str]]:
@@ -24,9 +26,11 @@ def too_long(folder: str, names: Iterable[str]) -> Iterator[tuple[str, str]]:
         part = max(map(os.fsencode, parts), key=len)
         size = start + len(os.fsencode(name))
         if len(part) > longest:
-            yield name, f"the name {_cut(os.fsdecode(part))} has {len(part)} bytes, the limit of the disk is {longest}"
+            shown = shortened(os.fsdecode(part), _WIDTH, _END)
+            yield name, f"the name '{shown}' has {len(part)} bytes, the limit of the disk is {longest}"
         elif size > whole:
-            yield name, f"the path {_cut(folder)} has {size} bytes, the limit of the system is {whole}"
+            shown = shortened(folder, _WIDTH, _END)
+            yield name, f"the path '{shown}' has {size} bytes, the limit of the system is {whole}"
 
 
 def _existing(folder: str) -> str:
@@ -40,7 +44,3 @@ def _limit(folder: str, key: str, default: int) -> int:
     with suppress(AttributeError, OSError, ValueError):
         return os.pathconf(folder, key)
     return default
-
-
-def _cut(name: str) -> str:
-    return f"'{name[:_SHOWN]}...'" if len(name) > _SHOWN else f"'{name}'"

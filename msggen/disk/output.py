@@ -21,13 +21,17 @@ from msggen.disk.staging import (
 
 
 class OutputPlan(NamedTuple):
-    """The changes that a run makes in a folder. `edited` are obsolete files that the user edited, which are kept."""
+    """The changes that a run makes in a folder.
+
+    Obsolete files are `removed`, or `edited` by the user and kept, or `missing` already.
+    """
 
     folder: str
     files: Mapping[str, str]
     written: tuple[str, ...]
     removed: tuple[str, ...]
     edited: tuple[str, ...]
+    missing: tuple[str, ...] = ()
 
     @property
     def is_stale(self) -> bool:
@@ -56,7 +60,8 @@ def plan_output(folder: str, files: Mapping[str, str], record: Record) -> Output
     found = {name: digest_of(folder, name) for name in _obsolete(folder, files, record)}
     removed = tuple(name for name, value in found.items() if value == record.files[name])
     edited = tuple(name for name, value in found.items() if value not in (None, record.files[name]))
-    return OutputPlan(folder, files, stale, removed, edited)
+    missing = tuple(name for name, value in found.items() if value is None)
+    return OutputPlan(folder, files, stale, removed, edited, missing)
 
 
 @contextmanager
@@ -91,7 +96,7 @@ def write_output(folder: str, files: Mapping[str, str]) -> tuple[OutputPlan, Rec
                 check_writable(path)
         if plan.is_single or not _replace_folder(plan, after):
             _replace_files(plan, before, after)
-    _remove_empty(folder, set(_obsolete(folder, files, before)).difference(plan.edited))
+    _remove_empty(folder, (*plan.removed, *plan.missing))
     write_record(folder, after)
     return plan, after
 

@@ -174,7 +174,6 @@ def _link(source: str, path: str) -> None:
 
         if error.errno == errno.EXDEV or not os.path.isfile(source):
             raise
-
         shutil.copy2(source, path)
 
 

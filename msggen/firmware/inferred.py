@@ -1,8 +1,10 @@
 """Tags that a definition does not have in brackets, but that its sentences or an embedded definition give.
 
-A field takes its unit from its own sentences. Then it takes its unit, frame and invalid value from an embedded
-release, which must have a field of the same name and type in a message of the same name. Ranges and enums are not
-taken, because they are limits and constants of one version of a message.
+A field takes its unit from its own sentences. Then it takes its unit, enum, frame and invalid value from an embedded
+release, which must have a field of the same name and type in a message of the same name. An enum is taken only if the
+message has its constants. A range is not taken, because it is a limit of one version of a message.
+
+A field whose name is the prefix of constants has them as its enum.
 """
 
 from __future__ import annotations
@@ -12,13 +14,14 @@ from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 
+from msggen.enumeration import constant_prefixes, enum_by_name
 from msggen.firmware.embedded import EMBEDDED, Releases
 from msggen.firmware.sources import Sources
 from msggen.model import Catalog, Comment, Field, InferredTag, Message
 from msggen.parse.comment import parse_comment
 from msggen.parse.prose import unit_in
 from msggen.primitives import PRIMITIVES
-from msggen.tags import INHERITED, UNIT
+from msggen.tags import ENUM, INHERITED, UNIT
 
 _FIELD = re.compile(r"^(\S+) (\w+)(?:  # ((?:\[[^]]*\] ?)*).*)?$", re.MULTILINE)
 """A field of an embedded definition, with its tags."""
@@ -46,9 +49,10 @@ def with_inferred(catalog: Catalog, sources: Sources) -> Catalog:
 class Inference:
     """Inference of tags for the fields of the firmware in `sources`.
 
-    The embedded release that the firmware is has priority, then the newest that has a field. The names of the messages
-    show which release it is. A folder of the user's own messages is none. Embedded definitions have all of their tags,
-    and so nothing is inferred for them, nor for messages of other packages.
+    Tags come from the embedded release of the firmware, or else from the newest release that has the field. The release
+    of the firmware is recognised by the names of its messages. A folder of the user's own messages has no release.
+    Nothing is inferred for embedded definitions, which have all of their tags. Messages of other packages get enums by
+    name.
     """
 
     def __init__(self, sources: Sources) -> None:
@@ -62,8 +66,19 @@ class Inference:
 
     def field(self, message: Message, field: Field) -> Field:
         """Return a field of `message` with the tags that can be inferred for it."""
-        if message.location.path not in self._own:
+        if message.location.path in self._complete:
             return field
+        own = field.comment
+        inferred = self._of_firmware(message, field) if message.location.path in self._own else ()
+        if not own.tag(ENUM.name) and all(tag.name != ENUM.name for tag in inferred):
+            prefix = enum_by_name(message, field)
+            inferred += (InferredTag(ENUM.name, prefix, "name"),) if prefix else ()
+        if not inferred:
+            return field
+        return field._replace(comment=Comment(own.text, own.unit, own.tags, inferred))
+
+    def _of_firmware(self, message: Message, field: Field) -> tuple[InferredTag, ...]:
+        """Return the tags that sentences and an embedded release have for a field of the firmware."""
         own = field.comment
         prose = "" if own.unit else _unit_in_sentences(message, field)
         unit = own.unit or prose
@@ -71,9 +86,7 @@ class Inference:
         embedded = self._embedded(message, field)
         if embedded and not (unit and _has_other_unit(unit, embedded)):
             inferred += tuple(tag for tag in embedded if not (unit if tag.name == UNIT.name else own.tag(tag.name)))
-        if not inferred:
-            return field
-        return field._replace(comment=Comment(own.text, own.unit, own.tags, inferred))
+        return tuple(tag for tag in inferred if tag.name != ENUM.name or constant_prefixes(message, tag.content))
 
     def _embedded(self, message: Message, field: Field) -> tuple[InferredTag, ...]:
         """Return the tags of the embedded field, none if no release has it."""
@@ -101,11 +114,18 @@ class Inference:
 
     @cached_property
     def _own(self) -> frozenset[str]:
-        """The paths of the firmware's definitions that are not embedded."""
+        """The paths of the firmware's definitions."""
+        sources = self._sources
+        files = (*sources.messages, *sources.services, *sources.archived)
+        return frozenset(file.path for file in files if not file.package)
+
+    @cached_property
+    def _complete(self) -> frozenset[str]:
+        """The paths of embedded definitions, which have all of their tags."""
         sources = self._sources
         embedded = sources.root if sources.embedded else None
         files = (*sources.messages, *sources.services, *sources.archived)
-        return frozenset(file.path for file in files if not file.package and file.tree is not embedded)
+        return frozenset(file.path for file in files if embedded is not None and file.tree is embedded)
 
     @cached_property
     def _order(self) -> tuple[str, ...]:

@@ -39,7 +39,7 @@ _DAMAGED = (
 dictionary of any size (MemoryError). RecursionError is a RuntimeError."""
 
 _UNPACKERS: dict[bytes, Callable[[str], object]] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
-"""The functions that open compressed files, by the first bytes of these."""
+"""The functions that open compressed files, by the first bytes of the files."""
 
 _TAR_BLOCK = 512
 _CHUNK = 2**20

@@ -14,6 +14,7 @@ from msggen.disk.output import OutputPlan, locked_output, plan_output, write_out
 from msggen.disk.record import read_record
 from msggen.firmware.digest import digest_inputs
 from msggen.firmware.sources import Sources, read_files
+from msggen.location import Location
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -90,7 +91,10 @@ class Build:
             raise input_error("--output", "S125", f"{text}: choose a shorter --output or --package", 0)
         long = dict(too_long(self.folder, files))
         if long:
-            raise InputError(Diagnostic(place, "S125", long[name]) for name, place in locations(catalog, long))
+            known = dict(locations(catalog, long))
+            raise InputError(
+                Diagnostic(known.get(name, Location("--output", 0)), "S125", text) for name, text in long.items()
+            )
 
     def _is_current(self) -> bool:
         return self.last.matches(self.folder, self.record, self.inputs)

@@ -148,7 +148,7 @@ class _Reader:
         self._branches: list[tuple[str, str]] = []
         """For each open `if`, two conditions: no earlier branch is taken, and the current branch is taken."""
         self._open: dict[str, int] = {}
-        """How many of the branches have each condition."""
+        """The number of branches with each condition."""
         self._functions = 0
         self._work = 0
 

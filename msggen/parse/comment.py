@@ -42,6 +42,18 @@ def parse_comment(lines: Sequence[str]) -> Comment:
     return Comment("\n".join(text).strip(), unit, tuple(found))
 
 
+def parse_constant_comment(lines: Sequence[str]) -> Comment:
+    """Return the comment of a constant. Tags after a `|` stay in the text: they belong to parameters of a command.
+
+    `# Take off. |Unused|Unused|Unused|[deg] Heading|...` documents the parameters of VEHICLE_CMD_NAV_TAKEOFF.
+    """
+    own, bar, parameters = "\n".join(lines).partition("|")
+    if not bar:
+        return parse_comment(lines)
+    comment = parse_comment(own.split("\n"))
+    return comment._replace(text=f"{comment.text} |{parameters}".strip())
+
+
 def _place(tag: tuple[str, str]) -> int:
     """Return the position of a tag for sorting. Tags with unknown names come last."""
     return _PLACES.get(tag[0], len(_PLACES))

@@ -18,7 +18,7 @@ _MAX_WORK = 500_000
 _MAX_DEPTH = 20
 _SPLICE = re.compile(r"\\\r?\n")
 _JOINED = "\v"
-"""White space in place of a splice, which is counted as a line but does not end one."""
+"""White space in place of a splice, which is counted as a line but does not end one. The text has no other `\\v`."""
 _TOKEN = re.compile(
     r"""\s+|//[^\n]*|/\*.*?(?:\*/|\Z)
     |(?P<directive>\#[^\n]*)
@@ -102,7 +102,7 @@ class _Preprocessor:
     def tokens(self, text: str) -> list[str]:
         found: list[str] = []
         code: list[str] = []
-        for token in self._split(_SPLICE.sub(_JOINED, text)):
+        for token in self._split(_SPLICE.sub(_JOINED, text.replace(_JOINED, " "))):
             if not token.startswith("#"):
                 code.append(token)
                 continue

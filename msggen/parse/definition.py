@@ -20,7 +20,7 @@ from msggen.model import (
     Topic,
     snake_case,
 )
-from msggen.parse.comment import parse_comment
+from msggen.parse.comment import parse_comment, parse_constant_comment
 from msggen.parse.field_type import MESSAGE_NAME, NAME_IN_PX4, TypeSpellingError, parse_type
 from msggen.parse.value import parse_value
 from msggen.primitives import INTEGERS
@@ -242,7 +242,7 @@ class _Body:
             except ValueError as error:
                 self.error("M305", element.line, match.start("value") + 1, f"'{name}': {error}")
                 return
-        comment = parse_comment(element.comment)
+        comment = (parse_constant_comment if is_constant else parse_comment)(element.comment)
         if comment.tags and self.of_uorb:
             self._check_tags(element, comment.tags)
         if is_constant and value is not None:

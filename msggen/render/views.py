@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+from msggen.enumeration import Enumeration, enumerations
 from msggen.identity import Endpoint, Qos, UorbTopic, endpoints, message_hash, type_hash, uorb_topics
 from msggen.layout import Encoding, Layout, Path, is_static, lay_out, struct_size
 from msggen.model import ArrayKind, Catalog, Comment, Constant, Field, Message, Service, Value
@@ -246,13 +247,18 @@ class MessageView(_Definition):
             for name, (offset, size) in first.items()
         }
 
+    @cached_property
+    def _enumerations(self) -> tuple[Enumeration, ...]:
+        return enumerations(self._model)
+
     def _field(self, field: Field) -> FieldView:
         is_nested = not field.type.is_primitive
-        prefix = field.comment.tag("enum")
+        enum = next((each for each in self._enumerations if field.name in each.fields), None)
+        values = {member.constant.name for member in enum.members} if enum else set()
         return FieldView(
             _model=field,
             message=self._views.message(self._views.model.nested(self._model, field.type)) if is_nested else None,
-            enum_constants=tuple(found for found in self.constants if prefix and found.name.startswith(f"{prefix}_")),
+            enum_constants=tuple(found for found in self.constants if found.name in values),
             **self._places.get(field.name, {}),
         )
 
@@ -328,7 +334,7 @@ class FieldView(_Described):
     message: MessageView | None
     """The nested message; None for primitives."""
     enum_constants: tuple[ConstantView, ...]
-    """The constants that are values of the field: those whose names begin with the prefix in `[@enum PREFIX]`."""
+    """The constants that are values of the field, or numbers or masks of its bits."""
     offset: int | None = None
     """The offset of its first value in XCDR1, from the end of the header."""
     size: int | None = None

@@ -80,8 +80,9 @@ class Site:
     @cached_property
     def enums(self) -> tuple[Enum, ...]:
         """The enums of all messages."""
-        halves = [half for service in self.services for half in (service.request, service.response)]
-        return tuple(enum for message in (*self.messages, *halves) for enum in enums_of(message))
+        halves = [half for service in self.catalog.services for half in (service.request, service.response)]
+        messages = sorted(self.catalog.messages.values(), key=lambda message: message.package != self.catalog.package)
+        return tuple(enum for each in (*messages, *halves) for enum in enums_of(each, self.views.message(each)))
 
     @cached_property
     def graph(self) -> Graph:
@@ -152,7 +153,7 @@ class Site:
 
     def others_of(self, message: MessageView) -> tuple[object, ...]:
         """Return the constants of `message` that are in no enum."""
-        members = {member for enum in self.enums_of(message) for member in enum.members}
+        members = {member.constant for enum in self.enums_of(message) for member in enum.members}
         return tuple(constant for constant in message.constants if constant not in members)
 
     def rows_of(self, message: MessageView) -> tuple[Row, ...]:
@@ -266,7 +267,7 @@ class Site:
             stem = re.sub(r"\W+", ".", stable.strip("/"), flags=re.ASCII)
             yield Page(f"topic/{stem}", endpoint.ros_name, "topic", endpoint, endpoint.message.name)
         for enum in self.enums:
-            fields = ", ".join(value.name for value in enum.fields)
+            fields = ", ".join(value.name for value in enum.fields) or "a parameter"
             yield Page(f"enum/{enum.full_name}", enum.full_name, "enum", enum, f"values of {fields}")
 
 

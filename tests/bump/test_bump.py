@@ -20,8 +20,8 @@ import pytest
 from msggen.bump.edits import plan_bump
 from msggen.bump.header import ros_file, with_include
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.cli.options import INTERRUPTED
 from msggen.diagnostics import CODES
+from msggen.exit_codes import INTERRUPTED
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.embedded import embedded_tree
 from msggen.firmware.history import read_history

@@ -172,6 +172,36 @@ def test_a_depfile_replaces_only_a_depfile(name: str, capsys: pytest.CaptureFixt
     }
 
 
+@pytest.mark.parametrize(
+    "name", [str(PACKAGE / "__init__.py"), str(PACKAGE / "more/types.d"), str(PACKAGE), "generated"]
+)
+def test_a_depfile_that_overlaps_with_the_package_is_refused_before_anything_is_written(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    definitions("Rpm")
+    assert build("--depfile", name) == 2
+    assert capsys.readouterr().err.startswith(f"{name}: S123 this overlaps with {PACKAGE}, an output of this run")
+    assert os.listdir() == ["in"]
+
+
+@pytest.mark.parametrize("name", ["out/rpm.h", "out/rpm.h/deps.d", "out"])
+def test_a_depfile_that_overlaps_with_a_rendered_file_is_refused(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    definitions("Rpm")
+    Path("any.h.j2").write_text("{{ message.name }}\n")
+    assert main(["render", "--px4", "in", "--template", "any.h.j2", "-o", "out", "--depfile", name]) == 2
+    assert capsys.readouterr().err.startswith(f"{name}: S123 this overlaps with out/rpm.h, an output of this run")
+    assert not Path("out").exists()
+
+
+def test_a_depfile_that_overlaps_through_a_link_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    definitions("Rpm")
+    Path("generated").mkdir()
+    Path("link").symlink_to("generated")
+    assert build("--depfile", "link/px4_types/__init__.py") == 2
+    assert "S123 this overlaps with generated/px4_types" in capsys.readouterr().err
+    assert os.listdir("generated") == []
+
+
 def test_an_empty_file_and_an_earlier_depfile_are_replaced() -> None:
     definitions("Rpm")
     Path("types.d").touch()
@@ -254,6 +284,19 @@ def test_an_output_with_a_long_name_is_refused(output: tuple[str, str], capsys: 
     shown = capsys.readouterr().err
     assert shown.startswith("--output: S125 ")
     assert len(shown.splitlines()[0]) < 200
+    assert os.listdir() == ["in"]
+
+
+def test_a_path_that_is_too_long_only_for_a_file_of_no_definition_is_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    definitions("Rpm")
+    folder = "/".join(["p" * 200] * 20)
+    folder += "/" + "p" * (4095 - len("//px4_types/encapsulation") - len(folder))
+    assert build("-o", folder) == 2
+    shown = capsys.readouterr().err
+    assert shown.startswith("--output: S125 the path 'ppp")
+    assert "has 4098 bytes, the limit of the system is 4095" in shown
     assert os.listdir() == ["in"]
 
 

@@ -23,9 +23,9 @@ from typing import Any, NamedTuple
 import pytest
 
 from msggen.cli import main
-from msggen.cli.options import INTERRUPTED
 from msggen.disk import swap
 from msggen.disk.staging import staging_folder
+from msggen.exit_codes import INTERRUPTED
 from support.catalogs import write_definitions
 from support.repository import ROOT, shared
 

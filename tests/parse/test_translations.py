@@ -853,3 +853,18 @@ struct T {
         (False, ("i",), 3),
         (True, ("i",), 3),
     ]
+
+
+@pytest.mark.parametrize("character", "\v\f\r\t\x85\u2028")
+def test_only_line_feeds_begin_a_line(character: str) -> None:
+    text = f"""{character * 5}
+struct T {{
+	using MessageOlder = px4_msgs_old::msg::AV0;{character}
+	using MessageNewer = px4_msgs::msg::A;
+	static void fromOlder(const MessageOlder &from, MessageNewer &to) {{
+		to.b = from.b;
+	}}
+}};
+"""
+    [found] = read_classes(text)
+    assert {each.line for each in found.references} == {6}

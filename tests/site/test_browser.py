@@ -95,7 +95,7 @@ def test_a_reader_clicks_from_the_first_page_to_a_field(browser: Chrome, folder:
     assert place(browser) == "VehicleStatus.html#nav_state"
     assert find("tr:target code").text == "uint8"
     find("tr:target a[href*='enum/']").click()
-    assert find("h1").text == "VehicleStatus.NAVIGATION_STATE"
+    assert find("h1").text == "VehicleStatus.NavigationState"
     browser.back()
     assert place(browser) == "VehicleStatus.html#nav_state"
 
@@ -165,7 +165,7 @@ def test_light_and_dark_follow_the_system_until_the_button_is_pressed(browser: C
 
 PAGES = (
     *("index", "messages", "topics", "enums", "nesting", "msg/EscStatus", "msg/VehicleCommand", "srv/VehicleCommand"),
-    *("topic/fmu.in.aux_global_position", "enum/VehicleStatus.NAVIGATION_STATE", "guide/index"),
+    *("topic/fmu.in.aux_global_position", "enum/VehicleStatus.NavigationState", "guide/index"),
 )
 
 

@@ -143,6 +143,26 @@ def test_long_arrays_are_shortened(site: Site) -> None:
     assert "esc[1] to esc[11]" in {cell.run.label for row in rows for cell in row.cells}
 
 
+# --- Enums
+
+
+def test_a_page_of_an_enum_shows_members_values_and_bits(pages: Mapping[str, Elements]) -> None:
+    text = " ".join(pages["enum/BatteryStatus.Fault.html"].text.split())
+    assert "Bits of faults. A value combines members." in text
+    assert "OVER_CURRENT8FAULT_OVER_CURRENT bit 3Current above the limit." in text.replace(" </td>", "")
+    assert "NAVIGATION_STATE_OFFBOARD" in pages["enum/VehicleStatus.NavigationState.html"].ids
+
+
+def test_a_constant_in_two_enums_has_one_anchor(tmp_path: Path) -> None:
+    text = (
+        "uint64 timestamp\nuint8 a  # [@enum A B]\nuint8 b  # [@enum B]\nuint8 A_X = 0\nuint8 B_X = 0\nuint8 B_Y = 1\n"
+    )
+    files = render_site(Site(catalog_of(tmp_path, {"msg/Two.msg": text}), ""))
+    ids = Elements(files["msg/Two.html"]).ids
+    assert len(ids) == len({*ids})
+    assert list(broken_links(files)) == []
+
+
 # --- Commands
 
 

@@ -159,9 +159,9 @@ def random_expression(chance: Random, length: int | None, *, is_limited: bool = 
     A field that is not limited may have so many elements that no value of many is wrong.
     """
     scalar = chance.choice((*SCALARS, *SCALARS, *INTEGERS, f"np.zeros((), '{chance.choice(NUMPY)}')[()]"))
-    if length is None or chance.random() < 0.1:
-        return scalar if chance.random() < 0.95 else _several(chance, SEVERAL, scalar, 1)
     forms = SEVERAL if is_limited else [text for text in SEVERAL if "10**" not in text and "endless" not in text]
+    if length is None or chance.random() < 0.1:
+        return scalar if chance.random() < 0.95 else _several(chance, forms, scalar, 1)
     return _several(chance, forms, chance.choice((scalar, "0", "1", "0.5", "True", "'a'")), length)
 
 

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q3B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -59,6 +61,40 @@ class ActionRequest(_cdr.Message):
     """Flight mode selector on the transmitter."""
 
     ORB_QUEUE_LENGTH: Final = 4
+
+    class Action(_IntEnum):
+        """Values of `action`."""
+
+        DISARM = 0
+        ARM = 1
+        TOGGLE_ARMING = 2
+
+        UNKILL = 3
+        """Takes back an earlier kill."""
+
+        KILL = 4
+        """Stops all motors at once."""
+
+        SWITCH_MODE = 5
+        """Go to the mode given in the mode field."""
+
+        VTOL_TRANSITION_TO_MULTICOPTER = 6
+        VTOL_TRANSITION_TO_FIXEDWING = 7
+
+        TERMINATION = 8
+        """Failsafe outputs and parachute; cannot be undone."""
+
+    class Source(_IntEnum):
+        """Values of `source`."""
+
+        STICK_GESTURE = 0
+        RC_SWITCH = 1
+
+        RC_BUTTON = 2
+        """Momentary button rather than a latching switch."""
+
+        RC_MODE_SLOT = 3
+        """Flight mode selector on the transmitter."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -117,10 +153,16 @@ class ActionRequest(_cdr.Message):
         message_version=0,
         topics=("action_request",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("action", "uint8", 8, 1, enum="ACTION"),
-            info.Field("source", "uint8", 9, 1, enum="SOURCE"),
-            info.Field("mode", "uint8", 10, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("action", "uint8", 8, 1, enum="ACTION", enum_class="Action"),
+            info.Field(
+                "source", "uint8", 9, 1, enum="SOURCE", enum_class="Source",
+                description="What triggered the request.",
+            ),
+            info.Field(
+                "mode", "uint8", 10, 1,
+                description="Wanted NAVIGATION_STATE_* of VehicleStatus; only read with ACTION_SWITCH_MODE.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 ACTION_DISARM ACTION_ARM ACTION_TOGGLE_ARMING ACTION_UNKILL ACTION_KILL",

@@ -123,14 +123,30 @@ class ActuatorArmed(_cdr.Message):
         message_version=0,
         topics=("actuator_armed",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("armed", "bool", 8, 1),
-            info.Field("prearmed", "bool", 9, 1),
-            info.Field("ready_to_arm", "bool", 10, 1),
-            info.Field("lockdown", "bool", 11, 1),
-            info.Field("kill", "bool", 12, 1),
-            info.Field("termination", "bool", 13, 1),
-            info.Field("in_esc_calibration_mode", "bool", 14, 1),
+            info.Field(
+                "prearmed", "bool", 9, 1,
+                description="Safety is off, so servos may move while the motors stay stopped.",
+            ),
+            info.Field(
+                "ready_to_arm", "bool", 10, 1, description="All conditions for arming are met.",
+            ),
+            info.Field(
+                "lockdown", "bool", 11, 1,
+                description="Outputs are held disarmed, as in hardware-in-the-loop simulation or an emergency.",
+            ),
+            info.Field(
+                "kill", "bool", 12, 1, description="The pilot has engaged the kill switch.",
+            ),
+            info.Field(
+                "termination", "bool", 13, 1,
+                description="Flight termination: outputs go to their failsafe values.",
+            ),
+            info.Field(
+                "in_esc_calibration_mode", "bool", 14, 1,
+                description="ESCs are being calibrated; normal motor and servo commands do not apply.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -79,8 +79,10 @@ class ActuatorControlsStatus(_cdr.Message):
         message_version=0,
         topics=("actuator_controls_status_0", "actuator_controls_status_1"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("control_power", "float32[3]", 8, 12, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "control_power", "float32[3]", 8, 12, unit="-", description="Roll, pitch and yaw.",
+            ),
         ),
         constants=(),
         cls=cls,

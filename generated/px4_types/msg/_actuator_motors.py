@@ -109,11 +109,18 @@ class ActuatorMotors(_cdr.Message):
         message_version=0,
         topics=("actuator_motors",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("reversible_flags", "uint16", 16, 2, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="When the sensor data behind these values was taken.",
+            ),
+            info.Field(
+                "reversible_flags", "uint16", 16, 2, unit="-",
+                description="One bit per motor, lowest bit first. Set where the motor may also spin backwards.",
+            ),
             info.Field(
                 "control", "float32[12]", 20, 48, range="-1, 1", invalid="NaN Stops the motor",
+                description="Thrust per motor. Below zero is reverse, or a stop if the output cannot reverse.",
             ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 ACTUATOR_FUNCTION_MOTOR1 NUM_CONTROLS"),

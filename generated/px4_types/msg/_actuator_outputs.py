@@ -86,9 +86,14 @@ class ActuatorOutputs(_cdr.Message):
         message_version=0,
         topics=("actuator_outputs", "actuator_outputs_sim", "actuator_outputs_debug"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("noutputs", "uint32", 8, 4),
-            info.Field("output", "float32[16]", 12, 64),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "noutputs", "uint32", 8, 4, description="Number of leading entries in use.",
+            ),
+            info.Field(
+                "output", "float32[16]", 12, 64,
+                description="Scale set by the driver, such as PWM pulse width; -1 to 1 for the sim topic.",
+            ),
         ),
         constants=info.constants(cls, "uint8 NUM_ACTUATOR_OUTPUTS NUM_ACTUATOR_OUTPUT_GROUPS"),
         cls=cls,

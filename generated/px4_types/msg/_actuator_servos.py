@@ -105,9 +105,18 @@ class ActuatorServos(_cdr.Message):
         message_version=1,
         topics=("actuator_servos",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("control", "float32[15]", 16, 60, unit="-", range="-1, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="When the gyro data behind this output was sampled.",
+            ),
+            info.Field(
+                "control", "float32[15]", 16, 60, unit="-", range="-1, 1",
+                description=(
+                    "Deflection per servo between its negative and positive end stop. NaN switches the "
+                    "servo to its disarmed value."
+                ),
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 NUM_CONTROLS"),
         cls=cls,

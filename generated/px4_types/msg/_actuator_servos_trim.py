@@ -93,7 +93,7 @@ class ActuatorServosTrim(_cdr.Message):
         message_version=0,
         topics=("actuator_servos_trim",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("trim", "float32[15]", 8, 60, range="-1, 1"),
         ),
         constants=info.constants(cls, "uint8 NUM_CONTROLS"),

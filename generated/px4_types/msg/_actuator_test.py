@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QBxHfI")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -36,6 +38,12 @@ class ActuatorTest(_cdr.Message):
     FUNCTION_SERVO1: Final = 201
     MAX_NUM_SERVOS: Final = 15
     ORB_QUEUE_LENGTH: Final = 16
+
+    class Action(_IntEnum):
+        """Values of `action`."""
+
+        RELEASE_CONTROL = 0
+        DO_CONTROL = 1
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -105,11 +113,26 @@ class ActuatorTest(_cdr.Message):
         message_version=0,
         topics=("actuator_test",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("action", "uint8", 8, 1, enum="ACTION"),
-            info.Field("function", "uint16", 10, 2),
-            info.Field("value", "float32", 12, 4, range="-1, 1"),
-            info.Field("timeout_ms", "uint32", 16, 4, unit="ms"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "action", "uint8", 8, 1, enum="ACTION", enum_class="Action",
+                description="Take over the output, or hand it back.",
+            ),
+            info.Field(
+                "function", "uint16", 10, 2,
+                description="Output to drive: FUNCTION_MOTOR1 or FUNCTION_SERVO1 plus the zero-based number.",
+            ),
+            info.Field(
+                "value", "float32", 12, 4, range="-1, 1",
+                description=(
+                    "Motors: 0 is least thrust, below 0 reverses or stops. Servos: 0 is the centre. NaN "
+                    "disarms the output."
+                ),
+            ),
+            info.Field(
+                "timeout_ms", "uint32", 16, 4, unit="ms",
+                description="The test ends after this time; 0 runs it until released.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 ACTION_RELEASE_CONTROL ACTION_DO_CONTROL FUNCTION_MOTOR1 MAX_NUM_MOTORS",

@@ -103,12 +103,22 @@ class AdcReport(_cdr.Message):
         message_version=0,
         topics=("adc_report",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("device_id", "uint32", 8, 4, unit="-"),
-            info.Field("channel_id", "int16[16]", 12, 32, unit="-", invalid="-1"),
-            info.Field("raw_data", "int32[16]", 44, 64, unit="-"),
-            info.Field("resolution", "uint32", 108, 4, unit="-"),
-            info.Field("v_ref", "float32", 112, 4, unit="V"),
+            info.Field(
+                "channel_id", "int16[16]", 12, 32, unit="-", invalid="-1",
+                description="Entries below zero are empty.",
+            ),
+            info.Field(
+                "raw_data", "int32[16]", 44, 64, unit="-", description="Counts, may be negative.",
+            ),
+            info.Field(
+                "resolution", "uint32", 108, 4, unit="-", description="Counts at full scale.",
+            ),
+            info.Field(
+                "v_ref", "float32", 112, 4, unit="V",
+                description="Reference voltage; v_ref / resolution is the size of one count.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -99,8 +99,10 @@ class Airspeed(_cdr.Message):
         message_version=0,
         topics=("airspeed",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the measurement was taken.",
+            ),
             info.Field("indicated_airspeed_m_s", "float32", 16, 4, unit="m/s"),
             info.Field("true_airspeed_m_s", "float32", 20, 4, unit="m/s"),
             info.Field("confidence", "float32", 24, 4, range="0,1"),

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q3fb3x5f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -59,6 +61,27 @@ class AirspeedValidated(_cdr.Message):
 
     SOURCE_SYNTHETIC: Final = 4
     """Modelled from throttle, without a sensor."""
+
+    class Source(_IntEnum):
+        """Values of `airspeed_source`."""
+
+        DISABLED = -1
+        """No airspeed is in use."""
+
+        GROUND_MINUS_WIND = 0
+        """Derived from GNSS velocity and the wind estimate."""
+
+        SENSOR_1 = 1
+        """First airspeed sensor."""
+
+        SENSOR_2 = 2
+        """Second airspeed sensor."""
+
+        SENSOR_3 = 3
+        """Third airspeed sensor."""
+
+        SYNTHETIC = 4
+        """Modelled from throttle, without a sensor."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -166,20 +189,46 @@ class AirspeedValidated(_cdr.Message):
         message_version=1,
         topics=("airspeed_validated",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("indicated_airspeed_m_s", "float32", 8, 4, unit="m/s", invalid="NaN"),
-            info.Field("calibrated_airspeed_m_s", "float32", 12, 4, unit="m/s", invalid="NaN"),
-            info.Field("true_airspeed_m_s", "float32", 16, 4, unit="m/s", invalid="NaN"),
-            info.Field("airspeed_source", "int8", 20, 1, enum="SOURCE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "indicated_airspeed_m_s", "float32", 8, 4, unit="m/s", invalid="NaN",
+                description="Airspeed as the pitot tube shows it, before the sensor scale correction.",
+            ),
+            info.Field(
+                "calibrated_airspeed_m_s", "float32", 12, 4, unit="m/s", invalid="NaN",
+                description=(
+                    "Indicated airspeed after the scale correction. The fixed-wing controllers work with "
+                    "this one."
+                ),
+            ),
+            info.Field(
+                "true_airspeed_m_s", "float32", 16, 4, unit="m/s", invalid="NaN",
+                description="Actual speed relative to the air mass: calibrated airspeed corrected for air density.",
+            ),
+            info.Field(
+                "airspeed_source", "int8", 20, 1, enum="SOURCE", enum_class="Source",
+                description="Where the three airspeeds above come from.",
+            ),
             info.Field(
                 "calibrated_ground_minus_wind_m_s", "float32", 24, 4, unit="m/s", invalid="NaN",
+                description="Fallback airspeed from ground velocity and a wind estimate that assumes no sideslip.",
             ),
             info.Field(
                 "calibraded_airspeed_synth_m_s", "float32", 28, 4, unit="m/s", invalid="NaN",
+                description="Fallback airspeed modelled from throttle. The spelling of the name is the firmware's.",
             ),
-            info.Field("airspeed_derivative_filtered", "float32", 32, 4, unit="m/s^2"),
-            info.Field("throttle_filtered", "float32", 36, 4, unit="-"),
-            info.Field("pitch_filtered", "float32", 40, 4, unit="rad"),
+            info.Field(
+                "airspeed_derivative_filtered", "float32", 32, 4, unit="m/s^2",
+                description="Low-passed rate of change of the indicated airspeed, for the plausibility checks.",
+            ),
+            info.Field(
+                "throttle_filtered", "float32", 36, 4, unit="-",
+                description="Low-passed throttle of forward flight, for the plausibility checks.",
+            ),
+            info.Field(
+                "pitch_filtered", "float32", 40, 4, unit="rad",
+                description="Low-passed pitch angle, for the plausibility checks.",
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",

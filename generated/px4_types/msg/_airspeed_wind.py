@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("2Q11fB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -52,6 +54,21 @@ class AirspeedWind(_cdr.Message):
 
     SOURCE_AS_SENSOR_3: Final = 3
     """Sideslip plus third airspeed sensor."""
+
+    class Source(_IntEnum):
+        """Values of `source`."""
+
+        AS_BETA_ONLY = 0
+        """No airspeed, only the zero-sideslip assumption."""
+
+        AS_SENSOR_1 = 1
+        """Sideslip plus first airspeed sensor."""
+
+        AS_SENSOR_2 = 2
+        """Sideslip plus second airspeed sensor."""
+
+        AS_SENSOR_3 = 3
+        """Sideslip plus third airspeed sensor."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -170,8 +187,11 @@ class AirspeedWind(_cdr.Message):
         message_version=0,
         topics=("airspeed_wind",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="When the measurements were taken.",
+            ),
             info.Field("windspeed_north", "float32", 16, 4, unit="m/s"),
             info.Field("windspeed_east", "float32", 20, 4, unit="m/s"),
             info.Field(
@@ -180,14 +200,20 @@ class AirspeedWind(_cdr.Message):
             info.Field(
                 "variance_east", "float32", 28, 4, unit="(m/s)^2", invalid="0 if not estimated",
             ),
-            info.Field("tas_innov", "float32", 32, 4, unit="m/s"),
+            info.Field("tas_innov", "float32", 32, 4, unit="m/s", description="True airspeed."),
             info.Field("tas_innov_var", "float32", 36, 4, unit="m/s"),
-            info.Field("tas_scale_raw", "float32", 40, 4, unit="-"),
+            info.Field(
+                "tas_scale_raw", "float32", 40, 4, unit="-",
+                description="Current scale estimate, before it is accepted.",
+            ),
             info.Field("tas_scale_raw_var", "float32", 44, 4, unit="-"),
-            info.Field("tas_scale_validated", "float32", 48, 4, unit="-"),
-            info.Field("beta_innov", "float32", 52, 4, unit="rad"),
+            info.Field(
+                "tas_scale_validated", "float32", 48, 4, unit="-",
+                description="Last scale that passed the checks.",
+            ),
+            info.Field("beta_innov", "float32", 52, 4, unit="rad", description="Sideslip."),
             info.Field("beta_innov_var", "float32", 56, 4, unit="rad^2"),
-            info.Field("source", "uint8", 60, 1, enum="SOURCE"),
+            info.Field("source", "uint8", 60, 1, enum="SOURCE", enum_class="Source"),
         ),
         constants=info.constants(
             cls, "uint8 SOURCE_AS_BETA_ONLY SOURCE_AS_SENSOR_1 SOURCE_AS_SENSOR_2 SOURCE_AS_SENSOR_3",

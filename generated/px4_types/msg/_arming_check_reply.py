@@ -7,11 +7,13 @@ from ._event import Event
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout(
     "Q3B4?BQIH25sBQIH25sBQIH25sBQIH25sBQIH25sB11?", xcdr2="Q8B4xQIH25sBQIH25sBQIH25sBQIH25sBQIH25s12B",
@@ -57,6 +59,12 @@ class ArmingCheckReply(_cdr.Message):
     """No health component is reported."""
 
     ORB_QUEUE_LENGTH: Final = 8
+
+    class HealthComponentIndex(_IntEnum):
+        """Values of `health_component_index`."""
+
+        NONE = 0
+        """No health component is reported."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -261,27 +269,91 @@ class ArmingCheckReply(_cdr.Message):
         message_version=1,
         topics=("arming_check_reply",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("request_id", "uint8", 8, 1, unit="-"),
-            info.Field("registration_id", "uint8", 9, 1, unit="-"),
-            info.Field("health_component_index", "uint8", 10, 1, enum="HEALTH_COMPONENT_INDEX"),
-            info.Field("health_component_is_present", "bool", 11, 1),
-            info.Field("health_component_warning", "bool", 12, 1),
-            info.Field("health_component_error", "bool", 13, 1),
-            info.Field("can_arm_and_run", "bool", 14, 1),
-            info.Field("num_events", "uint8", 15, 1),
-            info.Field("events", "Event[5]", 16, 200),
-            info.Field("mode_req_angular_velocity", "bool", 216, 1),
-            info.Field("mode_req_attitude", "bool", 217, 1),
-            info.Field("mode_req_local_alt", "bool", 218, 1),
-            info.Field("mode_req_local_position", "bool", 219, 1),
-            info.Field("mode_req_local_position_relaxed", "bool", 220, 1),
-            info.Field("mode_req_global_position", "bool", 221, 1),
-            info.Field("mode_req_global_position_relaxed", "bool", 222, 1),
-            info.Field("mode_req_mission", "bool", 223, 1),
-            info.Field("mode_req_home_position", "bool", 224, 1),
-            info.Field("mode_req_prevent_arming", "bool", 225, 1),
-            info.Field("mode_req_manual_control", "bool", 226, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "request_id", "uint8", 8, 1, unit="-",
+                description="Copied from the request being answered. PX4 ignores replies to older requests.",
+            ),
+            info.Field(
+                "registration_id", "uint8", 9, 1, unit="-",
+                description="Who answers: the arming_check_id handed out in RegisterExtComponentReply.",
+            ),
+            info.Field(
+                "health_component_index", "uint8", 10, 1, enum="HEALTH_COMPONENT_INDEX",
+                enum_class="HealthComponentIndex",
+                description="Health component that the three flags below describe, normally none.",
+            ),
+            info.Field(
+                "health_component_is_present", "bool", 11, 1,
+                description="Reserved for the health report: the component exists.",
+            ),
+            info.Field(
+                "health_component_warning", "bool", 12, 1,
+                description="Reserved for the health report: the component has a warning.",
+            ),
+            info.Field(
+                "health_component_error", "bool", 13, 1,
+                description="Reserved for the health report: the component has failed.",
+            ),
+            info.Field(
+                "can_arm_and_run", "bool", 14, 1,
+                description=(
+                    "True if the component has no objection to arming. For a mode also: it may be selected "
+                    "in flight."
+                ),
+            ),
+            info.Field(
+                "num_events", "uint8", 15, 1, description="How many entries of events are filled in.",
+            ),
+            info.Field(
+                "events", "Event[5]", 16, 200,
+                description=(
+                    "Reasons why arming is refused, forwarded to the ground station. PX4 overwrites the "
+                    "first argument of each."
+                ),
+            ),
+            info.Field(
+                "mode_req_angular_velocity", "bool", 216, 1, description="The mode needs valid body rates.",
+            ),
+            info.Field(
+                "mode_req_attitude", "bool", 217, 1, description="The mode needs a valid attitude.",
+            ),
+            info.Field(
+                "mode_req_local_alt", "bool", 218, 1,
+                description="The mode needs a valid height in the local frame.",
+            ),
+            info.Field(
+                "mode_req_local_position", "bool", 219, 1,
+                description="The mode needs a valid position in the local frame.",
+            ),
+            info.Field(
+                "mode_req_local_position_relaxed", "bool", 220, 1,
+                description="The mode needs a local position, but accepts a less accurate one.",
+            ),
+            info.Field(
+                "mode_req_global_position", "bool", 221, 1,
+                description="The mode needs a valid latitude and longitude.",
+            ),
+            info.Field(
+                "mode_req_global_position_relaxed", "bool", 222, 1,
+                description="The mode needs a global position, but accepts a less accurate one.",
+            ),
+            info.Field(
+                "mode_req_mission", "bool", 223, 1,
+                description="The mode needs a mission stored on the vehicle.",
+            ),
+            info.Field(
+                "mode_req_home_position", "bool", 224, 1,
+                description="The mode needs home to be set, as Return does.",
+            ),
+            info.Field(
+                "mode_req_prevent_arming", "bool", 225, 1,
+                description="The vehicle cannot be armed while the mode is selected, as with Land.",
+            ),
+            info.Field(
+                "mode_req_manual_control", "bool", 226, 1,
+                description="The mode needs stick input from RC or joystick.",
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION", "uint8 HEALTH_COMPONENT_INDEX_NONE ORB_QUEUE_LENGTH",

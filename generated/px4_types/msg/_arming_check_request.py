@@ -85,9 +85,15 @@ class ArmingCheckRequest(_cdr.Message):
         message_version=1,
         topics=("arming_check_request",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("request_id", "uint8", 8, 1, unit="-"),
-            info.Field("valid_registrations_mask", "uint32", 12, 4, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "request_id", "uint8", 8, 1, unit="-",
+                description="Number that a component copies into its reply, which ties the two together.",
+            ),
+            info.Field(
+                "valid_registrations_mask", "uint32", 12, 4, unit="-",
+                description="Bit n is set while registration n exists and keeps answering.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

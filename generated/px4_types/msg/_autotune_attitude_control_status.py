@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q23fB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -72,6 +74,45 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
 
     STATE_WAIT_FOR_DISARM: Final = 16
     """New gains are kept back until the vehicle is disarmed."""
+
+    class State(_IntEnum):
+        """Values of `state`."""
+
+        IDLE = 0
+        INIT = 1
+
+        ROLL_AMPLITUDE_DETECTION = 2
+        """Fixed-wing only: finds a suitable excitation strength."""
+
+        ROLL = 3
+
+        ROLL_PAUSE = 4
+        """Levels the vehicle before the next axis."""
+
+        PITCH_AMPLITUDE_DETECTION = 5
+        """Fixed-wing only."""
+
+        PITCH = 6
+        PITCH_PAUSE = 7
+
+        YAW_AMPLITUDE_DETECTION = 8
+        """Fixed-wing only."""
+
+        YAW = 9
+        YAW_PAUSE = 10
+        VERIFICATION = 11
+        APPLY = 12
+
+        TEST = 13
+        """Flies with the new gains."""
+
+        COMPLETE = 14
+
+        FAIL = 15
+        """Bad model or unstable loop."""
+
+        WAIT_FOR_DISARM = 16
+        """New gains are kept back until the vehicle is disarmed."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -206,21 +247,39 @@ class AutotuneAttitudeControlStatus(_cdr.Message):
         message_version=0,
         topics=("autotune_attitude_control_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("coeff", "float32[5]", 8, 20, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "coeff", "float32[5]", 8, 20, unit="-", description="Identified model, discrete time.",
+            ),
             info.Field("coeff_var", "float32[5]", 28, 20, unit="-"),
-            info.Field("fitness", "float32", 48, 4, unit="-"),
-            info.Field("innov", "float32", 52, 4, unit="rad/s"),
-            info.Field("dt_model", "float32", 56, 4, unit="s"),
-            info.Field("kc", "float32", 60, 4, unit="-"),
-            info.Field("ki", "float32", 64, 4, unit="-"),
-            info.Field("kd", "float32", 68, 4, unit="-"),
-            info.Field("kff", "float32", 72, 4, unit="-"),
-            info.Field("att_p", "float32", 76, 4, unit="-"),
-            info.Field("rate_sp", "float32[3]", 80, 12, unit="rad/s"),
-            info.Field("u_filt", "float32", 92, 4, unit="-"),
-            info.Field("y_filt", "float32", 96, 4, unit="rad/s"),
-            info.Field("state", "uint8", 100, 1, enum="STATE"),
+            info.Field(
+                "fitness", "float32", 48, 4, unit="-", description="How well the model fits.",
+            ),
+            info.Field(
+                "innov", "float32", 52, 4, unit="rad/s", description="Measured minus predicted output.",
+            ),
+            info.Field(
+                "dt_model", "float32", 56, 4, unit="s", description="Time step of the model.",
+            ),
+            info.Field("kc", "float32", 60, 4, unit="-", description="Rate loop, proportional."),
+            info.Field("ki", "float32", 64, 4, unit="-", description="Rate loop, integral."),
+            info.Field("kd", "float32", 68, 4, unit="-", description="Rate loop, derivative."),
+            info.Field("kff", "float32", 72, 4, unit="-", description="Rate loop, feedforward."),
+            info.Field(
+                "att_p", "float32", 76, 4, unit="-", description="Attitude loop, proportional.",
+            ),
+            info.Field(
+                "rate_sp", "float32[3]", 80, 12, unit="rad/s", description="Excitation for the controllers.",
+            ),
+            info.Field(
+                "u_filt", "float32", 92, 4, unit="-",
+                description="Model input: normalized torque after filtering.",
+            ),
+            info.Field(
+                "y_filt", "float32", 96, 4, unit="rad/s",
+                description="Model output: body rate after filtering.",
+            ),
+            info.Field("state", "uint8", 100, 1, enum="STATE", enum_class="State"),
         ),
         constants=info.constants(
             cls, "uint8 STATE_IDLE STATE_INIT STATE_ROLL_AMPLITUDE_DETECTION STATE_ROLL STATE_ROLL_PAUSE",

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("2Q2B6x2d3fB", xcdr2="2Q2B2x2Q3IB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -56,6 +58,28 @@ class AuxGlobalPosition(_cdr.Message):
 
     SOURCE_LEO: Final = 7
     """Satellites in low orbit."""
+
+    class Source(_IntEnum):
+        """Values of `source`."""
+
+        UNKNOWN = 0
+        GNSS = 1
+        VISION = 2
+
+        PSEUDOLITES = 3
+        """Transmitters on the ground."""
+
+        TERRAIN = 4
+        """Terrain matching."""
+
+        MAGNETIC = 5
+        """Map of the magnetic field."""
+
+        ESTIMATOR = 6
+        """Another estimator."""
+
+        LEO = 7
+        """Satellites in low orbit."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -150,16 +174,35 @@ class AuxGlobalPosition(_cdr.Message):
         message_version=1,
         topics=("aux_global_position",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("id", "uint8", 16, 1, unit="-"),
-            info.Field("source", "uint8", 17, 1, enum="SOURCE"),
-            info.Field("lat", "float64", 24, 8, unit="deg"),
-            info.Field("lon", "float64", 32, 8, unit="deg"),
-            info.Field("alt", "float32", 40, 4, unit="m", invalid="NaN"),
-            info.Field("eph", "float32", 44, 4, unit="m", invalid="NaN"),
-            info.Field("epv", "float32", 48, 4, unit="m", invalid="NaN"),
-            info.Field("lat_lon_reset_counter", "uint8", 52, 1, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the position was measured.",
+            ),
+            info.Field(
+                "id", "uint8", 16, 1, unit="-",
+                description="Tells the sources apart. Each gets a uORB instance of its own.",
+            ),
+            info.Field(
+                "source", "uint8", 17, 1, enum="SOURCE", enum_class="Source",
+                description="Kind of source, numbered as in MAVLink's GLOBAL_POSITION_SRC.",
+            ),
+            info.Field("lat", "float64", 24, 8, unit="deg", description="WGS84."),
+            info.Field("lon", "float64", 32, 8, unit="deg", description="WGS84."),
+            info.Field(
+                "alt", "float32", 40, 4, unit="m", invalid="NaN", description="Altitude AMSL.",
+            ),
+            info.Field(
+                "eph", "float32", 44, 4, unit="m", invalid="NaN",
+                description="Horizontal standard deviation. EKF2 assumes at least its noise parameter.",
+            ),
+            info.Field(
+                "epv", "float32", 48, 4, unit="m", invalid="NaN",
+                description="Vertical standard deviation. EKF2 assumes at least its noise parameter.",
+            ),
+            info.Field(
+                "lat_lon_reset_counter", "uint8", 52, 1, unit="-",
+                description="Goes up by one whenever the source jumps to another position.",
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",

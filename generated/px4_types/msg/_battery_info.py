@@ -82,9 +82,14 @@ class BatteryInfo(_cdr.Message):
         message_version=0,
         topics=("battery_info",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("id", "uint8", 8, 1),
-            info.Field("serial_number", "char[32]", 9, 32, invalid="0 All bytes"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "id", "uint8", 8, 1, description="Same as the id of this pack's BatteryStatus.",
+            ),
+            info.Field(
+                "serial_number", "char[32]", 9, 32, invalid="0 All bytes",
+                description="ASCII text, ended by a zero byte.",
+            ),
         ),
         constants=(),
         cls=cls,

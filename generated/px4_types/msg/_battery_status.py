@@ -6,11 +6,15 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("Q?3x8f3Bx6HBxH15f2?BxH2x2fH2x8f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -123,6 +127,78 @@ class BatteryStatus(_cdr.Message):
 
     FAULT_COUNT: Final = 11
     """Number of fault bits, not a fault."""
+
+    class Source(_IntEnum):
+        """Values of `source`."""
+
+        POWER_MODULE = 0
+        """Voltage and current sensed by the autopilot's power module."""
+
+        EXTERNAL = 1
+        """Reported from outside, for example over MAVLink or CAN."""
+
+        ESCS = 2
+        """Added up from ESC telemetry."""
+
+    class WarningState(_IntEnum):
+        """Values of `warning`."""
+
+        WARNING_NONE = 0
+        """Nothing to report."""
+
+        WARNING_LOW = 1
+        """Charge is low, plan the return."""
+
+        WARNING_CRITICAL = 2
+        """Charge is critical, return now."""
+
+        WARNING_EMERGENCY = 3
+        """Nearly empty, land where you are."""
+
+        WARNING_FAILED = 4
+        """The pack does not work any more."""
+
+        STATE_UNHEALTHY = 6
+        """The pack reports a defect and should not be flown, see faults."""
+
+        STATE_CHARGING = 7
+        """On the charger."""
+
+    class Fault(_IntFlag):
+        """Flags of `faults`. The constants FAULT_* are bit numbers."""
+
+        DEEP_DISCHARGE = 1
+        """Drained below the safe level."""
+
+        SPIKES = 2
+        """Voltage peaks, or voltage too high."""
+
+        CELL_FAIL = 4
+        """At least one bad cell."""
+
+        OVER_CURRENT = 8
+        """Current above the limit."""
+
+        OVER_TEMPERATURE = 16
+        """Too hot."""
+
+        UNDER_TEMPERATURE = 32
+        """Too cold."""
+
+        INCOMPATIBLE_VOLTAGE = 64
+        """Voltage does not suit the vehicle or the other packs on its rail."""
+
+        INCOMPATIBLE_FIRMWARE = 128
+        """Software of pack and autopilot do not go together."""
+
+        INCOMPATIBLE_MODEL = 256
+        """Unsupported type of pack."""
+
+        HARDWARE_FAILURE = 512
+        """Electronics of the pack are broken."""
+
+        FAILED_TO_ARM = 1024
+        """The pack did not get ready for flight."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -397,44 +473,155 @@ class BatteryStatus(_cdr.Message):
         message_version=1,
         topics=("battery_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("connected", "bool", 8, 1),
-            info.Field("voltage_v", "float32", 12, 4, unit="V", invalid="0"),
-            info.Field("current_a", "float32", 16, 4, unit="A", invalid="-1"),
-            info.Field("current_average_a", "float32", 20, 4, unit="A", invalid="-1"),
-            info.Field("discharged_mah", "float32", 24, 4, unit="mAh", invalid="-1"),
-            info.Field("remaining", "float32", 28, 4, range="0,1", invalid="-1"),
-            info.Field("scale", "float32", 32, 4, unit="-", range="1,", invalid="-1"),
-            info.Field("time_remaining_s", "float32", 36, 4, unit="s", invalid="NaN"),
-            info.Field("temperature", "float32", 40, 4, unit="degC", invalid="NaN"),
-            info.Field("cell_count", "uint8", 44, 1, unit="-", invalid="0"),
-            info.Field("source", "uint8", 45, 1, enum="SOURCE"),
-            info.Field("priority", "uint8", 46, 1, unit="-"),
-            info.Field("capacity", "uint16", 48, 2, unit="mAh"),
-            info.Field("cycle_count", "uint16", 50, 2, unit="-"),
-            info.Field("average_time_to_empty", "uint16", 52, 2, unit="minutes"),
-            info.Field("manufacture_date", "uint16", 54, 2, unit="-"),
-            info.Field("state_of_health", "uint16", 56, 2, unit="%", range="0, 100"),
-            info.Field("max_error", "uint16", 58, 2, unit="%", range="1, 100"),
-            info.Field("id", "uint8", 60, 1, unit="-"),
-            info.Field("interface_error", "uint16", 62, 2, unit="-"),
-            info.Field("voltage_cell_v", "float32[14]", 64, 56, unit="V", invalid="0"),
-            info.Field("max_cell_voltage_delta", "float32", 120, 4, unit="V"),
-            info.Field("is_powering_off", "bool", 124, 1),
-            info.Field("is_required", "bool", 125, 1),
-            info.Field("warning", "uint8", 126, 1, enum="WARNING STATE"),
-            info.Field("faults", "uint16", 128, 2, enum="FAULT"),
-            info.Field("full_charge_capacity_wh", "float32", 132, 4, unit="Wh"),
-            info.Field("remaining_capacity_wh", "float32", 136, 4, unit="Wh", invalid="NaN"),
-            info.Field("over_discharge_count", "uint16", 140, 2, unit="-"),
-            info.Field("nominal_voltage", "float32", 144, 4, unit="V", invalid="NaN"),
-            info.Field("internal_resistance_estimate", "float32", 148, 4, unit="Ohm"),
-            info.Field("ocv_estimate", "float32", 152, 4, unit="V"),
-            info.Field("ocv_estimate_filtered", "float32", 156, 4, unit="V"),
-            info.Field("volt_based_soc_estimate", "float32", 160, 4, unit="-", range="0, 1"),
-            info.Field("voltage_prediction", "float32", 164, 4, unit="V"),
-            info.Field("prediction_error", "float32", 168, 4, unit="V"),
-            info.Field("estimation_covariance_norm", "float32", 172, 4, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "connected", "bool", 8, 1,
+                description="True while a pack is detected. Power modules conclude it from the voltage.",
+            ),
+            info.Field(
+                "voltage_v", "float32", 12, 4, unit="V", invalid="0",
+                description="Measured voltage of the whole pack.",
+            ),
+            info.Field(
+                "current_a", "float32", 16, 4, unit="A", invalid="-1",
+                description="Current drawn from the pack right now.",
+            ),
+            info.Field(
+                "current_average_a", "float32", 20, 4, unit="A", invalid="-1",
+                description=(
+                    "Slowly filtered current behind time_remaining_s. On fixed wings it updates only in "
+                    "level flight."
+                ),
+            ),
+            info.Field(
+                "discharged_mah", "float32", 24, 4, unit="mAh", invalid="-1",
+                description="Charge taken out so far.",
+            ),
+            info.Field(
+                "remaining", "float32", 28, 4, range="0,1", invalid="-1",
+                description="State of charge, 1 is full.",
+            ),
+            info.Field(
+                "scale", "float32", 32, 4, unit="-", range="1,", invalid="-1",
+                description="Factor to multiply thrust by so that a sagging voltage does not weaken the motors.",
+            ),
+            info.Field(
+                "time_remaining_s", "float32", 36, 4, unit="s", invalid="NaN",
+                description="Time until empty if the average load stays as it was.",
+            ),
+            info.Field(
+                "temperature", "float32", 40, 4, unit="degC", invalid="NaN",
+                description="Temperature inside or at the pack.",
+            ),
+            info.Field(
+                "cell_count", "uint8", 44, 1, unit="-", invalid="0", description="Cells in series.",
+            ),
+            info.Field(
+                "source", "uint8", 45, 1, enum="SOURCE", enum_class="Source",
+                description="Kind of driver that reports this pack.",
+            ),
+            info.Field(
+                "priority", "uint8", 46, 1, unit="-",
+                description="Power input the pack is wired to, counted from 0.",
+            ),
+            info.Field(
+                "capacity", "uint16", 48, 2, unit="mAh", description="Charge the full pack holds.",
+            ),
+            info.Field(
+                "cycle_count", "uint16", 50, 2, unit="-",
+                description="Charge and discharge cycles so far, as counted by a smart battery.",
+            ),
+            info.Field(
+                "average_time_to_empty", "uint16", 52, 2, unit="minutes",
+                description="Smart battery's own forecast of the time left at its average current.",
+            ),
+            info.Field(
+                "manufacture_date", "uint16", 54, 2, unit="-",
+                description="Packed date: bits 0 to 4 day, 5 to 8 month, 9 to 15 years since 1980.",
+            ),
+            info.Field(
+                "state_of_health", "uint16", 56, 2, unit="%", range="0, 100",
+                description="What a full charge holds today compared with the design capacity.",
+            ),
+            info.Field(
+                "max_error", "uint16", 58, 2, unit="%", range="1, 100",
+                description="Uncertainty the smart battery attributes to its state of charge.",
+            ),
+            info.Field(
+                "id", "uint8", 60, 1, unit="-",
+                description="Number of the pack, from 1. Stays the same over the vehicle's life.",
+            ),
+            info.Field(
+                "interface_error", "uint16", 62, 2, unit="-",
+                description="Communication errors with the smart battery so far.",
+            ),
+            info.Field(
+                "voltage_cell_v", "float32[14]", 64, 56, unit="V", invalid="0",
+                description="Voltage of each cell, unused entries 0.",
+            ),
+            info.Field(
+                "max_cell_voltage_delta", "float32", 120, 4, unit="V",
+                description="Highest minus lowest cell voltage.",
+            ),
+            info.Field(
+                "is_powering_off", "bool", 124, 1,
+                description="True if the pack is about to switch itself off.",
+            ),
+            info.Field(
+                "is_required", "bool", 125, 1,
+                description="True if arming must be refused without this pack.",
+            ),
+            info.Field(
+                "warning", "uint8", 126, 1, enum="WARNING STATE", enum_class="WarningState",
+                description="Worst alarm that applies now. The failsafe reacts to it.",
+            ),
+            info.Field(
+                "faults", "uint16", 128, 2, enum="FAULT", enum_class="Fault",
+                description="Defects of the pack, one bit each. The constants are bit numbers, not masks.",
+            ),
+            info.Field(
+                "full_charge_capacity_wh", "float32", 132, 4, unit="Wh",
+                description="Energy of a full charge, as corrected by the smart battery.",
+            ),
+            info.Field(
+                "remaining_capacity_wh", "float32", 136, 4, unit="Wh", invalid="NaN",
+                description="Energy left, as corrected by the smart battery.",
+            ),
+            info.Field(
+                "over_discharge_count", "uint16", 140, 2, unit="-",
+                description="How often the pack was drained too far.",
+            ),
+            info.Field(
+                "nominal_voltage", "float32", 144, 4, unit="V", invalid="NaN",
+                description="Rated voltage of the pack.",
+            ),
+            info.Field(
+                "internal_resistance_estimate", "float32", 148, 4, unit="Ohm",
+                description="Resistance of one cell, learned in flight from how voltage drops under load.",
+            ),
+            info.Field(
+                "ocv_estimate", "float32", 152, 4, unit="V",
+                description="Pack voltage to expect without load.",
+            ),
+            info.Field(
+                "ocv_estimate_filtered", "float32", 156, 4, unit="V", description="Low-passed ocv_estimate.",
+            ),
+            info.Field(
+                "volt_based_soc_estimate", "float32", 160, 4, unit="-", range="0, 1",
+                description="State of charge judged by the no-load voltage alone.",
+            ),
+            info.Field(
+                "voltage_prediction", "float32", 164, 4, unit="V",
+                description="Pack voltage that the resistance model expects under the present load.",
+            ),
+            info.Field(
+                "prediction_error", "float32", 168, 4, unit="V",
+                description="Measured voltage minus voltage_prediction.",
+            ),
+            info.Field(
+                "estimation_covariance_norm", "float32", 172, 4, unit="-",
+                description="Uncertainty of the resistance model, falls as it converges.",
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",

@@ -81,8 +81,10 @@ class ButtonEvent(_cdr.Message):
         message_version=0,
         topics=("button_event", "safety_button"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("triggered", "bool", 8, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "triggered", "bool", 8, 1, description="Pressed, for the safety switch held long enough.",
+            ),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

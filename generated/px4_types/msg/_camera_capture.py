@@ -125,15 +125,25 @@ class CameraCapture(_cdr.Message):
         message_version=0,
         topics=("camera_capture",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_utc", "uint64", 8, 8, unit="us"),
-            info.Field("seq", "uint32", 16, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_utc", "uint64", 8, 8, unit="us", description="UTC time of the shot.",
+            ),
+            info.Field("seq", "uint32", 16, 4, description="Picture counter."),
             info.Field("lat", "float64", 24, 8, unit="deg"),
             info.Field("lon", "float64", 32, 8, unit="deg"),
-            info.Field("alt", "float32", 40, 4, unit="m"),
-            info.Field("ground_distance", "float32", 44, 4, unit="m", invalid="-1"),
-            info.Field("q", "float32[4]", 48, 16, frame="NED"),
-            info.Field("result", "int8", 64, 1),
+            info.Field("alt", "float32", 40, 4, unit="m", description="Above mean sea level."),
+            info.Field(
+                "ground_distance", "float32", 44, 4, unit="m", invalid="-1",
+                description="Height over terrain.",
+            ),
+            info.Field(
+                "q", "float32[4]", 48, 16, frame="NED",
+                description="Attitude of the gimbal camera, or of the vehicle without a gimbal.",
+            ),
+            info.Field(
+                "result", "int8", 64, 1, description="1 taken, 0 failed, -1 no feedback from the camera.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -80,9 +80,9 @@ class CameraStatus(_cdr.Message):
         message_version=0,
         topics=("camera_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("active_sys_id", "uint8", 8, 1),
-            info.Field("active_comp_id", "uint8", 9, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("active_sys_id", "uint8", 8, 1, description="MAVLink system id."),
+            info.Field("active_comp_id", "uint8", 9, 1, description="MAVLink component id."),
         ),
         constants=(),
         cls=cls,

@@ -93,10 +93,14 @@ class CameraTrigger(_cdr.Message):
         message_version=0,
         topics=("camera_trigger",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_utc", "uint64", 8, 8, unit="us"),
-            info.Field("seq", "uint32", 16, 4),
-            info.Field("feedback", "bool", 20, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_utc", "uint64", 8, 8, unit="us", description="UTC time of the shot.",
+            ),
+            info.Field("seq", "uint32", 16, 4, description="Picture counter."),
+            info.Field(
+                "feedback", "bool", 20, 1, description="True if the camera itself confirmed the exposure.",
+            ),
         ),
         constants=info.constants(cls, "uint32 ORB_QUEUE_LENGTH"),
         cls=cls,

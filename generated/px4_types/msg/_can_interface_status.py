@@ -93,8 +93,8 @@ class CanInterfaceStatus(_cdr.Message):
         message_version=0,
         topics=("can_interface_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("interface", "uint8", 8, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("interface", "uint8", 8, 1, description="Number of the interface, from 0."),
             info.Field("io_errors", "uint64", 16, 8),
             info.Field("frames_tx", "uint64", 24, 8),
             info.Field("frames_rx", "uint64", 32, 8),

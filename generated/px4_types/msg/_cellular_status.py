@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q4B3HBx2I9sB2xfI4f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -78,6 +80,56 @@ class CellularStatus(_cdr.Message):
     CELLULAR_NETWORK_RADIO_TYPE_CDMA: Final = 2
     CELLULAR_NETWORK_RADIO_TYPE_WCDMA: Final = 3
     CELLULAR_NETWORK_RADIO_TYPE_LTE: Final = 4
+
+    class StatusFlag(_IntEnum):
+        """Values of `status`."""
+
+        UNKNOWN = 0
+
+        FAILED = 1
+        """Modem cannot be used."""
+
+        INITIALIZING = 2
+        LOCKED = 3
+
+        DISABLED = 4
+        """Powered down."""
+
+        DISABLING = 5
+        ENABLING = 6
+
+        ENABLED = 7
+        """Powered on, not yet registered."""
+
+        SEARCHING = 8
+
+        REGISTERED = 9
+        """Accepted by a network."""
+
+        DISCONNECTING = 10
+        CONNECTING = 11
+
+        CONNECTED = 12
+        """Data link is up."""
+
+    class FailureReason(_IntEnum):
+        """Values of `failure_reason`."""
+
+        NONE = 0
+        UNKNOWN = 1
+        SIM_MISSING = 2
+
+        SIM_ERROR = 3
+        """SIM found but unusable."""
+
+    class CellularNetworkRadioType(_IntEnum):
+        """Values of `type`."""
+
+        NONE = 0
+        GSM = 1
+        CDMA = 2
+        WCDMA = 3
+        LTE = 4
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -226,25 +278,75 @@ class CellularStatus(_cdr.Message):
         message_version=0,
         topics=("cellular_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("status", "uint8", 8, 1, enum="STATUS_FLAG"),
-            info.Field("failure_reason", "uint8", 9, 1, enum="FAILURE_REASON"),
-            info.Field("type", "uint8", 10, 1, enum="CELLULAR_NETWORK_RADIO_TYPE"),
-            info.Field("quality", "uint8", 11, 1, unit="%", invalid="UINT8_MAX"),
-            info.Field("mcc", "uint16", 12, 2, invalid="UINT16_MAX"),
-            info.Field("mnc", "uint16", 14, 2, invalid="UINT16_MAX"),
-            info.Field("lac", "uint16", 16, 2, invalid="0"),
-            info.Field("id", "uint8", 18, 1, unit="-"),
-            info.Field("link_tx_rate", "uint32", 20, 4, unit="KiB/s", invalid="0"),
-            info.Field("link_rx_rate", "uint32", 24, 4, unit="KiB/s", invalid="0"),
-            info.Field("cell_tower_id", "char[9]", 28, 9, invalid="0"),
-            info.Field("band_number", "uint8", 37, 1, unit="-", invalid="0"),
-            info.Field("band_frequency", "float32", 40, 4, unit="MHz", invalid="0"),
-            info.Field("channel_number", "uint32", 44, 4, invalid="0"),
-            info.Field("rx_level", "float32", 48, 4, unit="dBm", invalid="0"),
-            info.Field("tx_level", "float32", 52, 4, unit="dBm", invalid="0"),
-            info.Field("rx_quality", "float32", 56, 4, unit="dBm", invalid="0"),
-            info.Field("sinr", "float32", 60, 4, unit="dB", invalid="0"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "status", "uint8", 8, 1, enum="STATUS_FLAG", enum_class="StatusFlag",
+                description="State of the modem.",
+            ),
+            info.Field(
+                "failure_reason", "uint8", 9, 1, enum="FAILURE_REASON", enum_class="FailureReason",
+            ),
+            info.Field(
+                "type", "uint8", 10, 1, enum="CELLULAR_NETWORK_RADIO_TYPE",
+                enum_class="CellularNetworkRadioType",
+            ),
+            info.Field(
+                "quality", "uint8", 11, 1, unit="%", invalid="UINT8_MAX",
+                description="Signal strength, 100 is the best.",
+            ),
+            info.Field(
+                "mcc", "uint16", 12, 2, invalid="UINT16_MAX", description="Country code of the network.",
+            ),
+            info.Field(
+                "mnc", "uint16", 14, 2, invalid="UINT16_MAX", description="Operator code within the country.",
+            ),
+            info.Field(
+                "lac", "uint16", 16, 2, invalid="0", description="Location area of the cell.",
+            ),
+            info.Field(
+                "id", "uint8", 18, 1, unit="-",
+                description="Number of the modem, from 1. 0 if the sender knows of one modem only.",
+            ),
+            info.Field(
+                "link_tx_rate", "uint32", 20, 4, unit="KiB/s", invalid="0",
+                description="Data rate towards the vehicle.",
+            ),
+            info.Field(
+                "link_rx_rate", "uint32", 24, 4, unit="KiB/s", invalid="0",
+                description="Data rate away from the vehicle.",
+            ),
+            info.Field(
+                "cell_tower_id", "char[9]", 28, 9, invalid="0",
+                description="Identity of the serving cell as text. A zero ends it if it is shorter than the array.",
+            ),
+            info.Field(
+                "band_number", "uint8", 37, 1, unit="-", invalid="0",
+                description="Number of the LTE band in use.",
+            ),
+            info.Field(
+                "band_frequency", "float32", 40, 4, unit="MHz", invalid="0",
+                description="Carrier frequency of the LTE link.",
+            ),
+            info.Field(
+                "channel_number", "uint32", 44, 4, invalid="0",
+                description="Channel in the numbering of the radio technology: ARFCN, UARFCN, EARFCN or NR-ARFCN.",
+            ),
+            info.Field(
+                "rx_level", "float32", 48, 4, unit="dBm", invalid="0",
+                description="Received power: RSCP on 3G, RSRP on LTE, NR-RSRP on 5G.",
+            ),
+            info.Field(
+                "tx_level", "float32", 52, 4, unit="dBm", invalid="0",
+                description="Power that the modem transmits with.",
+            ),
+            info.Field(
+                "rx_quality", "float32", 56, 4, unit="dBm", invalid="0",
+                description="Received quality: RxQual on 3G, RSRQ on LTE, NR-RSRQ on 5G.",
+            ),
+            info.Field(
+                "sinr", "float32", 60, 4, unit="dB", invalid="0",
+                description="Signal power over interference and noise.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 STATUS_FLAG_UNKNOWN STATUS_FLAG_FAILED STATUS_FLAG_INITIALIZING",

@@ -92,12 +92,14 @@ class CollisionConstraints(_cdr.Message):
         message_version=0,
         topics=("collision_constraints",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "original_setpoint", "float32[2]", 8, 8, invalid="NaN No limit", frame="NED",
+                description="North and east part of what was asked for.",
             ),
             info.Field(
                 "adapted_setpoint", "float32[2]", 16, 8, invalid="NaN No limit", frame="NED",
+                description="North and east part that remains after obstacles are considered.",
             ),
         ),
         constants=(),

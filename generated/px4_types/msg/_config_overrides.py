@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q2?h?bB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -43,6 +45,12 @@ class ConfigOverrides(_cdr.Message):
     SOURCE_TYPE_MODE: Final = 0
     SOURCE_TYPE_MODE_EXECUTOR: Final = 1
     ORB_QUEUE_LENGTH: Final = 4
+
+    class SourceType(_IntEnum):
+        """Values of `source_type`."""
+
+        MODE = 0
+        MODE_EXECUTOR = 1
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -125,13 +133,31 @@ class ConfigOverrides(_cdr.Message):
         message_version=1,
         topics=("config_overrides", "config_overrides_request", "config_overrides_confirm"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("disable_auto_disarm", "bool", 8, 1),
-            info.Field("defer_failsafes", "bool", 9, 1),
-            info.Field("defer_failsafes_timeout_s", "int16", 10, 2, unit="s"),
-            info.Field("disable_auto_set_home", "bool", 12, 1),
-            info.Field("source_type", "int8", 13, 1, enum="SOURCE_TYPE"),
-            info.Field("source_id", "uint8", 14, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "disable_auto_disarm", "bool", 8, 1,
+                description="Keeps the vehicle armed after touchdown, even where auto disarm is set up.",
+            ),
+            info.Field(
+                "defer_failsafes", "bool", 9, 1,
+                description="Holds back every failsafe that allows it until this goes false or the timeout ends.",
+            ),
+            info.Field(
+                "defer_failsafes_timeout_s", "int16", 10, 2, unit="s",
+                description="Longest delay of a failsafe. 0 takes the firmware default, -1 sets no limit.",
+            ),
+            info.Field(
+                "disable_auto_set_home", "bool", 12, 1,
+                description="True keeps the vehicle from moving its home position by itself when it arms or takes off.",
+            ),
+            info.Field(
+                "source_type", "int8", 13, 1, enum="SOURCE_TYPE", enum_class="SourceType",
+                description="Whether a mode or a mode executor asks.",
+            ),
+            info.Field(
+                "source_id", "uint8", 14, 1,
+                description="Mode id or executor id of the sender, as source_type says.",
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION", "int8 SOURCE_TYPE_MODE SOURCE_TYPE_MODE_EXECUTOR",

@@ -7,11 +7,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q?3x3f?3x3f16s2H?", words="QB3x3IB3x3I16B2HB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -56,6 +58,23 @@ class ControlAllocatorStatus(_cdr.Message):
 
     ACTUATOR_SATURATION_LOWER: Final = -2
     """At its lower end."""
+
+    class ActuatorSaturation(_IntEnum):
+        """Values of `actuator_saturation`."""
+
+        OK = 0
+
+        UPPER_DYN = 1
+        """Rises as fast as its slew rate allows."""
+
+        UPPER = 2
+        """At its upper end."""
+
+        LOWER_DYN = -1
+        """Falls as fast as its slew rate allows."""
+
+        LOWER = -2
+        """At its lower end."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -169,15 +188,34 @@ class ControlAllocatorStatus(_cdr.Message):
         message_version=0,
         topics=("control_allocator_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("torque_setpoint_achieved", "bool", 8, 1),
-            info.Field("unallocated_torque", "float32[3]", 12, 12, unit="-", frame="Body"),
+            info.Field(
+                "unallocated_torque", "float32[3]", 12, 12, unit="-", frame="Body",
+                description="Part of the normalized setpoint left over; zero when all of it was achieved.",
+            ),
             info.Field("thrust_setpoint_achieved", "bool", 24, 1),
-            info.Field("unallocated_thrust", "float32[3]", 28, 12, unit="-", frame="Body"),
-            info.Field("actuator_saturation", "int8[16]", 40, 16, enum="ACTUATOR_SATURATION"),
-            info.Field("handled_motor_failure_mask", "uint16", 56, 2),
-            info.Field("motor_stop_mask", "uint16", 58, 2),
-            info.Field("actuator_group_preflight_check_active", "bool", 60, 1),
+            info.Field(
+                "unallocated_thrust", "float32[3]", 28, 12, unit="-", frame="Body",
+                description="Part of the normalized setpoint left over; zero when all of it was achieved.",
+            ),
+            info.Field(
+                "actuator_saturation", "int8[16]", 40, 16, enum="ACTUATOR_SATURATION",
+                enum_class="ActuatorSaturation",
+                description="One entry per actuator; setpoints may still be met while one is saturated.",
+            ),
+            info.Field(
+                "handled_motor_failure_mask", "uint16", 56, 2,
+                description="One bit per motor taken out of the allocation after a failure.",
+            ),
+            info.Field(
+                "motor_stop_mask", "uint16", 58, 2,
+                description="One bit per motor that failure injection has stopped.",
+            ),
+            info.Field(
+                "actuator_group_preflight_check_active", "bool", 60, 1,
+                description="True while VEHICLE_CMD_ACTUATOR_GROUP_TEST drives the outputs in place of the controllers.",
+            ),
         ),
         constants=info.constants(
             cls, "int8 ACTUATOR_SATURATION_OK ACTUATOR_SATURATION_UPPER_DYN ACTUATOR_SATURATION_UPPER",

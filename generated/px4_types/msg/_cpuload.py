@@ -77,7 +77,7 @@ class Cpuload(_cdr.Message):
         message_version=0,
         topics=("cpuload",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("load", "float32", 8, 4, unit="-", range="0, 1"),
             info.Field("ram_usage", "float32", 12, 4, unit="-", range="0, 1"),
         ),

@@ -106,12 +106,18 @@ class DatamanRequest(_cdr.Message):
         message_version=0,
         topics=("dataman_request",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("client_id", "uint8", 8, 1),
-            info.Field("request_type", "uint8", 9, 1),
-            info.Field("item", "uint8", 10, 1),
-            info.Field("index", "uint32", 12, 4),
-            info.Field("data", "uint8[56]", 16, 56),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "client_id", "uint8", 8, 1, description="Who asks; lets the client recognize its response.",
+            ),
+            info.Field(
+                "request_type", "uint8", 9, 1, description="Get a client id, read, write or clear.",
+            ),
+            info.Field("item", "uint8", 10, 1, description="Kind of item, a dm_item_t value."),
+            info.Field(
+                "index", "uint32", 12, 4, description="Position among the items of that kind.",
+            ),
+            info.Field("data", "uint8[56]", 16, 56, description="Content to store, for writes."),
             info.Field("data_length", "uint32", 72, 4, unit="bytes"),
         ),
         constants=(),

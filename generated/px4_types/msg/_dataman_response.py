@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q3BxI56sB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -36,6 +38,16 @@ class DatamanResponse(_cdr.Message):
     STATUS_FAILURE_READ_FAILED: Final = 3
     STATUS_FAILURE_WRITE_FAILED: Final = 4
     STATUS_FAILURE_CLEAR_FAILED: Final = 5
+
+    class Status(_IntEnum):
+        """Values of `status`."""
+
+        SUCCESS = 0
+        FAILURE_ID_ERR = 1
+        FAILURE_NO_DATA = 2
+        FAILURE_READ_FAILED = 3
+        FAILURE_WRITE_FAILED = 4
+        FAILURE_CLEAR_FAILED = 5
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -117,13 +129,16 @@ class DatamanResponse(_cdr.Message):
         message_version=0,
         topics=("dataman_response",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("client_id", "uint8", 8, 1),
-            info.Field("request_type", "uint8", 9, 1),
-            info.Field("item", "uint8", 10, 1),
-            info.Field("index", "uint32", 12, 4),
+            info.Field(
+                "request_type", "uint8", 9, 1,
+                description="Operation this is the answer to: get an id, write, read or clear.",
+            ),
+            info.Field("item", "uint8", 10, 1, description="Storage section, a dm_item_t."),
+            info.Field("index", "uint32", 12, 4, description="Position within the section."),
             info.Field("data", "uint8[56]", 16, 56),
-            info.Field("status", "uint8", 72, 1, enum="STATUS"),
+            info.Field("status", "uint8", 72, 1, enum="STATUS", enum_class="Status"),
         ),
         constants=info.constants(
             cls, "uint8 STATUS_SUCCESS STATUS_FAILURE_ID_ERR STATUS_FAILURE_NO_DATA",

@@ -92,9 +92,9 @@ class DebugArray(_cdr.Message):
         message_version=0,
         topics=("debug_array",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("id", "uint16", 8, 2),
-            info.Field("name", "char[10]", 10, 10),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("id", "uint16", 8, 2, description="Tells arrays apart."),
+            info.Field("name", "char[10]", 10, 10, description="At most 10 characters."),
             info.Field("data", "float32[58]", 20, 232),
         ),
         constants=info.constants(cls, "uint8 ARRAY_SIZE"),

@@ -80,8 +80,8 @@ class DebugKeyValue(_cdr.Message):
         message_version=0,
         topics=("debug_key_value",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("key", "char[10]", 8, 10),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("key", "char[10]", 8, 10, description="Short name, at most 10 characters."),
             info.Field("value", "float32", 20, 4),
         ),
         constants=(),

@@ -78,8 +78,10 @@ class DebugValue(_cdr.Message):
         message_version=0,
         topics=("debug_value",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("ind", "int8", 8, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "ind", "int8", 8, 1, description="Freely chosen, tells several values apart.",
+            ),
             info.Field("value", "float32", 12, 4),
         ),
         constants=(),

@@ -90,11 +90,16 @@ class DebugVect(_cdr.Message):
         message_version=0,
         topics=("debug_vect",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("name", "char[10]", 8, 10),
-            info.Field("x", "float32", 20, 4),
-            info.Field("y", "float32", 24, 4),
-            info.Field("z", "float32", 28, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "name", "char[10]", 8, 10,
+                description="Label that tells one vector from another. Filled with zeros when shorter.",
+            ),
+            info.Field(
+                "x", "float32", 20, 4, description="First component, in whatever unit the sender uses.",
+            ),
+            info.Field("y", "float32", 24, 4, description="Second component."),
+            info.Field("z", "float32", 28, 4, description="Third component."),
         ),
         constants=(),
         cls=cls,

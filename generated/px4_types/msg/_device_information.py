@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB80s3xI24s24s33s")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -55,6 +57,28 @@ class DeviceInformation(_cdr.Message):
     DEVICE_TYPE_DIFFERENTIAL_PRESSURE: Final = 13
     DEVICE_TYPE_BATTERY: Final = 14
     DEVICE_TYPE_HYGROMETER: Final = 15
+
+    class DeviceType(_IntEnum):
+        """Values of `device_type`."""
+
+        GENERIC = 0
+        """Any other kind, or not known."""
+
+        AIRSPEED = 1
+        ESC = 2
+        SERVO = 3
+        GPS = 4
+        MAGNETOMETER = 5
+        PARACHUTE = 6
+        RANGEFINDER = 7
+        WINCH = 8
+        BAROMETER = 9
+        OPTICAL_FLOW = 10
+        ACCELEROMETER = 11
+        GYROSCOPE = 12
+        DIFFERENTIAL_PRESSURE = 13
+        BATTERY = 14
+        HYGROMETER = 15
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -144,18 +168,29 @@ class DeviceInformation(_cdr.Message):
         message_version=0,
         topics=("device_information",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("device_type", "uint8", 8, 1, enum="DEVICE_TYPE"),
-            info.Field("name", "char[80]", 9, 80),
-            info.Field("device_id", "uint32", 92, 4, unit="-", invalid="0 if not available"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "device_type", "uint8", 8, 1, enum="DEVICE_TYPE", enum_class="DeviceType",
+                description="Kind of device, numbered as in MAVLink's DEVICE_TYPE.",
+            ),
+            info.Field(
+                "name", "char[80]", 9, 80, description="Text such as the node name on DroneCAN.",
+            ),
+            info.Field(
+                "device_id", "uint32", 92, 4, unit="-", invalid="0 if not available",
+                description="The id that the device's own topics carry. Stays the same across reboots.",
+            ),
             info.Field(
                 "firmware_version", "char[24]", 96, 24, unit="-", invalid="empty if not available",
+                description="Text as the device reports it.",
             ),
             info.Field(
                 "hardware_version", "char[24]", 120, 24, unit="-", invalid="empty if not available",
+                description="Text as the device reports it.",
             ),
             info.Field(
                 "serial_number", "char[33]", 144, 33, unit="-", invalid="empty if not available",
+                description="Text that no other device of this make has.",
             ),
         ),
         constants=info.constants(

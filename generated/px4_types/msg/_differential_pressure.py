@@ -114,15 +114,22 @@ class DifferentialPressure(_cdr.Message):
         message_version=0,
         topics=("differential_pressure",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("device_id", "uint32", 16, 4, unit="-"),
-            info.Field("differential_pressure_pa", "float32", 20, 4, unit="Pa"),
+            info.Field(
+                "device_id", "uint32", 16, 4, unit="-", description="Stays the same across reboots.",
+            ),
+            info.Field(
+                "differential_pressure_pa", "float32", 20, 4, unit="Pa", description="Can be below zero.",
+            ),
             info.Field("temperature", "float32", 24, 4, unit="degC", invalid="NaN if unknown"),
             info.Field(
                 "pitot_temperature", "float32", 28, 4, unit="degC", invalid="NaN if unknown",
+                description="Temperature at the pitot probe, for sensors that measure it there.",
             ),
-            info.Field("error_count", "uint32", 32, 4, unit="-"),
+            info.Field(
+                "error_count", "uint32", 32, 4, unit="-", description="Read errors counted by the driver.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QI4fbB2x6f2B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -69,6 +71,48 @@ class DistanceSensor(_cdr.Message):
     MODE_UNKNOWN: Final = 0
     MODE_ENABLED: Final = 1
     MODE_DISABLED: Final = 2
+
+    class MavDistanceSensor(_IntEnum):
+        """Values of `type`."""
+
+        LASER = 0
+        ULTRASOUND = 1
+        INFRARED = 2
+        RADAR = 3
+
+    class Rotation(_IntEnum):
+        """Values of `orientation`."""
+
+        YAW_0 = 0
+        """Angles count clockwise seen from above."""
+
+        YAW_45 = 1
+        YAW_90 = 2
+        YAW_135 = 3
+        YAW_180 = 4
+        YAW_225 = 5
+        YAW_270 = 6
+        YAW_315 = 7
+        FORWARD_FACING = 0
+        RIGHT_FACING = 2
+        BACKWARD_FACING = 4
+        LEFT_FACING = 6
+
+        UPWARD_FACING = 24
+        """Pitched up by 90 deg."""
+
+        DOWNWARD_FACING = 25
+        """Pitched down by 90 deg."""
+
+        CUSTOM = 100
+        """Given by q."""
+
+    class Mode(_IntEnum):
+        """Values of `mode`."""
+
+        UNKNOWN = 0
+        ENABLED = 1
+        DISABLED = 2
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -190,19 +234,56 @@ class DistanceSensor(_cdr.Message):
         message_version=0,
         topics=("distance_sensor",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("device_id", "uint32", 8, 4),
-            info.Field("min_distance", "float32", 12, 4, unit="m"),
-            info.Field("max_distance", "float32", 16, 4, unit="m"),
-            info.Field("current_distance", "float32", 20, 4, unit="m"),
-            info.Field("variance", "float32", 24, 4, unit="m^2", invalid="0"),
-            info.Field("signal_quality", "int8", 28, 1, unit="%", range="0, 100", invalid="-1"),
-            info.Field("type", "uint8", 29, 1, enum="MAV_DISTANCE_SENSOR"),
-            info.Field("h_fov", "float32", 32, 4, unit="rad"),
-            info.Field("v_fov", "float32", 36, 4, unit="rad"),
-            info.Field("q", "float32[4]", 40, 16),
-            info.Field("orientation", "uint8", 56, 1, enum="ROTATION"),
-            info.Field("mode", "uint8", 57, 1, enum="MODE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "device_id", "uint32", 8, 4, description="Identifies the physical sensor across reboots.",
+            ),
+            info.Field(
+                "min_distance", "float32", 12, 4, unit="m",
+                description="Shortest range that can be measured.",
+            ),
+            info.Field(
+                "max_distance", "float32", 16, 4, unit="m", description="Longest range that can be measured.",
+            ),
+            info.Field(
+                "current_distance", "float32", 20, 4, unit="m", description="Measured range.",
+            ),
+            info.Field(
+                "variance", "float32", 24, 4, unit="m^2", invalid="0",
+                description="Noise variance of the measured range.",
+            ),
+            info.Field(
+                "signal_quality", "int8", 28, 1, unit="%", range="0, 100", invalid="-1",
+                description="Trust in the reading: 0 marks it as unusable, 100 is best.",
+            ),
+            info.Field(
+                "type", "uint8", 29, 1, enum="MAV_DISTANCE_SENSOR", enum_class="MavDistanceSensor",
+                description="Measuring principle.",
+            ),
+            info.Field(
+                "h_fov", "float32", 32, 4, unit="rad", description="Horizontal opening angle.",
+            ),
+            info.Field(
+                "v_fov", "float32", 36, 4, unit="rad", description="Vertical opening angle.",
+            ),
+            info.Field(
+                "q", "float32[4]", 40, 16,
+                description=(
+                    "Quaternion (w, x, y, z) turning sensor axes into body axes. Only read when orientation "
+                    "is ROTATION_CUSTOM."
+                ),
+            ),
+            info.Field(
+                "orientation", "uint8", 56, 1, enum="ROTATION", enum_class="Rotation",
+                description="Where the sensor points relative to the body. Numbers match MAVLink MAV_SENSOR_ORIENTATION.",
+            ),
+            info.Field(
+                "mode", "uint8", 57, 1, enum="MODE", enum_class="Mode",
+                description=(
+                    "Whether the driver has the sensor switched on. A disabled sensor may stay silent "
+                    "without failing checks."
+                ),
+            ),
         ),
         constants=info.constants(
             cls, "uint8 MAV_DISTANCE_SENSOR_LASER MAV_DISTANCE_SENSOR_ULTRASOUND",

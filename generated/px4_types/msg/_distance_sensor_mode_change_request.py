@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -32,6 +34,12 @@ class DistanceSensorModeChangeRequest(_cdr.Message):
 
     REQUEST_OFF: Final = 0
     REQUEST_ON: Final = 1
+
+    class Request(_IntEnum):
+        """Values of `request_on_off`."""
+
+        OFF = 0
+        ON = 1
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -80,8 +88,8 @@ class DistanceSensorModeChangeRequest(_cdr.Message):
         message_version=0,
         topics=("distance_sensor_mode_change_request",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("request_on_off", "uint8", 8, 1, enum="REQUEST"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("request_on_off", "uint8", 8, 1, enum="REQUEST", enum_class="Request"),
         ),
         constants=info.constants(cls, "uint8 REQUEST_OFF REQUEST_ON"),
         cls=cls,

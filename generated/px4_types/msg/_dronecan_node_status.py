@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QH2xI3BxH")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -43,6 +45,23 @@ class DronecanNodeStatus(_cdr.Message):
     MODE_MAINTENANCE: Final = 2
     MODE_SOFTWARE_UPDATE: Final = 3
     MODE_OFFLINE: Final = 7
+
+    class Health(_IntEnum):
+        """Values of `health`."""
+
+        OK = 0
+        WARNING = 1
+        ERROR = 2
+        CRITICAL = 3
+
+    class Mode(_IntEnum):
+        """Values of `mode`."""
+
+        OPERATIONAL = 0
+        INITIALIZATION = 1
+        MAINTENANCE = 2
+        SOFTWARE_UPDATE = 3
+        OFFLINE = 7
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -122,13 +141,16 @@ class DronecanNodeStatus(_cdr.Message):
         message_version=0,
         topics=("dronecan_node_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("node_id", "uint16", 8, 2),
             info.Field("uptime_sec", "uint32", 12, 4, unit="s"),
-            info.Field("health", "uint8", 16, 1, enum="HEALTH"),
-            info.Field("mode", "uint8", 17, 1, enum="MODE"),
-            info.Field("sub_mode", "uint8", 18, 1),
-            info.Field("vendor_specific_status_code", "uint16", 20, 2),
+            info.Field("health", "uint8", 16, 1, enum="HEALTH", enum_class="Health"),
+            info.Field("mode", "uint8", 17, 1, enum="MODE", enum_class="Mode"),
+            info.Field("sub_mode", "uint8", 18, 1, description="Reserved, always 0."),
+            info.Field(
+                "vendor_specific_status_code", "uint16", 20, 2,
+                description="Its meaning is up to the maker of the node.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 HEALTH_OK HEALTH_WARNING HEALTH_ERROR HEALTH_CRITICAL MODE_OPERATIONAL",

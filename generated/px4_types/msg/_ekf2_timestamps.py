@@ -129,25 +129,34 @@ class Ekf2Timestamps(_cdr.Message):
         message_version=0,
         topics=("ekf2_timestamps",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("airspeed_timestamp_rel", "int16", 8, 2, invalid="32767 No new sample"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "airspeed_timestamp_rel", "int16", 8, 2, invalid="32767 No new sample",
+                description="Offset from `timestamp` in steps of 0.1 ms.",
+            ),
             info.Field(
                 "airspeed_validated_timestamp_rel", "int16", 10, 2, invalid="32767 No new sample",
+                description="Offset from `timestamp` in steps of 0.1 ms.",
             ),
             info.Field(
                 "distance_sensor_timestamp_rel", "int16", 12, 2, invalid="32767 No new sample",
+                description="Offset from `timestamp` in steps of 0.1 ms.",
             ),
             info.Field(
                 "optical_flow_timestamp_rel", "int16", 14, 2, invalid="32767 No new sample",
+                description="Offset from `timestamp` in steps of 0.1 ms.",
             ),
             info.Field(
                 "vehicle_air_data_timestamp_rel", "int16", 16, 2, invalid="32767 No new sample",
+                description="Offset from `timestamp` in steps of 0.1 ms.",
             ),
             info.Field(
                 "vehicle_magnetometer_timestamp_rel", "int16", 18, 2, invalid="32767 No new sample",
+                description="Offset from `timestamp` in steps of 0.1 ms.",
             ),
             info.Field(
                 "visual_odometry_timestamp_rel", "int16", 20, 2, invalid="32767 No new sample",
+                description="Offset from `timestamp` in steps of 0.1 ms.",
             ),
         ),
         constants=info.constants(cls, "int16 RELATIVE_TIMESTAMP_INVALID"),

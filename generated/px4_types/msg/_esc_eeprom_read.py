@@ -98,11 +98,20 @@ class EscEepromRead(_cdr.Message):
         message_version=0,
         topics=("esc_eeprom_read",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("firmware", "uint8", 8, 1, unit="-"),
-            info.Field("index", "uint8", 9, 1, unit="-"),
-            info.Field("length", "uint16", 10, 2, unit="-"),
-            info.Field("data", "uint8[48]", 12, 48, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "firmware", "uint8", 8, 1, unit="-",
+                description=(
+                    "Kind of ESC firmware, numbered as in MAVLink's ESC_FIRMWARE. It defines the layout of "
+                    "`data`."
+                ),
+            ),
+            info.Field("index", "uint8", 9, 1, unit="-", description="Which ESC, counted from 0."),
+            info.Field("length", "uint16", 10, 2, unit="-", description="Bytes of `data` in use."),
+            info.Field(
+                "data", "uint8[48]", 12, 48, unit="-",
+                description="Content of the EEPROM from its first byte on.",
+            ),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

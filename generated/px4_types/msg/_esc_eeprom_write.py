@@ -109,12 +109,24 @@ class EscEepromWrite(_cdr.Message):
         message_version=0,
         topics=("esc_eeprom_write",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("firmware", "uint8", 8, 1, unit="-"),
-            info.Field("index", "uint8", 9, 1, unit="-"),
-            info.Field("length", "uint16", 10, 2, unit="-"),
-            info.Field("data", "uint8[48]", 12, 48, unit="-"),
-            info.Field("write_mask", "uint32[2]", 60, 8, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "firmware", "uint8", 8, 1, unit="-",
+                description="Kind of ESC firmware the bytes are meant for, numbered as in MAVLink's ESC_FIRMWARE.",
+            ),
+            info.Field(
+                "index", "uint8", 9, 1, unit="-",
+                description="Which ESC, counted from 0. 255 addresses all of them.",
+            ),
+            info.Field("length", "uint16", 10, 2, unit="-", description="Bytes of `data` in use."),
+            info.Field(
+                "data", "uint8[48]", 12, 48, unit="-",
+                description="New content of the EEPROM from its first byte on.",
+            ),
+            info.Field(
+                "write_mask", "uint32[2]", 60, 8, unit="-",
+                description="Bit n of the 64 is set if byte n is to be written. Other bytes keep what the ESC has.",
+            ),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

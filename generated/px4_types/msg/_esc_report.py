@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("QIi3fh2BHb")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -56,6 +58,23 @@ class EscReport(_cdr.Message):
     FAILURE_WARN_ESC_TEMPERATURE: Final = 8
     FAILURE_OVER_ESC_TEMPERATURE: Final = 9
     ESC_FAILURE_COUNT: Final = 10
+
+    class Failure(_IntFlag):
+        """Flags of `failures`. The constants FAILURE_* are bit numbers."""
+
+        OVER_CURRENT = 1
+        OVER_VOLTAGE = 2
+        MOTOR_OVER_TEMPERATURE = 4
+        OVER_RPM = 8
+
+        INCONSISTENT_CMD = 16
+        """Command out of range or otherwise not plausible."""
+
+        MOTOR_STUCK = 32
+        GENERIC = 64
+        MOTOR_WARN_TEMPERATURE = 128
+        WARN_ESC_TEMPERATURE = 256
+        OVER_ESC_TEMPERATURE = 512
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -157,17 +176,37 @@ class EscReport(_cdr.Message):
         message_version=0,
         topics=("esc_report",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("esc_errorcount", "uint32", 8, 4, unit="-"),
-            info.Field("esc_rpm", "int32", 12, 4, unit="rpm"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "esc_errorcount", "uint32", 8, 4, unit="-",
+                description="Errors that the ESC itself has counted.",
+            ),
+            info.Field(
+                "esc_rpm", "int32", 12, 4, unit="rpm",
+                description="Negative when the motor turns in reverse.",
+            ),
             info.Field("esc_voltage", "float32", 16, 4, unit="V"),
             info.Field("esc_current", "float32", 20, 4, unit="A"),
             info.Field("esc_temperature", "float32", 24, 4, unit="degC"),
-            info.Field("motor_temperature", "int16", 28, 2, unit="degC"),
-            info.Field("esc_state", "uint8", 30, 1, unit="-"),
-            info.Field("actuator_function", "uint8", 31, 1, unit="-"),
-            info.Field("failures", "uint16", 32, 2, enum="FAILURE"),
-            info.Field("esc_power", "int8", 34, 1, unit="%", range="0,100"),
+            info.Field(
+                "motor_temperature", "int16", 28, 2, unit="degC",
+                description="Temperature of the motor itself, from ESCs with a probe there.",
+            ),
+            info.Field(
+                "esc_state", "uint8", 30, 1, unit="-", description="Meaning depends on the ESC vendor.",
+            ),
+            info.Field(
+                "actuator_function", "uint8", 31, 1, unit="-",
+                description="Motor that this ESC drives, as an output function: 101 is motor 1.",
+            ),
+            info.Field(
+                "failures", "uint16", 32, 2, enum="FAILURE", enum_class="Failure",
+                description="Bitmask of faults: each constant is the number of a bit.",
+            ),
+            info.Field(
+                "esc_power", "int8", 34, 1, unit="%", range="0,100",
+                description="Negative values are reserved.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 ACTUATOR_FUNCTION_MOTOR1 ACTUATOR_FUNCTION_MOTOR_MAX FAILURE_OVER_CURRENT",

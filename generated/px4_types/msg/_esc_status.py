@@ -7,11 +7,13 @@ from ._esc_report import EscReport
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout(
     "QH2B2HQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb5xQIi3fh2BHb",
@@ -49,6 +51,16 @@ class EscStatus(_cdr.Message):
     ESC_CONNECTION_TYPE_I2C: Final = 3
     ESC_CONNECTION_TYPE_CAN: Final = 4
     ESC_CONNECTION_TYPE_DSHOT: Final = 5
+
+    class EscConnectionType(_IntEnum):
+        """Values of `esc_connectiontype`."""
+
+        PPM = 0
+        SERIAL = 1
+        ONESHOT = 2
+        I2C = 3
+        CAN = 4
+        DSHOT = 5
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -205,13 +217,26 @@ class EscStatus(_cdr.Message):
         message_version=0,
         topics=("esc_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("counter", "uint16", 8, 2, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "counter", "uint16", 8, 2, unit="-", description="Goes up by one per publication.",
+            ),
             info.Field("esc_count", "uint8", 10, 1, unit="-"),
-            info.Field("esc_connectiontype", "uint8", 11, 1, enum="ESC_CONNECTION_TYPE"),
-            info.Field("esc_online_flags", "uint16", 12, 2),
-            info.Field("esc_armed_flags", "uint16", 14, 2, unit="-"),
-            info.Field("esc", "EscReport[12]", 16, 475),
+            info.Field(
+                "esc_connectiontype", "uint8", 11, 1, enum="ESC_CONNECTION_TYPE",
+                enum_class="EscConnectionType",
+            ),
+            info.Field(
+                "esc_online_flags", "uint16", 12, 2,
+                description="Bit n is set while `esc[n]` sends telemetry.",
+            ),
+            info.Field(
+                "esc_armed_flags", "uint16", 14, 2, unit="-",
+                description="Bit n is set while `esc[n]` is armed, and always if the ESC cannot tell.",
+            ),
+            info.Field(
+                "esc", "EscReport[12]", 16, 475, description="The first `esc_count` elements are in use.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 CONNECTED_ESC_MAX ESC_CONNECTION_TYPE_PPM ESC_CONNECTION_TYPE_SERIAL",

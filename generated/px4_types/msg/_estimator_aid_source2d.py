@@ -192,8 +192,10 @@ class EstimatorAidSource2d(_cdr.Message):
             "estimator_aid_src_optical_flow", "estimator_aid_src_drag",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the measurement was taken.",
+            ),
             info.Field("estimator_instance", "uint8", 16, 1),
             info.Field("device_id", "uint32", 20, 4),
             info.Field("time_last_fuse", "uint64", 24, 8, unit="us"),
@@ -202,10 +204,18 @@ class EstimatorAidSource2d(_cdr.Message):
             info.Field("innovation", "float32[2]", 56, 8),
             info.Field("innovation_filtered", "float32[2]", 64, 8),
             info.Field("innovation_variance", "float32[2]", 72, 8),
-            info.Field("test_ratio", "float32[2]", 80, 8, unit="-"),
-            info.Field("test_ratio_filtered", "float32[2]", 88, 8, unit="-"),
-            info.Field("innovation_rejected", "bool", 96, 1),
-            info.Field("fused", "bool", 97, 1),
+            info.Field(
+                "test_ratio", "float32[2]", 80, 8, unit="-",
+                description="Squared innovation against its gate; above 1 is outside.",
+            ),
+            info.Field(
+                "test_ratio_filtered", "float32[2]", 88, 8, unit="-",
+                description="Smoothed, with the sign of the innovation.",
+            ),
+            info.Field("innovation_rejected", "bool", 96, 1, description="Failed the gate."),
+            info.Field(
+                "fused", "bool", 97, 1, description="The filter state was corrected with it.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -191,18 +191,28 @@ class EstimatorAidSource3d(_cdr.Message):
             "estimator_aid_src_mag",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the measurement was taken.",
+            ),
             info.Field("estimator_instance", "uint8", 16, 1),
             info.Field("device_id", "uint32", 20, 4),
-            info.Field("time_last_fuse", "uint64", 24, 8, unit="us"),
+            info.Field(
+                "time_last_fuse", "uint64", 24, 8, unit="us", description="Last successful fusion.",
+            ),
             info.Field("observation", "float32[3]", 32, 12),
             info.Field("observation_variance", "float32[3]", 44, 12),
             info.Field("innovation", "float32[3]", 56, 12),
             info.Field("innovation_filtered", "float32[3]", 68, 12),
             info.Field("innovation_variance", "float32[3]", 80, 12),
-            info.Field("test_ratio", "float32[3]", 92, 12, unit="-"),
-            info.Field("test_ratio_filtered", "float32[3]", 104, 12, unit="-"),
+            info.Field(
+                "test_ratio", "float32[3]", 92, 12, unit="-",
+                description="Above 1 the measurement fails the check.",
+            ),
+            info.Field(
+                "test_ratio_filtered", "float32[3]", 104, 12, unit="-",
+                description="Low-pass filtered, keeps the sign of the innovation.",
+            ),
             info.Field("innovation_rejected", "bool", 116, 1),
             info.Field("fused", "bool", 117, 1),
         ),

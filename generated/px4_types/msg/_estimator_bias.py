@@ -115,14 +115,19 @@ class EstimatorBias(_cdr.Message):
         message_version=0,
         topics=("estimator_baro_bias", "estimator_gnss_hgt_bias"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the measurement was taken.",
+            ),
             info.Field("device_id", "uint32", 16, 4),
             info.Field("bias", "float32", 20, 4, unit="m"),
             info.Field("bias_var", "float32", 24, 4, unit="m^2"),
             info.Field("innov", "float32", 28, 4, unit="m"),
             info.Field("innov_var", "float32", 32, 4, unit="m^2"),
-            info.Field("innov_test_ratio", "float32", 36, 4, unit="-"),
+            info.Field(
+                "innov_test_ratio", "float32", 36, 4, unit="-",
+                description="Squared innovation relative to its gate; above 1 the sample fails.",
+            ),
         ),
         constants=(),
         cls=cls,

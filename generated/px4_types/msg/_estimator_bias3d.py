@@ -136,8 +136,10 @@ class EstimatorBias3d(_cdr.Message):
         message_version=0,
         topics=("estimator_bias3d", "estimator_ev_pos_bias"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the measurement was taken.",
+            ),
             info.Field("device_id", "uint32", 16, 4),
             info.Field("bias", "float32[3]", 20, 12, unit="m"),
             info.Field("bias_var", "float32[3]", 32, 12, unit="m^2"),

@@ -206,10 +206,18 @@ class EstimatorEventFlags(_cdr.Message):
         message_version=0,
         topics=("estimator_event_flags",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("information_event_changes", "uint32", 16, 4),
-            info.Field("gps_checks_passed", "bool", 20, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="Time of the IMU sample behind this update.",
+            ),
+            info.Field(
+                "information_event_changes", "uint32", 16, 4,
+                description="Counts new events; flags alone may be repeats of an earlier one.",
+            ),
+            info.Field(
+                "gps_checks_passed", "bool", 20, 1, description="GNSS quality has become good enough to use.",
+            ),
             info.Field("reset_vel_to_gps", "bool", 21, 1),
             info.Field("reset_vel_to_flow", "bool", 22, 1),
             info.Field("reset_vel_to_vision", "bool", 23, 1),
@@ -221,11 +229,18 @@ class EstimatorEventFlags(_cdr.Message):
             info.Field("starting_vision_pos_fusion", "bool", 29, 1),
             info.Field("starting_vision_vel_fusion", "bool", 30, 1),
             info.Field("starting_vision_yaw_fusion", "bool", 31, 1),
-            info.Field("yaw_aligned_to_imu_gps", "bool", 32, 1),
+            info.Field(
+                "yaw_aligned_to_imu_gps", "bool", 32, 1,
+                description="Heading was taken from the IMU and GNSS yaw estimator.",
+            ),
             info.Field("reset_hgt_to_baro", "bool", 33, 1),
             info.Field("reset_hgt_to_gps", "bool", 34, 1),
-            info.Field("reset_hgt_to_rng", "bool", 35, 1),
-            info.Field("reset_hgt_to_ev", "bool", 36, 1),
+            info.Field(
+                "reset_hgt_to_rng", "bool", 35, 1, description="Height now follows the range finder.",
+            ),
+            info.Field(
+                "reset_hgt_to_ev", "bool", 36, 1, description="Height now follows external vision.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -206,25 +206,63 @@ class EstimatorFusionControl(_cdr.Message):
         message_version=0,
         topics=("estimator_fusion_control",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("gps_intended", "bool[2]", 8, 2),
-            info.Field("of_intended", "bool", 10, 1),
-            info.Field("ev_intended", "bool", 11, 1),
-            info.Field("agp_intended", "bool[4]", 12, 4),
-            info.Field("baro_intended", "bool", 16, 1),
-            info.Field("rng_intended", "bool", 17, 1),
-            info.Field("mag_intended", "bool", 18, 1),
-            info.Field("aspd_intended", "bool", 19, 1),
-            info.Field("rngbcn_intended", "bool", 20, 1),
-            info.Field("gps_active", "bool[2]", 21, 2),
-            info.Field("of_active", "bool", 23, 1),
-            info.Field("ev_active", "bool", 24, 1),
-            info.Field("agp_active", "bool[4]", 25, 4),
-            info.Field("baro_active", "bool", 29, 1),
-            info.Field("rng_active", "bool", 30, 1),
-            info.Field("mag_active", "bool", 31, 1),
-            info.Field("aspd_active", "bool", 32, 1),
-            info.Field("rngbcn_active", "bool", 33, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "gps_intended", "bool[2]", 8, 2,
+                description="True for each GNSS receiver that parameters and commands allow.",
+            ),
+            info.Field(
+                "of_intended", "bool", 10, 1, description="True if optical flow is allowed.",
+            ),
+            info.Field(
+                "ev_intended", "bool", 11, 1, description="True if external vision is allowed.",
+            ),
+            info.Field(
+                "agp_intended", "bool[4]", 12, 4,
+                description="True for each auxiliary global position that is allowed.",
+            ),
+            info.Field(
+                "baro_intended", "bool", 16, 1, description="True if the barometer is allowed.",
+            ),
+            info.Field(
+                "rng_intended", "bool", 17, 1, description="True if the range finder is allowed.",
+            ),
+            info.Field(
+                "mag_intended", "bool", 18, 1, description="True if the magnetometer is allowed.",
+            ),
+            info.Field("aspd_intended", "bool", 19, 1, description="True if airspeed is allowed."),
+            info.Field(
+                "rngbcn_intended", "bool", 20, 1, description="True if ranging beacons are allowed.",
+            ),
+            info.Field(
+                "gps_active", "bool[2]", 21, 2,
+                description="True for each GNSS receiver that is being fused.",
+            ),
+            info.Field(
+                "of_active", "bool", 23, 1, description="True while optical flow is being fused.",
+            ),
+            info.Field(
+                "ev_active", "bool", 24, 1, description="True while external vision is being fused.",
+            ),
+            info.Field(
+                "agp_active", "bool[4]", 25, 4,
+                description="True for each auxiliary global position that is being fused.",
+            ),
+            info.Field(
+                "baro_active", "bool", 29, 1, description="True while the barometer is being fused.",
+            ),
+            info.Field(
+                "rng_active", "bool", 30, 1, description="True while the range finder is being fused.",
+            ),
+            info.Field(
+                "mag_active", "bool", 31, 1, description="True while the magnetometer is being fused.",
+            ),
+            info.Field(
+                "aspd_active", "bool", 32, 1, description="True while airspeed is being fused.",
+            ),
+            info.Field(
+                "rngbcn_active", "bool", 33, 1, description="True while ranging beacons are being fused.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -189,20 +189,46 @@ class EstimatorGpsStatus(_cdr.Message):
         message_version=0,
         topics=("estimator_gps_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the GNSS data was taken.",
+            ),
             info.Field("checks_passed", "bool", 16, 1),
-            info.Field("check_fail_gps_fix", "bool", 17, 1),
-            info.Field("check_fail_min_sat_count", "bool", 18, 1),
-            info.Field("check_fail_max_pdop", "bool", 19, 1),
-            info.Field("check_fail_max_horz_err", "bool", 20, 1),
-            info.Field("check_fail_max_vert_err", "bool", 21, 1),
-            info.Field("check_fail_max_spd_err", "bool", 22, 1),
-            info.Field("check_fail_max_horz_drift", "bool", 23, 1),
-            info.Field("check_fail_max_vert_drift", "bool", 24, 1),
-            info.Field("check_fail_max_horz_spd_err", "bool", 25, 1),
-            info.Field("check_fail_max_vert_spd_err", "bool", 26, 1),
-            info.Field("check_fail_spoofed_gps", "bool", 27, 1),
+            info.Field("check_fail_gps_fix", "bool", 17, 1, description="Fix is not good enough."),
+            info.Field(
+                "check_fail_min_sat_count", "bool", 18, 1, description="Too few satellites.",
+            ),
+            info.Field("check_fail_max_pdop", "bool", 19, 1, description="PDOP is too high."),
+            info.Field(
+                "check_fail_max_horz_err", "bool", 20, 1,
+                description="Reported horizontal accuracy is too poor.",
+            ),
+            info.Field(
+                "check_fail_max_vert_err", "bool", 21, 1,
+                description="Reported vertical accuracy is too poor.",
+            ),
+            info.Field(
+                "check_fail_max_spd_err", "bool", 22, 1, description="Reported speed accuracy is too poor.",
+            ),
+            info.Field(
+                "check_fail_max_horz_drift", "bool", 23, 1,
+                description="Position wanders while standing still.",
+            ),
+            info.Field(
+                "check_fail_max_vert_drift", "bool", 24, 1,
+                description="Altitude wanders while standing still.",
+            ),
+            info.Field(
+                "check_fail_max_horz_spd_err", "bool", 25, 1,
+                description="Horizontal speed is seen while standing still.",
+            ),
+            info.Field(
+                "check_fail_max_vert_spd_err", "bool", 26, 1,
+                description="Vertical speed disagrees with the estimate.",
+            ),
+            info.Field(
+                "check_fail_spoofed_gps", "bool", 27, 1, description="Receiver reports spoofing.",
+            ),
             info.Field("position_drift_rate_horizontal_m_s", "float32", 28, 4, unit="m/s"),
             info.Field("position_drift_rate_vertical_m_s", "float32", 32, 4, unit="m/s"),
             info.Field("filtered_horizontal_speed_m_s", "float32", 36, 4, unit="m/s"),

@@ -241,21 +241,35 @@ class EstimatorSelectorStatus(_cdr.Message):
         message_version=0,
         topics=("estimator_selector_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("primary_instance", "uint8", 8, 1, invalid="UINT8_MAX"),
-            info.Field("instances_available", "uint8", 9, 1),
+            info.Field(
+                "instances_available", "uint8", 9, 1, description="Number of running instances.",
+            ),
             info.Field("instance_changed_count", "uint32", 12, 4),
             info.Field("last_instance_change", "uint64", 16, 8, unit="us"),
-            info.Field("accel_device_id", "uint32", 24, 4),
+            info.Field(
+                "accel_device_id", "uint32", 24, 4, description="Accelerometer of the primary instance.",
+            ),
             info.Field("baro_device_id", "uint32", 28, 4),
             info.Field("gyro_device_id", "uint32", 32, 4),
             info.Field("mag_device_id", "uint32", 36, 4),
-            info.Field("combined_test_ratio", "float32[9]", 40, 36, unit="-"),
-            info.Field("relative_test_ratio", "float32[9]", 76, 36, unit="-"),
-            info.Field("healthy", "bool[9]", 112, 9),
-            info.Field("accumulated_gyro_error", "float32[4]", 124, 16, unit="rad", invalid="NaN"),
+            info.Field(
+                "combined_test_ratio", "float32[9]", 40, 36, unit="-",
+                description="One entry per instance; 1 or more is a warning.",
+            ),
+            info.Field(
+                "relative_test_ratio", "float32[9]", 76, 36, unit="-",
+                description="Score against the primary, lower is better.",
+            ),
+            info.Field("healthy", "bool[9]", 112, 9, description="One entry per instance."),
+            info.Field(
+                "accumulated_gyro_error", "float32[4]", 124, 16, unit="rad", invalid="NaN",
+                description="One entry per IMU.",
+            ),
             info.Field(
                 "accumulated_accel_error", "float32[4]", 140, 16, unit="m/s", invalid="NaN",
+                description="One entry per IMU.",
             ),
             info.Field("gyro_fault_detected", "bool", 156, 1),
             info.Field("accel_fault_detected", "bool", 157, 1),

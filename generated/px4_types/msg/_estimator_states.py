@@ -97,11 +97,19 @@ class EstimatorStates(_cdr.Message):
         message_version=0,
         topics=("estimator_states",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("states", "float32[25]", 16, 100),
-            info.Field("n_states", "uint8", 116, 1),
-            info.Field("covariances", "float32[24]", 120, 96),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="IMU time the states belong to.",
+            ),
+            info.Field(
+                "states", "float32[25]", 16, 100,
+                description="Begins with attitude quaternion, velocity and position.",
+            ),
+            info.Field("n_states", "uint8", 116, 1, description="How many entries are filled."),
+            info.Field(
+                "covariances", "float32[24]", 120, 96,
+                description="Variances only; attitude takes three entries here.",
+            ),
         ),
         constants=(),
         cls=cls,

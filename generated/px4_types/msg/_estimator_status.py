@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("2Q3fH2xQI9fH5Bxf6?2x4I2B2x4f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -152,6 +154,104 @@ class EstimatorStatus(_cdr.Message):
     CS_GNSS_FAULT: Final = 45
     CS_YAW_MANUAL: Final = 46
 
+    class GpsCheckFail(_IntFlag):
+        """Flags of `gps_check_fail_flags`. The constants GPS_CHECK_FAIL_* are bit numbers."""
+
+        GPS_FIX = 1
+        """No 3D fix."""
+
+        MIN_SAT_COUNT = 2
+        MAX_PDOP = 4
+        MAX_HORZ_ERR = 8
+        MAX_VERT_ERR = 16
+        MAX_SPD_ERR = 32
+
+        MAX_HORZ_DRIFT = 64
+        """Only checked at rest."""
+
+        MAX_VERT_DRIFT = 128
+        """Only checked at rest."""
+
+        MAX_HORZ_SPD_ERR = 256
+        """Only checked at rest."""
+
+        MAX_VERT_SPD_ERR = 512
+        """Vertical speed disagrees with the filter."""
+
+        SPOOFED = 1024
+
+        JAMMED = 2048
+        """The receiver reports jamming."""
+
+    class Cs(_IntFlag):
+        """Flags of `control_mode_flags`. The constants CS_* are bit numbers."""
+
+        TILT_ALIGN = 1
+        YAW_ALIGN = 2
+        GNSS_POS = 4
+        OPT_FLOW = 8
+
+        MAG_HDG = 16
+        """Heading taken from the magnetometer."""
+
+        MAG_3D = 32
+        """All three magnetometer axes fused."""
+
+        MAG_DEC = 64
+        """Declination assumed from the magnetic model."""
+
+        IN_AIR = 128
+
+        WIND = 256
+        """Wind is part of the estimate."""
+
+        BARO_HGT = 512
+        RNG_HGT = 1024
+        GPS_HGT = 2048
+
+        EV_POS = 4096
+        """EV is external vision."""
+
+        EV_YAW = 8192
+        EV_HGT = 16384
+
+        BETA = 32768
+        """Sideslip assumed to be zero."""
+
+        MAG_FIELD = 65536
+        """Magnetometer corrects the field states only."""
+
+        FIXED_WING = 131072
+        """Flies like a plane, with little sideslip."""
+
+        MAG_FAULT = 262144
+
+        ASPD = 524288
+        """Airspeed fused."""
+
+        GND_EFFECT = 1048576
+        """Guards against pressure rise close to the ground."""
+
+        RNG_STUCK = 2097152
+
+        GPS_YAW = 4194304
+        """Heading from a GPS receiver, not course over ground."""
+
+        MAG_ALIGNED = 8388608
+        """Field aligned again in flight."""
+
+        EV_VEL = 16777216
+
+        SYNTHETIC_MAG_Z = 33554432
+        """Vertical magnetometer axis is computed, not measured."""
+
+        VEHICLE_AT_REST = 67108864
+        GPS_YAW_FAULT = 134217728
+        RNG_FAULT = 268435456
+        GNSS_VEL = 17592186044416
+        GNSS_FAULT = 35184372088832
+        YAW_MANUAL = 70368744177664
+
     timestamp: int
     """uint64 [us] Time since boot."""
 
@@ -164,10 +264,10 @@ class EstimatorStatus(_cdr.Message):
     """
 
     gps_check_fail_flags: int
-    """uint16 Bitmask of failed checks; GPS_CHECK_FAIL_* are bit positions."""
+    """uint16 [@enum GPS_CHECK_FAIL] Bitmask of failed checks; the constants are bit numbers."""
 
     control_mode_flags: int
-    """uint64 Bitmask of what the filter is doing; CS_* are bit positions."""
+    """uint64 [@enum CS] Bitmask of what the filter is doing; the constants are bit numbers."""
 
     filter_fault_flags: int
     """uint32 Faults by bit: 0-2 mag, 3 heading, 4 declination, 5 airspeed, 6 sideslip, 7-8 flow, 9-11
@@ -422,28 +522,68 @@ class EstimatorStatus(_cdr.Message):
         message_version=0,
         topics=("estimator_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("output_tracking_error", "float32[3]", 16, 12),
-            info.Field("gps_check_fail_flags", "uint16", 28, 2),
-            info.Field("control_mode_flags", "uint64", 32, 8),
-            info.Field("filter_fault_flags", "uint32", 40, 4),
-            info.Field("pos_horiz_accuracy", "float32", 44, 4, unit="m"),
-            info.Field("pos_vert_accuracy", "float32", 48, 4, unit="m"),
-            info.Field("hdg_test_ratio", "float32", 52, 4, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="When the underlying sensor data was taken.",
+            ),
+            info.Field(
+                "output_tracking_error", "float32[3]", 16, 12,
+                description="Lag of the output predictor behind the filter: angle in rad, velocity in m/s, position in m.",
+            ),
+            info.Field(
+                "gps_check_fail_flags", "uint16", 28, 2, enum="GPS_CHECK_FAIL", enum_class="GpsCheckFail",
+                description="Bitmask of failed checks; the constants are bit numbers.",
+            ),
+            info.Field(
+                "control_mode_flags", "uint64", 32, 8, enum="CS", enum_class="Cs",
+                description="Bitmask of what the filter is doing; the constants are bit numbers.",
+            ),
+            info.Field(
+                "filter_fault_flags", "uint32", 40, 4,
+                description=(
+                    "Faults by bit: 0-2 mag, 3 heading, 4 declination, 5 airspeed, 6 sideslip, 7-8 flow, "
+                    "9-11 velocity, 12-14 position, 15-17 IMU."
+                ),
+            ),
+            info.Field(
+                "pos_horiz_accuracy", "float32", 44, 4, unit="m", description="One standard deviation.",
+            ),
+            info.Field(
+                "pos_vert_accuracy", "float32", 48, 4, unit="m", description="One standard deviation.",
+            ),
+            info.Field(
+                "hdg_test_ratio", "float32", 52, 4, unit="-",
+                description="Smoothed innovation against its limit; above 1 fails.",
+            ),
             info.Field("vel_test_ratio", "float32", 56, 4, unit="-"),
-            info.Field("pos_test_ratio", "float32", 60, 4, unit="-"),
+            info.Field(
+                "pos_test_ratio", "float32", 60, 4, unit="-", description="Horizontal position.",
+            ),
             info.Field("hgt_test_ratio", "float32", 64, 4, unit="-"),
-            info.Field("tas_test_ratio", "float32", 68, 4, unit="-"),
-            info.Field("hagl_test_ratio", "float32", 72, 4, unit="-"),
-            info.Field("beta_test_ratio", "float32", 76, 4, unit="-"),
-            info.Field("solution_status_flags", "uint16", 80, 2),
-            info.Field("reset_count_vel_ne", "uint8", 82, 1),
+            info.Field("tas_test_ratio", "float32", 68, 4, unit="-", description="True airspeed."),
+            info.Field(
+                "hagl_test_ratio", "float32", 72, 4, unit="-", description="Height above ground.",
+            ),
+            info.Field(
+                "beta_test_ratio", "float32", 76, 4, unit="-", description="Assumed zero sideslip.",
+            ),
+            info.Field(
+                "solution_status_flags", "uint16", 80, 2,
+                description="Which outputs are fit for flight control, bits as in MAVLink ESTIMATOR_STATUS_FLAGS.",
+            ),
+            info.Field(
+                "reset_count_vel_ne", "uint8", 82, 1,
+                description="Wraps after 255, like the other reset counters.",
+            ),
             info.Field("reset_count_vel_d", "uint8", 83, 1),
             info.Field("reset_count_pos_ne", "uint8", 84, 1),
-            info.Field("reset_count_pod_d", "uint8", 85, 1),
+            info.Field("reset_count_pod_d", "uint8", 85, 1, description="Vertical position."),
             info.Field("reset_count_quat", "uint8", 86, 1),
-            info.Field("time_slip", "float32", 88, 4, unit="s"),
+            info.Field(
+                "time_slip", "float32", 88, 4, unit="s",
+                description="By how much the integrated IMU time lags the system clock, in total.",
+            ),
             info.Field("pre_flt_fail_innov_heading", "bool", 92, 1),
             info.Field("pre_flt_fail_innov_height", "bool", 93, 1),
             info.Field("pre_flt_fail_innov_pos_horiz", "bool", 94, 1),
@@ -454,12 +594,24 @@ class EstimatorStatus(_cdr.Message):
             info.Field("gyro_device_id", "uint32", 104, 4),
             info.Field("baro_device_id", "uint32", 108, 4),
             info.Field("mag_device_id", "uint32", 112, 4),
-            info.Field("health_flags", "uint8", 116, 1),
-            info.Field("timeout_flags", "uint8", 117, 1),
+            info.Field(
+                "health_flags", "uint8", 116, 1,
+                description="Bitmask of sensor faults, set by the older LPE estimator only.",
+            ),
+            info.Field(
+                "timeout_flags", "uint8", 117, 1,
+                description="Bitmask of sensor timeouts, set by the older LPE estimator only.",
+            ),
             info.Field("mag_inclination_deg", "float32", 120, 4, unit="deg"),
-            info.Field("mag_inclination_ref_deg", "float32", 124, 4, unit="deg"),
+            info.Field(
+                "mag_inclination_ref_deg", "float32", 124, 4, unit="deg",
+                description="Expected from the magnetic model.",
+            ),
             info.Field("mag_strength_gs", "float32", 128, 4, unit="Gs"),
-            info.Field("mag_strength_ref_gs", "float32", 132, 4, unit="Gs"),
+            info.Field(
+                "mag_strength_ref_gs", "float32", 132, 4, unit="Gs",
+                description="Expected from the magnetic model.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 GPS_CHECK_FAIL_GPS_FIX GPS_CHECK_FAIL_MIN_SAT_COUNT GPS_CHECK_FAIL_MAX_PDOP",

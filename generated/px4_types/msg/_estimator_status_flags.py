@@ -492,71 +492,236 @@ class EstimatorStatusFlags(_cdr.Message):
         message_version=0,
         topics=("estimator_status_flags",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("control_status_changes", "uint32", 16, 4),
-            info.Field("cs_tilt_align", "bool", 20, 1),
-            info.Field("cs_yaw_align", "bool", 21, 1),
-            info.Field("cs_gnss_pos", "bool", 22, 1),
-            info.Field("cs_opt_flow", "bool", 23, 1),
-            info.Field("cs_mag_hdg", "bool", 24, 1),
-            info.Field("cs_mag_3d", "bool", 25, 1),
-            info.Field("cs_mag_dec", "bool", 26, 1),
-            info.Field("cs_in_air", "bool", 27, 1),
-            info.Field("cs_wind", "bool", 28, 1),
-            info.Field("cs_baro_hgt", "bool", 29, 1),
-            info.Field("cs_rng_hgt", "bool", 30, 1),
-            info.Field("cs_gps_hgt", "bool", 31, 1),
-            info.Field("cs_ev_pos", "bool", 32, 1),
-            info.Field("cs_ev_yaw", "bool", 33, 1),
-            info.Field("cs_ev_hgt", "bool", 34, 1),
-            info.Field("cs_fuse_beta", "bool", 35, 1),
-            info.Field("cs_mag_field_disturbed", "bool", 36, 1),
-            info.Field("cs_fixed_wing", "bool", 37, 1),
-            info.Field("cs_mag_fault", "bool", 38, 1),
-            info.Field("cs_fuse_aspd", "bool", 39, 1),
-            info.Field("cs_gnd_effect", "bool", 40, 1),
-            info.Field("cs_rng_stuck", "bool", 41, 1),
-            info.Field("cs_gnss_yaw", "bool", 42, 1),
-            info.Field("cs_mag_aligned_in_flight", "bool", 43, 1),
-            info.Field("cs_ev_vel", "bool", 44, 1),
-            info.Field("cs_synthetic_mag_z", "bool", 45, 1),
-            info.Field("cs_vehicle_at_rest", "bool", 46, 1),
-            info.Field("cs_gnss_yaw_fault", "bool", 47, 1),
-            info.Field("cs_rng_fault", "bool", 48, 1),
-            info.Field("cs_inertial_dead_reckoning", "bool", 49, 1),
-            info.Field("cs_wind_dead_reckoning", "bool", 50, 1),
-            info.Field("cs_rng_kin_consistent", "bool", 51, 1),
-            info.Field("cs_fake_pos", "bool", 52, 1),
-            info.Field("cs_fake_hgt", "bool", 53, 1),
-            info.Field("cs_gravity_vector", "bool", 54, 1),
-            info.Field("cs_mag", "bool", 55, 1),
-            info.Field("cs_ev_yaw_fault", "bool", 56, 1),
-            info.Field("cs_mag_heading_consistent", "bool", 57, 1),
-            info.Field("cs_aux_gpos", "bool", 58, 1),
-            info.Field("cs_rng_terrain", "bool", 59, 1),
-            info.Field("cs_opt_flow_terrain", "bool", 60, 1),
-            info.Field("cs_valid_fake_pos", "bool", 61, 1),
-            info.Field("cs_constant_pos", "bool", 62, 1),
-            info.Field("cs_baro_fault", "bool", 63, 1),
-            info.Field("cs_gnss_vel", "bool", 64, 1),
-            info.Field("cs_gnss_fault", "bool", 65, 1),
-            info.Field("cs_yaw_manual", "bool", 66, 1),
-            info.Field("cs_gnss_hgt_fault", "bool", 67, 1),
-            info.Field("cs_in_transition", "bool", 68, 1),
-            info.Field("cs_heading_observable", "bool", 69, 1),
-            info.Field("fault_status_changes", "uint32", 72, 4),
-            info.Field("fs_bad_mag_x", "bool", 76, 1),
-            info.Field("fs_bad_mag_y", "bool", 77, 1),
-            info.Field("fs_bad_mag_z", "bool", 78, 1),
-            info.Field("fs_bad_hdg", "bool", 79, 1),
-            info.Field("fs_bad_mag_decl", "bool", 80, 1),
-            info.Field("fs_bad_airspeed", "bool", 81, 1),
-            info.Field("fs_bad_sideslip", "bool", 82, 1),
-            info.Field("fs_bad_optflow_x", "bool", 83, 1),
-            info.Field("fs_bad_optflow_y", "bool", 84, 1),
-            info.Field("fs_bad_acc_vertical", "bool", 85, 1),
-            info.Field("fs_bad_acc_clipping", "bool", 86, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="Time of the IMU data that the flags belong to.",
+            ),
+            info.Field(
+                "control_status_changes", "uint32", 16, 4,
+                description="Counts up whenever one of the cs_ flags changes.",
+            ),
+            info.Field(
+                "cs_tilt_align", "bool", 20, 1, description="Roll and pitch have been initialised.",
+            ),
+            info.Field("cs_yaw_align", "bool", 21, 1, description="Heading has been initialised."),
+            info.Field(
+                "cs_gnss_pos", "bool", 22, 1, description="GNSS position is selected as an aiding source.",
+            ),
+            info.Field(
+                "cs_opt_flow", "bool", 23, 1, description="Optical flow is selected as an aiding source.",
+            ),
+            info.Field(
+                "cs_mag_hdg", "bool", 24, 1,
+                description="Heading is corrected by a yaw angle computed from the magnetometer.",
+            ),
+            info.Field(
+                "cs_mag_3d", "bool", 25, 1,
+                description="All three magnetometer axes are selected to correct the states.",
+            ),
+            info.Field(
+                "cs_mag_dec", "bool", 26, 1,
+                description=(
+                    "A known magnetic declination is used as a measurement, so that the field estimate does "
+                    "not turn."
+                ),
+            ),
+            info.Field(
+                "cs_in_air", "bool", 27, 1, description="The land detector says the vehicle flies.",
+            ),
+            info.Field("cs_wind", "bool", 28, 1, description="The filter estimates wind."),
+            info.Field("cs_baro_hgt", "bool", 29, 1, description="Barometric height is in use."),
+            info.Field(
+                "cs_rng_hgt", "bool", 30, 1, description="Height is aided by the distance sensor.",
+            ),
+            info.Field("cs_gps_hgt", "bool", 31, 1, description="GNSS altitude is in use."),
+            info.Field(
+                "cs_ev_pos", "bool", 32, 1,
+                description="Position from external vision is selected as an aiding source.",
+            ),
+            info.Field(
+                "cs_ev_yaw", "bool", 33, 1,
+                description="Heading from external vision is selected as an aiding source.",
+            ),
+            info.Field(
+                "cs_ev_hgt", "bool", 34, 1, description="Height from external vision is in use.",
+            ),
+            info.Field(
+                "cs_fuse_beta", "bool", 35, 1,
+                description="The filter assumes zero sideslip and uses that as a measurement.",
+            ),
+            info.Field(
+                "cs_mag_field_disturbed", "bool", 36, 1,
+                description="The measured magnetic field differs too much from the one expected here.",
+            ),
+            info.Field(
+                "cs_fixed_wing", "bool", 37, 1,
+                description="The vehicle flies as a plane, a VTOL in forward flight included.",
+            ),
+            info.Field(
+                "cs_mag_fault", "bool", 38, 1, description="Magnetometer judged bad and left out.",
+            ),
+            info.Field("cs_fuse_aspd", "bool", 39, 1, description="Airspeed is in use."),
+            info.Field(
+                "cs_gnd_effect", "bool", 40, 1,
+                description="Barometer errors from rotor wash near the ground are being compensated.",
+            ),
+            info.Field(
+                "cs_rng_stuck", "bool", 41, 1,
+                description="Distance readings came back after a gap of over 10 s but hardly vary, so they are suspect.",
+            ),
+            info.Field(
+                "cs_gnss_yaw", "bool", 42, 1,
+                description="Heading from a dual antenna GNSS receiver is selected. Course over ground does not count.",
+            ),
+            info.Field(
+                "cs_mag_aligned_in_flight", "bool", 43, 1,
+                description="Magnetic field states were aligned again after takeoff.",
+            ),
+            info.Field(
+                "cs_ev_vel", "bool", 44, 1,
+                description="Velocity from external vision is selected as an aiding source.",
+            ),
+            info.Field(
+                "cs_synthetic_mag_z", "bool", 45, 1,
+                description="Magnetometer Z is computed from the expected field instead of measured.",
+            ),
+            info.Field(
+                "cs_vehicle_at_rest", "bool", 46, 1, description="The vehicle stands still.",
+            ),
+            info.Field(
+                "cs_gnss_yaw_fault", "bool", 47, 1, description="GNSS heading judged bad and left out.",
+            ),
+            info.Field(
+                "cs_rng_fault", "bool", 48, 1, description="Distance sensor judged bad and left out.",
+            ),
+            info.Field(
+                "cs_inertial_dead_reckoning", "bool", 49, 1,
+                description="Nothing limits horizontal velocity drift any more; only the IMU carries the estimate.",
+            ),
+            info.Field(
+                "cs_wind_dead_reckoning", "bool", 50, 1,
+                description="Navigation depends on airspeed, sideslip or drag relative to the wind estimate.",
+            ),
+            info.Field(
+                "cs_rng_kin_consistent", "bool", 51, 1,
+                description="Change of the measured distance agrees with the vertical speed.",
+            ),
+            info.Field(
+                "cs_fake_pos", "bool", 52, 1,
+                description=(
+                    "For lack of aiding, a held position is used to keep the filter stable. It is no real "
+                    "position."
+                ),
+            ),
+            info.Field(
+                "cs_fake_hgt", "bool", 53, 1,
+                description="For lack of height aiding, a held height is used to keep the filter stable.",
+            ),
+            info.Field(
+                "cs_gravity_vector", "bool", 54, 1,
+                description="The measured direction of gravity corrects roll and pitch.",
+            ),
+            info.Field(
+                "cs_mag", "bool", 55, 1,
+                description="All magnetometer axes are selected, but only the magnetic field states learn from them.",
+            ),
+            info.Field(
+                "cs_ev_yaw_fault", "bool", 56, 1,
+                description="External vision heading judged bad and left out.",
+            ),
+            info.Field(
+                "cs_mag_heading_consistent", "bool", 57, 1,
+                description="Magnetic heading agrees with the filter.",
+            ),
+            info.Field(
+                "cs_aux_gpos", "bool", 58, 1,
+                description="An auxiliary global position source is selected as aiding.",
+            ),
+            info.Field(
+                "cs_rng_terrain", "bool", 59, 1,
+                description="The distance sensor corrects the terrain height.",
+            ),
+            info.Field(
+                "cs_opt_flow_terrain", "bool", 60, 1, description="Optical flow corrects the terrain height.",
+            ),
+            info.Field(
+                "cs_valid_fake_pos", "bool", 61, 1,
+                description="The vehicle is known to stay in place, so its last position is held and counts as valid.",
+            ),
+            info.Field(
+                "cs_constant_pos", "bool", 62, 1,
+                description="The vehicle is known not to travel, for example while a plane waits for its launch.",
+            ),
+            info.Field(
+                "cs_baro_fault", "bool", 63, 1, description="Barometer in use judged bad and left out.",
+            ),
+            info.Field(
+                "cs_gnss_vel", "bool", 64, 1, description="GNSS velocity is selected as an aiding source.",
+            ),
+            info.Field(
+                "cs_gnss_fault", "bool", 65, 1,
+                description="GNSS latitude, longitude and velocity are judged bad.",
+            ),
+            info.Field(
+                "cs_yaw_manual", "bool", 66, 1,
+                description="Heading was set from outside, for example by an operator.",
+            ),
+            info.Field(
+                "cs_gnss_hgt_fault", "bool", 67, 1, description="GNSS altitude is judged bad.",
+            ),
+            info.Field(
+                "cs_in_transition", "bool", 68, 1,
+                description="A VTOL changes between hover and forward flight.",
+            ),
+            info.Field(
+                "cs_heading_observable", "bool", 69, 1,
+                description="The motion of the vehicle reveals its heading.",
+            ),
+            info.Field(
+                "fault_status_changes", "uint32", 72, 4,
+                description="Counts up whenever one of the fs_ flags changes.",
+            ),
+            info.Field(
+                "fs_bad_mag_x", "bool", 76, 1, description="Numerical error while using magnetometer X.",
+            ),
+            info.Field(
+                "fs_bad_mag_y", "bool", 77, 1, description="Numerical error while using magnetometer Y.",
+            ),
+            info.Field(
+                "fs_bad_mag_z", "bool", 78, 1, description="Numerical error while using magnetometer Z.",
+            ),
+            info.Field(
+                "fs_bad_hdg", "bool", 79, 1, description="Numerical error while using a heading.",
+            ),
+            info.Field(
+                "fs_bad_mag_decl", "bool", 80, 1,
+                description="Numerical error while using the magnetic declination.",
+            ),
+            info.Field(
+                "fs_bad_airspeed", "bool", 81, 1, description="Numerical error while using airspeed.",
+            ),
+            info.Field(
+                "fs_bad_sideslip", "bool", 82, 1,
+                description="Numerical error while using the zero sideslip assumption.",
+            ),
+            info.Field(
+                "fs_bad_optflow_x", "bool", 83, 1, description="Numerical error while using optical flow X.",
+            ),
+            info.Field(
+                "fs_bad_optflow_y", "bool", 84, 1, description="Numerical error while using optical flow Y.",
+            ),
+            info.Field(
+                "fs_bad_acc_vertical", "bool", 85, 1,
+                description=(
+                    "Vertical acceleration does not fit the height and vertical speed sensors, mostly due "
+                    "to vibration."
+                ),
+            ),
+            info.Field(
+                "fs_bad_acc_clipping", "bool", 86, 1,
+                description="Accelerometer readings hit the end of their range, unevenly on both sides.",
+            ),
         ),
         constants=(),
         cls=cls,

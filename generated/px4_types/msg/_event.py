@@ -102,11 +102,26 @@ class Event(_cdr.Message):
         message_version=1,
         topics=("event",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("id", "uint32", 8, 4),
-            info.Field("event_sequence", "uint16", 12, 2),
-            info.Field("arguments", "uint8[25]", 14, 25),
-            info.Field("log_levels", "uint8", 39, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "id", "uint32", 8, 4,
+                description="Which event it is: a hash of its name that indexes the metadata of the firmware build.",
+            ),
+            info.Field(
+                "event_sequence", "uint16", 12, 2,
+                description="Grows by one per event, so that receivers notice what they missed.",
+            ),
+            info.Field(
+                "arguments", "uint8[25]", 14, 25,
+                description=(
+                    "Values to insert in the text, packed in the order and types that the metadata lists. "
+                    "Unused bytes are zero."
+                ),
+            ),
+            info.Field(
+                "log_levels", "uint8", 39, 1,
+                description="Two severities: upper half byte for the onboard log, lower half byte for ground stations.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

@@ -389,52 +389,168 @@ class FailsafeFlags(_cdr.Message):
         message_version=0,
         topics=("failsafe_flags",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("mode_req_angular_velocity", "uint32", 8, 4),
-            info.Field("mode_req_attitude", "uint32", 12, 4),
-            info.Field("mode_req_local_alt", "uint32", 16, 4),
-            info.Field("mode_req_local_position", "uint32", 20, 4),
-            info.Field("mode_req_local_position_relaxed", "uint32", 24, 4),
-            info.Field("mode_req_global_position", "uint32", 28, 4),
-            info.Field("mode_req_global_position_relaxed", "uint32", 32, 4),
-            info.Field("mode_req_mission", "uint32", 36, 4),
-            info.Field("mode_req_offboard_signal", "uint32", 40, 4),
-            info.Field("mode_req_home_position", "uint32", 44, 4),
-            info.Field("mode_req_wind_and_flight_time_compliance", "uint32", 48, 4),
-            info.Field("mode_req_prevent_arming", "uint32", 52, 4),
-            info.Field("mode_req_manual_control", "uint32", 56, 4),
-            info.Field("mode_req_other", "uint32", 60, 4),
-            info.Field("angular_velocity_invalid", "bool", 64, 1),
-            info.Field("attitude_invalid", "bool", 65, 1),
-            info.Field("local_altitude_invalid", "bool", 66, 1),
-            info.Field("local_position_invalid", "bool", 67, 1),
-            info.Field("local_position_invalid_relaxed", "bool", 68, 1),
-            info.Field("local_velocity_invalid", "bool", 69, 1),
-            info.Field("global_position_invalid", "bool", 70, 1),
-            info.Field("global_position_invalid_relaxed", "bool", 71, 1),
-            info.Field("auto_mission_missing", "bool", 72, 1),
-            info.Field("offboard_control_signal_lost", "bool", 73, 1),
-            info.Field("home_position_invalid", "bool", 74, 1),
-            info.Field("manual_control_signal_lost", "bool", 75, 1),
-            info.Field("gcs_connection_lost", "bool", 76, 1),
-            info.Field("battery_warning", "uint8", 77, 1),
-            info.Field("battery_low_remaining_time", "bool", 78, 1),
-            info.Field("battery_unhealthy", "bool", 79, 1),
-            info.Field("fd_critical_failure", "bool", 80, 1),
-            info.Field("fd_esc_arming_failure", "bool", 81, 1),
-            info.Field("fd_imbalanced_prop", "bool", 82, 1),
-            info.Field("fd_motor_failure", "bool", 83, 1),
-            info.Field("fd_alt_loss", "bool", 84, 1),
-            info.Field("geofence_breached", "bool", 85, 1),
-            info.Field("mission_failure", "bool", 86, 1),
-            info.Field("vtol_fixed_wing_system_failure", "bool", 87, 1),
-            info.Field("wind_limit_exceeded", "bool", 88, 1),
-            info.Field("flight_time_limit_exceeded", "bool", 89, 1),
-            info.Field("position_accuracy_low", "bool", 90, 1),
-            info.Field("navigator_failure", "bool", 91, 1),
-            info.Field("parachute_unhealthy", "bool", 92, 1),
-            info.Field("remote_id_unhealthy", "bool", 93, 1),
-            info.Field("gnss_lost", "bool", 94, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "mode_req_angular_velocity", "uint32", 8, 4,
+                description="Bit per nav_state: needs body rates.",
+            ),
+            info.Field(
+                "mode_req_attitude", "uint32", 12, 4, description="Bit per nav_state: needs attitude.",
+            ),
+            info.Field(
+                "mode_req_local_alt", "uint32", 16, 4, description="Bit per nav_state: needs local altitude.",
+            ),
+            info.Field(
+                "mode_req_local_position", "uint32", 20, 4,
+                description="Bit per nav_state: needs local position at normal accuracy.",
+            ),
+            info.Field(
+                "mode_req_local_position_relaxed", "uint32", 24, 4,
+                description="Bit per nav_state: needs local position, lower accuracy is enough.",
+            ),
+            info.Field(
+                "mode_req_global_position", "uint32", 28, 4,
+                description="Bit per nav_state: needs global position at normal accuracy.",
+            ),
+            info.Field(
+                "mode_req_global_position_relaxed", "uint32", 32, 4,
+                description="Bit per nav_state: needs global position, lower accuracy is enough.",
+            ),
+            info.Field(
+                "mode_req_mission", "uint32", 36, 4,
+                description="Bit per nav_state: needs an uploaded mission.",
+            ),
+            info.Field(
+                "mode_req_offboard_signal", "uint32", 40, 4,
+                description="Bit per nav_state: needs a live stream of offboard setpoints.",
+            ),
+            info.Field(
+                "mode_req_home_position", "uint32", 44, 4,
+                description="Bit per nav_state: needs a home position.",
+            ),
+            info.Field(
+                "mode_req_wind_and_flight_time_compliance", "uint32", 48, 4,
+                description="Bit per nav_state: refused while wind or time in the air is over its limit.",
+            ),
+            info.Field(
+                "mode_req_prevent_arming", "uint32", 52, 4,
+                description="Bit per nav_state: arming is refused here.",
+            ),
+            info.Field(
+                "mode_req_manual_control", "uint32", 56, 4,
+                description="Bit per nav_state: needs stick input.",
+            ),
+            info.Field(
+                "mode_req_other", "uint32", 60, 4,
+                description="Bit per nav_state: an external mode reports a further need as unmet.",
+            ),
+            info.Field(
+                "angular_velocity_invalid", "bool", 64, 1, description="No usable body rates.",
+            ),
+            info.Field("attitude_invalid", "bool", 65, 1, description="No usable attitude."),
+            info.Field(
+                "local_altitude_invalid", "bool", 66, 1, description="No usable local altitude.",
+            ),
+            info.Field(
+                "local_position_invalid", "bool", 67, 1, description="No local position of normal accuracy.",
+            ),
+            info.Field(
+                "local_position_invalid_relaxed", "bool", 68, 1,
+                description="No local position even by the lower accuracy limit, as for flight on optical flow.",
+            ),
+            info.Field(
+                "local_velocity_invalid", "bool", 69, 1, description="No usable local velocity.",
+            ),
+            info.Field(
+                "global_position_invalid", "bool", 70, 1,
+                description="No global position of normal accuracy.",
+            ),
+            info.Field(
+                "global_position_invalid_relaxed", "bool", 71, 1,
+                description="No global position even by the lower accuracy limit.",
+            ),
+            info.Field(
+                "auto_mission_missing", "bool", 72, 1, description="No valid mission is stored.",
+            ),
+            info.Field(
+                "offboard_control_signal_lost", "bool", 73, 1,
+                description="Offboard setpoints stopped or never started.",
+            ),
+            info.Field("home_position_invalid", "bool", 74, 1, description="Home is not set."),
+            info.Field(
+                "manual_control_signal_lost", "bool", 75, 1,
+                description="No stick input from RC or joystick.",
+            ),
+            info.Field(
+                "gcs_connection_lost", "bool", 76, 1, description="No heartbeat from a ground station.",
+            ),
+            info.Field(
+                "battery_warning", "uint8", 77, 1,
+                description="Battery warning level, numbered like the WARNING constants of BatteryStatus.",
+            ),
+            info.Field(
+                "battery_low_remaining_time", "bool", 78, 1,
+                description="The flight time left is only just enough to get home.",
+            ),
+            info.Field(
+                "battery_unhealthy", "bool", 79, 1, description="A battery reports a fault or is missing.",
+            ),
+            info.Field(
+                "fd_critical_failure", "bool", 80, 1,
+                description="Attitude or altitude is far out of limits, or an external termination system triggered.",
+            ),
+            info.Field(
+                "fd_esc_arming_failure", "bool", 81, 1, description="An ESC did not confirm arming.",
+            ),
+            info.Field(
+                "fd_imbalanced_prop", "bool", 82, 1,
+                description="Vibration points to a damaged or unbalanced propeller.",
+            ),
+            info.Field(
+                "fd_motor_failure", "bool", 83, 1, description="A motor does not respond as expected.",
+            ),
+            info.Field(
+                "fd_alt_loss", "bool", 84, 1,
+                description="The vehicle sinks although altitude control should hold it. Hover only.",
+            ),
+            info.Field(
+                "geofence_breached", "bool", 85, 1, description="At least one geofence is violated.",
+            ),
+            info.Field("mission_failure", "bool", 86, 1, description="The mission cannot go on."),
+            info.Field(
+                "vtol_fixed_wing_system_failure", "bool", 87, 1,
+                description="Forward flight was given up by a quad-chute; the VTOL stays in hover.",
+            ),
+            info.Field(
+                "wind_limit_exceeded", "bool", 88, 1, description="Wind is stronger than allowed.",
+            ),
+            info.Field(
+                "flight_time_limit_exceeded", "bool", 89, 1,
+                description="In the air for longer than allowed.",
+            ),
+            info.Field(
+                "position_accuracy_low", "bool", 90, 1,
+                description="Position has become inaccurate enough to warn, yet it still counts as valid.",
+            ),
+            info.Field(
+                "navigator_failure", "bool", 91, 1,
+                description="Navigator could not carry out the current mode.",
+            ),
+            info.Field(
+                "parachute_unhealthy", "bool", 92, 1,
+                description="A required parachute does not report, or is not ready.",
+            ),
+            info.Field(
+                "remote_id_unhealthy", "bool", 93, 1,
+                description="A required Remote ID transmitter does not report, or is not ready.",
+            ),
+            info.Field(
+                "gnss_lost", "bool", 94, 1,
+                description=(
+                    "Fewer receivers work than SYS_HAS_NUM_GNSS asks for, or two of them disagree on the "
+                    "position."
+                ),
+            ),
         ),
         constants=(),
         cls=cls,

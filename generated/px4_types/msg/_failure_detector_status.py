@@ -143,18 +143,30 @@ class FailureDetectorStatus(_cdr.Message):
         message_version=0,
         topics=("failure_detector_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("fd_roll", "bool", 8, 1),
-            info.Field("fd_pitch", "bool", 9, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("fd_roll", "bool", 8, 1, description="Roll angle beyond its limit."),
+            info.Field("fd_pitch", "bool", 9, 1, description="Pitch angle beyond its limit."),
             info.Field("fd_alt", "bool", 10, 1),
-            info.Field("fd_ext", "bool", 11, 1),
-            info.Field("fd_arm_escs", "bool", 12, 1),
+            info.Field(
+                "fd_ext", "bool", 11, 1, description="External termination system (PWM input) has triggered.",
+            ),
+            info.Field(
+                "fd_arm_escs", "bool", 12, 1, description="ESCs did not respond to arming.",
+            ),
             info.Field("fd_battery", "bool", 13, 1),
             info.Field("fd_imbalanced_prop", "bool", 14, 1),
             info.Field("fd_motor", "bool", 15, 1),
-            info.Field("imbalanced_prop_metric", "float32", 16, 4, unit="m/s^2"),
-            info.Field("motor_failure_mask", "uint16", 20, 2),
-            info.Field("motor_stop_mask", "uint16", 22, 2),
+            info.Field(
+                "imbalanced_prop_metric", "float32", 16, 4, unit="m/s^2",
+                description="Low-passed excess of horizontal over vertical vibration.",
+            ),
+            info.Field(
+                "motor_failure_mask", "uint16", 20, 2, description="One bit per motor detected as failed.",
+            ),
+            info.Field(
+                "motor_stop_mask", "uint16", 22, 2,
+                description="One bit per motor stopped on purpose by failure injection.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB4sx4H4s")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -72,6 +74,52 @@ class FailureInjection(_cdr.Message):
 
     FAILURE_TYPE_INTERMITTENT: Final = 7
     """Comes and goes."""
+
+    class FailureUnit(_IntEnum):
+        """Values of `unit`."""
+
+        SENSOR_GYRO = 0
+        SENSOR_ACCEL = 1
+        SENSOR_MAG = 2
+        SENSOR_BARO = 3
+        SENSOR_GPS = 4
+        SENSOR_OPTICAL_FLOW = 5
+        SENSOR_VIO = 6
+        SENSOR_DISTANCE_SENSOR = 7
+        SENSOR_AIRSPEED = 8
+        SYSTEM_BATTERY = 100
+        SYSTEM_MOTOR = 101
+        SYSTEM_SERVO = 102
+        SYSTEM_AVOIDANCE = 103
+        SYSTEM_RC_SIGNAL = 104
+        SYSTEM_MAVLINK_SIGNAL = 105
+
+    class FailureType(_IntEnum):
+        """Values of `failure_type`."""
+
+        OK = 0
+        """No failure, back to normal."""
+
+        OFF = 1
+        """No data, no motion."""
+
+        STUCK = 2
+        """Keeps the last value."""
+
+        GARBAGE = 3
+        """Random values."""
+
+        WRONG = 4
+        """Plausible, but not true."""
+
+        SLOW = 5
+        """Lower rate than usual."""
+
+        DELAYED = 6
+        """Arrives late."""
+
+        INTERMITTENT = 7
+        """Comes and goes."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -149,11 +197,22 @@ class FailureInjection(_cdr.Message):
         message_version=0,
         topics=("failure_injection",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("count", "uint8", 8, 1),
-            info.Field("unit", "uint8[4]", 9, 4, enum="FAILURE_UNIT"),
-            info.Field("instance_mask", "uint16[4]", 14, 8),
-            info.Field("failure_type", "uint8[4]", 22, 4, enum="FAILURE_TYPE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "count", "uint8", 8, 1, description="How many elements of the arrays are in use.",
+            ),
+            info.Field(
+                "unit", "uint8[4]", 9, 4, enum="FAILURE_UNIT", enum_class="FailureUnit",
+                description="Component that fails, numbered as in MAVLink's FAILURE_UNIT.",
+            ),
+            info.Field(
+                "instance_mask", "uint16[4]", 14, 8,
+                description="Bit n is set for instance n + 1 of the component. 0xFFFF: all of them.",
+            ),
+            info.Field(
+                "failure_type", "uint8[4]", 22, 4, enum="FAILURE_TYPE", enum_class="FailureType",
+                description="How it fails, numbered as in MAVLink's FAILURE_TYPE.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 MAX_FAILURES FAILURE_UNIT_SENSOR_GYRO FAILURE_UNIT_SENSOR_ACCEL",

@@ -105,11 +105,21 @@ class FiducialMarkerPosReport(_cdr.Message):
         message_version=0,
         topics=("fiducial_marker_pos_report",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("rel_pos", "float32[3]", 16, 12, unit="m"),
-            info.Field("cov_rel_pos", "float32[3]", 28, 12, unit="m^2"),
-            info.Field("q", "float32[4]", 40, 16, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the picture was taken.",
+            ),
+            info.Field(
+                "rel_pos", "float32[3]", 16, 12, unit="m",
+                description="Vector from the vehicle to the target, in the sensor's frame.",
+            ),
+            info.Field(
+                "cov_rel_pos", "float32[3]", 28, 12, unit="m^2",
+                description="Variance of rel_pos along each axis of that frame.",
+            ),
+            info.Field(
+                "q", "float32[4]", 40, 16, unit="-", description="Quaternion that rotates rel_pos into NED.",
+            ),
         ),
         constants=(),
         cls=cls,

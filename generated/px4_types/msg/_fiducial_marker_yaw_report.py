@@ -87,10 +87,17 @@ class FiducialMarkerYawReport(_cdr.Message):
         message_version=0,
         topics=("fiducial_marker_yaw_report",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("yaw_ned", "float32", 16, 4, unit="rad", frame="NED"),
-            info.Field("yaw_var_ned", "float32", 20, 4, unit="rad^2"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the picture was taken.",
+            ),
+            info.Field(
+                "yaw_ned", "float32", 16, 4, unit="rad", frame="NED",
+                description="Heading of the target from true north, within -pi to pi.",
+            ),
+            info.Field(
+                "yaw_var_ned", "float32", 20, 4, unit="rad^2", description="Variance of yaw_ned.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -109,14 +109,27 @@ class FigureEightStatus(_cdr.Message):
         message_version=0,
         topics=("figure_eight_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("major_radius", "float32", 8, 4, unit="m"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "major_radius", "float32", 8, 4, unit="m",
+                description="Negative when flown counter-clockwise.",
+            ),
             info.Field("minor_radius", "float32", 12, 4, unit="m"),
-            info.Field("orientation", "float32", 16, 4, unit="rad"),
-            info.Field("frame", "uint8", 20, 1),
-            info.Field("x", "int32", 24, 4),
-            info.Field("y", "int32", 28, 4),
-            info.Field("z", "float32", 32, 4, unit="m"),
+            info.Field(
+                "orientation", "float32", 16, 4, unit="rad", description="Heading of the long axis.",
+            ),
+            info.Field(
+                "frame", "uint8", 20, 1, description="MAVLink MAV_FRAME that x, y and z are given in.",
+            ),
+            info.Field(
+                "x", "int32", 24, 4,
+                description="Center. Global frame: latitude in degrees times 1e7; local frame: meters times 1e4.",
+            ),
+            info.Field(
+                "y", "int32", 28, 4,
+                description="Center. Global frame: longitude in degrees times 1e7; local frame: meters times 1e4.",
+            ),
+            info.Field("z", "float32", 32, 4, unit="m", description="Center altitude."),
         ),
         constants=(),
         cls=cls,

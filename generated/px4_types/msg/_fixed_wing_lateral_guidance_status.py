@@ -134,18 +134,41 @@ class FixedWingLateralGuidanceStatus(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_lateral_guidance_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("course_setpoint", "float32", 8, 4, unit="rad", range="-pi, pi"),
-            info.Field("lateral_acceleration_ff", "float32", 12, 4, unit="m/s^2", frame="FRD"),
-            info.Field("bearing_feas", "float32", 16, 4, range="0,1"),
-            info.Field("bearing_feas_on_track", "float32", 20, 4, range="0,1"),
-            info.Field("signed_track_error", "float32", 24, 4, unit="m"),
-            info.Field("track_error_bound", "float32", 28, 4, unit="m"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "course_setpoint", "float32", 8, 4, unit="rad", range="-pi, pi",
+                description="Wanted track over ground, from true north.",
+            ),
+            info.Field(
+                "lateral_acceleration_ff", "float32", 12, 4, unit="m/s^2", frame="FRD",
+                description="Feedforward that holds the path's curvature.",
+            ),
+            info.Field(
+                "bearing_feas", "float32", 16, 4, range="0,1",
+                description="How well the wanted bearing can be flown in the wind.",
+            ),
+            info.Field(
+                "bearing_feas_on_track", "float32", 20, 4, range="0,1",
+                description="Same, for the bearing of the path itself.",
+            ),
+            info.Field(
+                "signed_track_error", "float32", 24, 4, unit="m", description="Distance off the path.",
+            ),
+            info.Field(
+                "track_error_bound", "float32", 28, 4, unit="m",
+                description="Beyond this distance the plane heads straight for the path.",
+            ),
             info.Field(
                 "switch_distance", "float32", 32, 4, unit="m", range="0, INF", invalid="NaN",
+                description="Distance before a waypoint at which to turn to the next one. NAV_ACC_RAD is the least.",
             ),
-            info.Field("adapted_period", "float32", 36, 4, unit="s"),
-            info.Field("wind_est_valid", "uint8", 40, 1),
+            info.Field(
+                "adapted_period", "float32", 36, 4, unit="s",
+                description="NPFG period after automatic adjustment.",
+            ),
+            info.Field(
+                "wind_est_valid", "uint8", 40, 1, description="1 while a valid wind estimate is used.",
+            ),
         ),
         constants=(),
         cls=cls,

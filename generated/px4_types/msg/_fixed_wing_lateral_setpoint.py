@@ -99,13 +99,18 @@ class FixedWingLateralSetpoint(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_lateral_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("course", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "course", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN",
+                description="Direction over ground to fly, clockwise from true north.",
+            ),
             info.Field(
                 "airspeed_direction", "float32", 12, 4, unit="rad", range="-pi, pi", invalid="NaN",
+                description="Direction through the air, from true north. If set, course is ignored.",
             ),
             info.Field(
                 "lateral_acceleration", "float32", 16, 4, unit="m/s^2", invalid="NaN", frame="FRD",
+                description="Acceleration to the right. Added on top if course or airspeed_direction is set.",
             ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),

@@ -82,11 +82,14 @@ class FixedWingLateralStatus(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_lateral_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "lateral_acceleration_setpoint", "float32", 8, 4, unit="m/s^2", frame="FRD",
             ),
-            info.Field("can_run_factor", "float32", 12, 4, unit="norm", range="0, 1"),
+            info.Field(
+                "can_run_factor", "float32", 12, 4, unit="norm", range="0, 1",
+                description="Trust in the roll setpoint; it scales the command.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -115,17 +115,26 @@ class FixedWingLongitudinalSetpoint(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_longitudinal_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("altitude", "float32", 8, 4, unit="m", invalid="NaN"),
-            info.Field("height_rate", "float32", 12, 4, unit="m/s", invalid="NaN", frame="ENU"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "altitude", "float32", 8, 4, unit="m", invalid="NaN",
+                description="Height to reach above mean sea level. Ignored while height_rate is finite.",
+            ),
+            info.Field(
+                "height_rate", "float32", 12, 4, unit="m/s", invalid="NaN", frame="ENU",
+                description="Climb speed to hold, positive up. Takes precedence over altitude.",
+            ),
             info.Field(
                 "equivalent_airspeed", "float32", 16, 4, unit="m/s", range="0, inf", invalid="NaN",
+                description="Airspeed to hold. NaN selects the trim airspeed of the vehicle.",
             ),
             info.Field(
                 "pitch_direct", "float32", 20, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="FRD",
+                description="Pitch angle used as is, bypassing TECS.",
             ),
             info.Field(
                 "throttle_direct", "float32", 24, 4, unit="norm", range="0,1", invalid="NaN",
+                description="Throttle used as is, bypassing TECS.",
             ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),

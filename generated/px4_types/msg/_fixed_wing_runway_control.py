@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB?2xf")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -45,6 +47,21 @@ class FixedWingRunwayControl(_cdr.Message):
 
     STATE_FLYING: Final = 3
     """Takeoff is done."""
+
+    class State(_IntEnum):
+        """Values of `runway_takeoff_state`."""
+
+        THROTTLE_RAMP = 0
+        """Throttle rises, the aircraft still stands."""
+
+        CLAMPED_TO_RUNWAY = 1
+        """On the ground, rudder or wheel keeps the direction."""
+
+        CLIMBOUT = 2
+        """Climbs straight ahead to a safe height."""
+
+        FLYING = 3
+        """Takeoff is done."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -112,12 +129,16 @@ class FixedWingRunwayControl(_cdr.Message):
         message_version=0,
         topics=("fixed_wing_runway_control",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("runway_takeoff_state", "uint8", 8, 1, enum="STATE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "runway_takeoff_state", "uint8", 8, 1, enum="STATE", enum_class="State",
+                description="Phase of the takeoff.",
+            ),
             info.Field("wheel_steering_enabled", "bool", 9, 1),
             info.Field(
                 "wheel_steering_nudging_rate", "float32", 12, 4, unit="norm", range="-1, 1", invalid="NaN",
                 frame="FRD",
+                description="Pilot correction on top of the wheel controller. NaN counts as zero.",
             ),
         ),
         constants=info.constants(

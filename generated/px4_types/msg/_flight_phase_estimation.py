@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -34,6 +36,14 @@ class FlightPhaseEstimation(_cdr.Message):
     FLIGHT_PHASE_LEVEL: Final = 1
     FLIGHT_PHASE_DESCEND: Final = 2
     FLIGHT_PHASE_CLIMB: Final = 3
+
+    class FlightPhase(_IntEnum):
+        """Values of `flight_phase`."""
+
+        UNKNOWN = 0
+        LEVEL = 1
+        DESCEND = 2
+        CLIMB = 3
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -82,8 +92,10 @@ class FlightPhaseEstimation(_cdr.Message):
         message_version=0,
         topics=("flight_phase_estimation",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("flight_phase", "uint8", 8, 1, enum="FLIGHT_PHASE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "flight_phase", "uint8", 8, 1, enum="FLIGHT_PHASE", enum_class="FlightPhase",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 FLIGHT_PHASE_UNKNOWN FLIGHT_PHASE_LEVEL FLIGHT_PHASE_DESCEND FLIGHT_PHASE_CLIMB",

@@ -152,13 +152,17 @@ class FollowTargetEstimator(_cdr.Message):
         message_version=0,
         topics=("follow_target_estimator",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("last_filter_reset_timestamp", "uint64", 8, 8, unit="us"),
-            info.Field("valid", "bool", 16, 1),
-            info.Field("stale", "bool", 17, 1),
+            info.Field("valid", "bool", 16, 1, description="All estimates are finite."),
+            info.Field(
+                "stale", "bool", 17, 1, description="No report for a while; the position is only held.",
+            ),
             info.Field("lat_est", "float64", 24, 8, unit="deg", invalid="NaN"),
             info.Field("lon_est", "float64", 32, 8, unit="deg", invalid="NaN"),
-            info.Field("alt_est", "float32", 40, 4, unit="m", invalid="NaN"),
+            info.Field(
+                "alt_est", "float32", 40, 4, unit="m", invalid="NaN", description="Above mean sea level.",
+            ),
             info.Field("pos_est", "float32[3]", 44, 12, unit="m", invalid="NaN", frame="NED"),
             info.Field("vel_est", "float32[3]", 56, 12, unit="m/s", invalid="NaN", frame="NED"),
             info.Field("acc_est", "float32[3]", 68, 12, unit="m/s^2", invalid="NaN", frame="NED"),

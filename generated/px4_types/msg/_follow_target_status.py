@@ -125,14 +125,33 @@ class FollowTargetStatus(_cdr.Message):
         message_version=0,
         topics=("follow_target_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("tracked_target_course", "float32", 8, 4, unit="rad", frame="NED"),
-            info.Field("follow_angle", "float32", 12, 4, unit="rad"),
-            info.Field("orbit_angle_setpoint", "float32", 16, 4, unit="rad"),
-            info.Field("angular_rate_setpoint", "float32", 20, 4, unit="rad/s"),
-            info.Field("desired_position_raw", "float32[3]", 24, 12, unit="m", frame="NED"),
-            info.Field("in_emergency_ascent", "bool", 36, 1),
-            info.Field("gimbal_pitch", "float32", 40, 4, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "tracked_target_course", "float32", 8, 4, unit="rad", frame="NED", description="From north.",
+            ),
+            info.Field(
+                "follow_angle", "float32", 12, 4, unit="rad",
+                description="Side from which to follow, relative to the target's course.",
+            ),
+            info.Field(
+                "orbit_angle_setpoint", "float32", 16, 4, unit="rad", description="Smoothed.",
+            ),
+            info.Field(
+                "angular_rate_setpoint", "float32", 20, 4, unit="rad/s",
+                description="How fast to move around the target.",
+            ),
+            info.Field(
+                "desired_position_raw", "float32[3]", 24, 12, unit="m", frame="NED",
+                description="Before smoothing, as if the drone could jump there.",
+            ),
+            info.Field(
+                "in_emergency_ascent", "bool", 36, 1,
+                description="Set while climbing because the ground is too close.",
+            ),
+            info.Field(
+                "gimbal_pitch", "float32", 40, 4, unit="rad",
+                description="Keeps the target centered in the picture.",
+            ),
         ),
         constants=(),
         cls=cls,

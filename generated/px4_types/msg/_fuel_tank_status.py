@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q3fB3xfB3xIf")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -44,6 +46,18 @@ class FuelTankStatus(_cdr.Message):
 
     MAV_FUEL_TYPE_GAS: Final = 2
     """Hydrogen, propane and the like: amounts as pressure in kPa, rates in ml/s."""
+
+    class MavFuelType(_IntEnum):
+        """Values of `fuel_type`."""
+
+        UNKNOWN = 0
+        """Amounts are fractions of a full tank."""
+
+        LIQUID = 1
+        """Petrol, diesel and the like: amounts in ml, rates in ml/s."""
+
+        GAS = 2
+        """Hydrogen, propane and the like: amounts as pressure in kPa, rates in ml/s."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -134,16 +148,29 @@ class FuelTankStatus(_cdr.Message):
         message_version=0,
         topics=("fuel_tank_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("maximum_fuel_capacity", "float32", 8, 4),
-            info.Field("consumed_fuel", "float32", 12, 4, invalid="NaN"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "maximum_fuel_capacity", "float32", 8, 4, description="Amount in a full tank; always given.",
+            ),
+            info.Field(
+                "consumed_fuel", "float32", 12, 4, invalid="NaN",
+                description="Measured use, never worked out from the capacity.",
+            ),
             info.Field("fuel_consumption_rate", "float32", 16, 4, invalid="NaN"),
             info.Field(
                 "percent_remaining", "uint8", 20, 1, unit="%", range="0, 100", invalid="UINT8_MAX",
             ),
-            info.Field("remaining_fuel", "float32", 24, 4, invalid="NaN"),
-            info.Field("fuel_tank_id", "uint8", 28, 1),
-            info.Field("fuel_type", "uint32", 32, 4, enum="MAV_FUEL_TYPE"),
+            info.Field(
+                "remaining_fuel", "float32", 24, 4, invalid="NaN",
+                description="Measured, never worked out from the capacity.",
+            ),
+            info.Field(
+                "fuel_tank_id", "uint8", 28, 1,
+                description="Same number in all messages about one fuel system; 0 for an only tank.",
+            ),
+            info.Field(
+                "fuel_type", "uint32", 32, 4, enum="MAV_FUEL_TYPE", enum_class="MavFuelType",
+            ),
             info.Field("temperature", "float32", 36, 4, unit="K", invalid="NaN"),
         ),
         constants=info.constants(cls, "uint8 MAV_FUEL_TYPE_UNKNOWN MAV_FUEL_TYPE_LIQUID MAV_FUEL_TYPE_GAS"),

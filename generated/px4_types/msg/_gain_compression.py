@@ -106,12 +106,19 @@ class GainCompression(_cdr.Message):
         message_version=0,
         topics=("gain_compression",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "compression_gains", "float32[3]", 8, 12, unit="-", range="0, 1", frame="FRD",
+                description="Factor on the controller's output per axis, 1 leaves it alone.",
             ),
-            info.Field("spectral_damper_hpf", "float32[3]", 20, 12, unit="-", frame="FRD"),
-            info.Field("spectral_damper_out", "float32[3]", 32, 12, unit="-", frame="FRD"),
+            info.Field(
+                "spectral_damper_hpf", "float32[3]", 20, 12, unit="-", frame="FRD",
+                description="Square of the high-passed controller output per axis.",
+            ),
+            info.Field(
+                "spectral_damper_out", "float32[3]", 32, 12, unit="-", frame="FRD",
+                description="Square of the damper's output per axis.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("2Q5fIiH2h")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -81,6 +83,51 @@ class GeneratorStatus(_cdr.Message):
     STATUS_FLAG_MAINTENANCE_REQUIRED: Final = 1048576
     STATUS_FLAG_WARMING_UP: Final = 2097152
     STATUS_FLAG_IDLE: Final = 4194304
+
+    class StatusFlag(_IntFlag):
+        """Flags of `status`."""
+
+        OFF = 1
+        READY = 2
+        GENERATING = 4
+
+        CHARGING = 8
+        """Covers the load and charges the battery."""
+
+        REDUCED_POWER = 16
+        """Maximum output is limited."""
+
+        MAXPOWER = 32
+        OVERTEMP_WARNING = 64
+        OVERTEMP_FAULT = 128
+        ELECTRONICS_OVERTEMP_WARNING = 256
+        ELECTRONICS_OVERTEMP_FAULT = 512
+        ELECTRONICS_FAULT = 1024
+
+        POWERSOURCE_FAULT = 2048
+        """No input power, such as a stalled engine, cut tether or empty fuel cell."""
+
+        COMMUNICATION_WARNING = 4096
+        """Trouble on the link to the generator controller."""
+
+        COOLING_WARNING = 8192
+
+        POWER_RAIL_FAULT = 16384
+        """Supply rail of the generator controller failed."""
+
+        OVERCURRENT_FAULT = 32768
+        BATTERY_OVERCHARGE_CURRENT_FAULT = 65536
+        OVERVOLTAGE_FAULT = 131072
+
+        BATTERY_UNDERVOLT_FAULT = 262144
+        """Battery too low to start the generator."""
+
+        START_INHIBITED = 524288
+        """Start blocked, for example by a safety switch."""
+
+        MAINTENANCE_REQUIRED = 1048576
+        WARMING_UP = 2097152
+        IDLE = 4194304
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -189,18 +236,41 @@ class GeneratorStatus(_cdr.Message):
         message_version=0,
         topics=("generator_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("status", "uint64", 8, 8, enum="STATUS_FLAG"),
-            info.Field("battery_current", "float32", 16, 4, unit="A", invalid="NaN"),
-            info.Field("load_current", "float32", 20, 4, unit="A", invalid="NaN"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "status", "uint64", 8, 8, enum="STATUS_FLAG", enum_class="StatusFlag", description="Bitmask.",
+            ),
+            info.Field(
+                "battery_current", "float32", 16, 4, unit="A", invalid="NaN",
+                description="Positive when discharging.",
+            ),
+            info.Field(
+                "load_current", "float32", 20, 4, unit="A", invalid="NaN",
+                description="Current to the vehicle, or the DC output if battery current is unknown.",
+            ),
             info.Field("power_generated", "float32", 24, 4, unit="W", invalid="NaN"),
-            info.Field("bus_voltage", "float32", 28, 4, unit="V"),
-            info.Field("bat_current_setpoint", "float32", 32, 4, unit="A", invalid="NaN"),
-            info.Field("runtime", "uint32", 36, 4, unit="s", invalid="UINT32_MAX"),
-            info.Field("time_until_maintenance", "int32", 40, 4, unit="s", invalid="INT32_MAX"),
+            info.Field(
+                "bus_voltage", "float32", 28, 4, unit="V",
+                description="At the generator output or at a separate battery bus it controls.",
+            ),
+            info.Field(
+                "bat_current_setpoint", "float32", 32, 4, unit="A", invalid="NaN",
+                description="Positive when discharging.",
+            ),
+            info.Field(
+                "runtime", "uint32", 36, 4, unit="s", invalid="UINT32_MAX",
+                description="Since the generator restarted.",
+            ),
+            info.Field(
+                "time_until_maintenance", "int32", 40, 4, unit="s", invalid="INT32_MAX",
+                description="Negative when overdue.",
+            ),
             info.Field("generator_speed", "uint16", 44, 2, unit="rpm", invalid="UINT16_MAX"),
             info.Field("rectifier_temperature", "int16", 46, 2, unit="degC", invalid="INT16_MAX"),
-            info.Field("generator_temperature", "int16", 48, 2, unit="degC", invalid="INT16_MAX"),
+            info.Field(
+                "generator_temperature", "int16", 48, 2, unit="degC", invalid="INT16_MAX",
+                description="Engine, fuel cell or generator core.",
+            ),
         ),
         constants=info.constants(
             cls, "uint64 STATUS_FLAG_OFF STATUS_FLAG_READY STATUS_FLAG_GENERATING STATUS_FLAG_CHARGING",

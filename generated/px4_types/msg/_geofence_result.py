@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q3?B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -51,6 +53,26 @@ class GeofenceResult(_cdr.Message):
 
     GF_ACTION_LAND: Final = 5
     """Land mode."""
+
+    class GfAction(_IntEnum):
+        """Values of `geofence_action`."""
+
+        NONE = 0
+
+        WARN = 1
+        """Message to the operator only."""
+
+        LOITER = 2
+        """Hold mode."""
+
+        RTL = 3
+        """Return mode."""
+
+        TERMINATE = 4
+        """Ends the flight at once."""
+
+        LAND = 5
+        """Land mode."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -125,11 +147,20 @@ class GeofenceResult(_cdr.Message):
         message_version=0,
         topics=("geofence_result",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("geofence_max_dist_triggered", "bool", 8, 1),
-            info.Field("geofence_max_alt_triggered", "bool", 9, 1),
-            info.Field("geofence_custom_fence_triggered", "bool", 10, 1),
-            info.Field("geofence_action", "uint8", 11, 1, enum="GF_ACTION"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "geofence_max_dist_triggered", "bool", 8, 1, description="Too far from home.",
+            ),
+            info.Field(
+                "geofence_max_alt_triggered", "bool", 9, 1, description="Too high above home.",
+            ),
+            info.Field(
+                "geofence_custom_fence_triggered", "bool", 10, 1, description="A drawn fence is violated.",
+            ),
+            info.Field(
+                "geofence_action", "uint8", 11, 1, enum="GF_ACTION", enum_class="GfAction",
+                description="Reaction that is configured.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 GF_ACTION_NONE GF_ACTION_WARN GF_ACTION_LOITER GF_ACTION_RTL GF_ACTION_TERMINATE",

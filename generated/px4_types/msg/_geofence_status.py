@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QIB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -32,6 +34,12 @@ class GeofenceStatus(_cdr.Message):
 
     GF_STATUS_LOADING: Final = 0
     GF_STATUS_READY: Final = 1
+
+    class GfStatus(_IntEnum):
+        """Values of `status`."""
+
+        LOADING = 0
+        READY = 1
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -85,9 +93,11 @@ class GeofenceStatus(_cdr.Message):
         message_version=0,
         topics=("geofence_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("geofence_id", "uint32", 8, 4),
-            info.Field("status", "uint8", 12, 1, enum="GF_STATUS"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "geofence_id", "uint32", 8, 4, description="Identifier of the fence in storage.",
+            ),
+            info.Field("status", "uint8", 12, 1, enum="GF_STATUS", enum_class="GfStatus"),
         ),
         constants=info.constants(cls, "uint8 GF_STATUS_LOADING GF_STATUS_READY"),
         cls=cls,

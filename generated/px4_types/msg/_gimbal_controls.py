@@ -92,9 +92,15 @@ class GimbalControls(_cdr.Message):
         message_version=0,
         topics=("gimbal_controls",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("control", "float32[3]", 16, 12, range="-1, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="Time of the data that the setpoints are computed from.",
+            ),
+            info.Field(
+                "control", "float32[3]", 16, 12, range="-1, 1",
+                description="Normalized deflection per axis, in the order of the INDEX_* constants.",
+            ),
         ),
         constants=info.constants(cls, "uint8 INDEX_ROLL INDEX_PITCH INDEX_YAW"),
         cls=cls,

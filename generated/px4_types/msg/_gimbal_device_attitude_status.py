@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("Q2BH7fI2fB?")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -60,6 +62,30 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
 
     DEVICE_FLAGS_YAW_IN_EARTH_FRAME: Final = 64
     """Yaw in q counts from north."""
+
+    class DeviceFlags(_IntFlag):
+        """Flags of `device_flags`."""
+
+        RETRACT = 1
+        """Folded away, motors may be off."""
+
+        NEUTRAL = 2
+        """Held in its neutral pose."""
+
+        ROLL_LOCK = 4
+        """Roll is kept relative to the horizon."""
+
+        PITCH_LOCK = 8
+        """Pitch is kept relative to the horizon."""
+
+        YAW_LOCK = 16
+        """Yaw is kept relative to north."""
+
+        YAW_IN_VEHICLE_FRAME = 32
+        """Yaw in q counts from the vehicle heading."""
+
+        YAW_IN_EARTH_FRAME = 64
+        """Yaw in q counts from north."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -182,19 +208,54 @@ class GimbalDeviceAttitudeStatus(_cdr.Message):
         message_version=0,
         topics=("gimbal_device_attitude_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("target_system", "uint8", 8, 1),
-            info.Field("target_component", "uint8", 9, 1),
-            info.Field("device_flags", "uint16", 10, 2, enum="DEVICE_FLAGS"),
-            info.Field("q", "float32[4]", 12, 16),
-            info.Field("angular_velocity_x", "float32", 28, 4, unit="rad/s", invalid="NaN"),
-            info.Field("angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN"),
-            info.Field("angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN"),
-            info.Field("failure_flags", "uint32", 40, 4),
-            info.Field("delta_yaw", "float32", 44, 4, unit="rad", invalid="NaN"),
-            info.Field("delta_yaw_velocity", "float32", 48, 4, unit="rad/s", invalid="NaN"),
-            info.Field("gimbal_device_id", "uint8", 52, 1),
-            info.Field("received_from_mavlink", "bool", 53, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "target_system", "uint8", 8, 1, description="MAVLink system id of the receiver, 0 for all.",
+            ),
+            info.Field(
+                "target_component", "uint8", 9, 1,
+                description="MAVLink component id of the receiver, 0 for all.",
+            ),
+            info.Field(
+                "device_flags", "uint16", 10, 2, enum="DEVICE_FLAGS", enum_class="DeviceFlags",
+                description="Bitmask of the gimbal modes that are active.",
+            ),
+            info.Field(
+                "q", "float32[4]", 12, 16,
+                description="Attitude quaternion in w, x, y, z order. The yaw flags in device_flags tell its frame.",
+            ),
+            info.Field(
+                "angular_velocity_x", "float32", 28, 4, unit="rad/s", invalid="NaN",
+                description="Roll rate, positive rolls right.",
+            ),
+            info.Field(
+                "angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN",
+                description="Pitch rate, positive tilts up.",
+            ),
+            info.Field(
+                "angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN",
+                description="Yaw rate, positive turns right.",
+            ),
+            info.Field(
+                "failure_flags", "uint32", 40, 4,
+                description="Bitmask of gimbal errors as in MAVLink GIMBAL_DEVICE_ERROR_FLAGS, 0 if none.",
+            ),
+            info.Field(
+                "delta_yaw", "float32", 44, 4, unit="rad", invalid="NaN",
+                description="Yaw between vehicle frame and earth frame, to convert q from one to the other.",
+            ),
+            info.Field(
+                "delta_yaw_velocity", "float32", 48, 4, unit="rad/s", invalid="NaN",
+                description="Rate of delta_yaw.",
+            ),
+            info.Field(
+                "gimbal_device_id", "uint8", 52, 1,
+                description="1 to 6 for a gimbal without its own MAVLink component, otherwise 0.",
+            ),
+            info.Field(
+                "received_from_mavlink", "bool", 53, 1,
+                description="True if the gimbal sent it over MAVLink; PX4 then does not send it out again.",
+            ),
         ),
         constants=info.constants(
             cls, "uint16 DEVICE_FLAGS_RETRACT DEVICE_FLAGS_NEUTRAL DEVICE_FLAGS_ROLL_LOCK",

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("Q32s32s32s2IQ2H6fB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -52,6 +54,22 @@ class GimbalDeviceInformation(_cdr.Message):
     GIMBAL_DEVICE_CAP_FLAGS_HAS_YAW_FOLLOW: Final = 512
     GIMBAL_DEVICE_CAP_FLAGS_HAS_YAW_LOCK: Final = 1024
     GIMBAL_DEVICE_CAP_FLAGS_SUPPORTS_INFINITE_YAW: Final = 2048
+
+    class GimbalDeviceCapFlags(_IntFlag):
+        """Flags of `cap_flags`."""
+
+        HAS_RETRACT = 1
+        HAS_NEUTRAL = 2
+        HAS_ROLL_AXIS = 4
+        HAS_ROLL_FOLLOW = 8
+        HAS_ROLL_LOCK = 16
+        HAS_PITCH_AXIS = 32
+        HAS_PITCH_FOLLOW = 64
+        HAS_PITCH_LOCK = 128
+        HAS_YAW_AXIS = 256
+        HAS_YAW_FOLLOW = 512
+        HAS_YAW_LOCK = 1024
+        SUPPORTS_INFINITE_YAW = 2048
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -186,15 +204,20 @@ class GimbalDeviceInformation(_cdr.Message):
         message_version=0,
         topics=("gimbal_device_information",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("vendor_name", "uint8[32]", 8, 32),
             info.Field("model_name", "uint8[32]", 40, 32),
-            info.Field("custom_name", "uint8[32]", 72, 32),
+            info.Field("custom_name", "uint8[32]", 72, 32, description="Name given by the user."),
             info.Field("firmware_version", "uint32", 104, 4),
             info.Field("hardware_version", "uint32", 108, 4),
             info.Field("uid", "uint64", 112, 8),
-            info.Field("cap_flags", "uint16", 120, 2, enum="GIMBAL_DEVICE_CAP_FLAGS"),
-            info.Field("custom_cap_flags", "uint16", 122, 2),
+            info.Field(
+                "cap_flags", "uint16", 120, 2, enum="GIMBAL_DEVICE_CAP_FLAGS",
+                enum_class="GimbalDeviceCapFlags", description="Bitmask.",
+            ),
+            info.Field(
+                "custom_cap_flags", "uint16", 122, 2, description="Bitmask defined by the vendor.",
+            ),
             info.Field("roll_min", "float32", 124, 4, unit="rad"),
             info.Field("roll_max", "float32", 128, 4, unit="rad"),
             info.Field("pitch_min", "float32", 132, 4, unit="rad"),

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("Q2BH7f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -47,6 +49,22 @@ class GimbalDeviceSetAttitude(_cdr.Message):
 
     GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME: Final = 32
     GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME: Final = 64
+
+    class GimbalDeviceFlags(_IntFlag):
+        """Flags of `flags`."""
+
+        RETRACT = 1
+        """Go to the stowed position."""
+
+        NEUTRAL = 2
+        ROLL_LOCK = 4
+        PITCH_LOCK = 8
+
+        YAW_LOCK = 16
+        """Yaw is relative to north; without it, to the vehicle heading."""
+
+        YAW_IN_VEHICLE_FRAME = 32
+        YAW_IN_EARTH_FRAME = 64
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -135,11 +153,16 @@ class GimbalDeviceSetAttitude(_cdr.Message):
         message_version=0,
         topics=("gimbal_device_set_attitude",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("target_system", "uint8", 8, 1),
             info.Field("target_component", "uint8", 9, 1),
-            info.Field("flags", "uint16", 10, 2, enum="GIMBAL_DEVICE_FLAGS"),
-            info.Field("q", "float32[4]", 12, 16, invalid="NaN"),
+            info.Field(
+                "flags", "uint16", 10, 2, enum="GIMBAL_DEVICE_FLAGS", enum_class="GimbalDeviceFlags",
+                description="Bitmask.",
+            ),
+            info.Field(
+                "q", "float32[4]", 12, 16, invalid="NaN", description="Quaternion w, x, y, z.",
+            ),
             info.Field("angular_velocity_x", "float32", 28, 4, unit="rad/s", invalid="NaN"),
             info.Field("angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN"),
             info.Field("angular_velocity_z", "float32", 36, 4, unit="rad/s", invalid="NaN"),

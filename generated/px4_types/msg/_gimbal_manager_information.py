@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("QIB3x6f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -55,6 +57,29 @@ class GimbalManagerInformation(_cdr.Message):
     GIMBAL_MANAGER_CAP_FLAGS_SUPPORTS_INFINITE_YAW: Final = 2048
     GIMBAL_MANAGER_CAP_FLAGS_CAN_POINT_LOCATION_LOCAL: Final = 65536
     GIMBAL_MANAGER_CAP_FLAGS_CAN_POINT_LOCATION_GLOBAL: Final = 131072
+
+    class GimbalManagerCapFlags(_IntFlag):
+        """Flags of `cap_flags`."""
+
+        HAS_RETRACT = 1
+        HAS_NEUTRAL = 2
+        HAS_ROLL_AXIS = 4
+
+        HAS_ROLL_FOLLOW = 8
+        """Can turn with the vehicle."""
+
+        HAS_ROLL_LOCK = 16
+        """Can hold against vehicle motion."""
+
+        HAS_PITCH_AXIS = 32
+        HAS_PITCH_FOLLOW = 64
+        HAS_PITCH_LOCK = 128
+        HAS_YAW_AXIS = 256
+        HAS_YAW_FOLLOW = 512
+        HAS_YAW_LOCK = 1024
+        SUPPORTS_INFINITE_YAW = 2048
+        CAN_POINT_LOCATION_LOCAL = 65536
+        CAN_POINT_LOCATION_GLOBAL = 131072
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -143,8 +168,11 @@ class GimbalManagerInformation(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_information",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("cap_flags", "uint32", 8, 4, enum="GIMBAL_MANAGER_CAP_FLAGS"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "cap_flags", "uint32", 8, 4, enum="GIMBAL_MANAGER_CAP_FLAGS",
+                enum_class="GimbalManagerCapFlags", description="Bitmask.",
+            ),
             info.Field("gimbal_device_id", "uint8", 12, 1),
             info.Field("roll_min", "float32", 16, 4, unit="rad"),
             info.Field("roll_max", "float32", 20, 4, unit="rad"),

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("Q4BIB3x7f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -47,6 +49,17 @@ class GimbalManagerSetAttitude(_cdr.Message):
 
     ORB_QUEUE_LENGTH: Final = 2
 
+    class GimbalManagerFlags(_IntFlag):
+        """Flags of `flags`."""
+
+        RETRACT = 1
+        NEUTRAL = 2
+        ROLL_LOCK = 4
+        PITCH_LOCK = 8
+
+        YAW_LOCK = 16
+        """Yaw counts from north, not from the vehicle's nose."""
+
     timestamp: int
     """uint64 [us] Time since boot."""
 
@@ -63,7 +76,7 @@ class GimbalManagerSetAttitude(_cdr.Message):
     """uint8"""
 
     flags: int
-    """uint32 Bitmask of GIMBAL_MANAGER_FLAGS_*."""
+    """uint32 [@enum GIMBAL_MANAGER_FLAGS] Bitmask."""
 
     gimbal_device_id: int
     """uint8"""
@@ -150,14 +163,20 @@ class GimbalManagerSetAttitude(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_set_attitude",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("origin_sysid", "uint8", 8, 1),
             info.Field("origin_compid", "uint8", 9, 1),
             info.Field("target_system", "uint8", 10, 1),
             info.Field("target_component", "uint8", 11, 1),
-            info.Field("flags", "uint32", 12, 4),
+            info.Field(
+                "flags", "uint32", 12, 4, enum="GIMBAL_MANAGER_FLAGS", enum_class="GimbalManagerFlags",
+                description="Bitmask.",
+            ),
             info.Field("gimbal_device_id", "uint8", 16, 1),
-            info.Field("q", "float32[4]", 20, 16, invalid="NaN"),
+            info.Field(
+                "q", "float32[4]", 20, 16, invalid="NaN",
+                description="Attitude quaternion (w, x, y, z); NaN controls the rates only.",
+            ),
             info.Field("angular_velocity_x", "float32", 36, 4, unit="rad/s", invalid="NaN"),
             info.Field("angular_velocity_y", "float32", 40, 4, unit="rad/s", invalid="NaN"),
             info.Field("angular_velocity_z", "float32", 44, 4, unit="rad/s", invalid="NaN"),

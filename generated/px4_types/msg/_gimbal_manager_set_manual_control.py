@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("Q4BIB3x4f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -41,6 +43,15 @@ class GimbalManagerSetManualControl(_cdr.Message):
     GIMBAL_MANAGER_FLAGS_ROLL_LOCK: Final = 4
     GIMBAL_MANAGER_FLAGS_PITCH_LOCK: Final = 8
     GIMBAL_MANAGER_FLAGS_YAW_LOCK: Final = 16
+
+    class GimbalManagerFlags(_IntFlag):
+        """Flags of `flags`."""
+
+        RETRACT = 1
+        NEUTRAL = 2
+        ROLL_LOCK = 4
+        PITCH_LOCK = 8
+        YAW_LOCK = 16
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -141,13 +152,21 @@ class GimbalManagerSetManualControl(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_set_manual_control",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("origin_sysid", "uint8", 8, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "origin_sysid", "uint8", 8, 1,
+                description="Sender, checked against whoever has control of the gimbal.",
+            ),
             info.Field("origin_compid", "uint8", 9, 1),
             info.Field("target_system", "uint8", 10, 1),
             info.Field("target_component", "uint8", 11, 1),
-            info.Field("flags", "uint32", 12, 4, enum="GIMBAL_MANAGER_FLAGS"),
-            info.Field("gimbal_device_id", "uint8", 16, 1),
+            info.Field(
+                "flags", "uint32", 12, 4, enum="GIMBAL_MANAGER_FLAGS", enum_class="GimbalManagerFlags",
+                description="Bitmask.",
+            ),
+            info.Field(
+                "gimbal_device_id", "uint8", 16, 1, description="Gimbal to move, 0 for all.",
+            ),
             info.Field("pitch", "float32", 20, 4, unit="-", range="-1, 1", invalid="NaN"),
             info.Field("yaw", "float32", 24, 4, unit="-", range="-1, 1", invalid="NaN"),
             info.Field("pitch_rate", "float32", 28, 4, unit="-", range="-1, 1", invalid="NaN"),

@@ -114,11 +114,17 @@ class GimbalManagerStatus(_cdr.Message):
         message_version=0,
         topics=("gimbal_manager_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("flags", "uint32", 8, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "flags", "uint32", 8, 4, description="MAVLink GIMBAL_MANAGER_FLAGS bitmask.",
+            ),
             info.Field("gimbal_device_id", "uint8", 12, 1),
-            info.Field("primary_control_sysid", "uint8", 13, 1),
-            info.Field("primary_control_compid", "uint8", 14, 1),
+            info.Field(
+                "primary_control_sysid", "uint8", 13, 1, description="MAVLink system in control.",
+            ),
+            info.Field(
+                "primary_control_compid", "uint8", 14, 1, description="MAVLink component in control.",
+            ),
             info.Field("secondary_control_sysid", "uint8", 15, 1),
             info.Field("secondary_control_compid", "uint8", 16, 1),
         ),

@@ -148,16 +148,43 @@ class GotoSetpoint(_cdr.Message):
         message_version=0,
         topics=("goto_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("position", "float32[3]", 8, 12, unit="m", frame="NED"),
-            info.Field("flag_control_heading", "bool", 20, 1),
-            info.Field("heading", "float32", 24, 4, unit="rad", range="-pi, pi"),
-            info.Field("flag_set_max_horizontal_speed", "bool", 28, 1),
-            info.Field("max_horizontal_speed", "float32", 32, 4, unit="m/s"),
-            info.Field("flag_set_max_vertical_speed", "bool", 36, 1),
-            info.Field("max_vertical_speed", "float32", 40, 4, unit="m/s"),
-            info.Field("flag_set_max_heading_rate", "bool", 44, 1),
-            info.Field("max_heading_rate", "float32", 48, 4, unit="rad/s"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "position", "float32[3]", 8, 12, unit="m", frame="NED",
+                description="Target relative to the local origin.",
+            ),
+            info.Field(
+                "flag_control_heading", "bool", 20, 1,
+                description="True to turn to heading as well. Otherwise the heading is left free.",
+            ),
+            info.Field(
+                "heading", "float32", 24, 4, unit="rad", range="-pi, pi",
+                description="Target heading, 0 is north, clockwise positive. Read only with flag_control_heading.",
+            ),
+            info.Field(
+                "flag_set_max_horizontal_speed", "bool", 28, 1,
+                description="True to use max_horizontal_speed instead of the vehicle's own limit.",
+            ),
+            info.Field(
+                "max_horizontal_speed", "float32", 32, 4, unit="m/s",
+                description="Limit for the speed over ground. Read only with its flag.",
+            ),
+            info.Field(
+                "flag_set_max_vertical_speed", "bool", 36, 1,
+                description="True to use max_vertical_speed instead of the vehicle's own limit.",
+            ),
+            info.Field(
+                "max_vertical_speed", "float32", 40, 4, unit="m/s",
+                description="Limit for climbing and sinking alike. Read only with its flag.",
+            ),
+            info.Field(
+                "flag_set_max_heading_rate", "bool", 44, 1,
+                description="True to use max_heading_rate instead of the vehicle's own limit.",
+            ),
+            info.Field(
+                "max_heading_rate", "float32", 48, 4, unit="rad/s",
+                description="Limit for turning either way. Read only with its flag.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

@@ -104,11 +104,16 @@ class GpioConfig(_cdr.Message):
         message_version=0,
         topics=("gpio_config",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("device_id", "uint32", 8, 4),
-            info.Field("mask", "uint32", 12, 4),
-            info.Field("state", "uint32", 16, 4),
-            info.Field("config", "uint32", 20, 4),
+            info.Field("mask", "uint32", 12, 4, description="One bit per pin to configure."),
+            info.Field(
+                "state", "uint32", 16, 4, description="Level an output starts with, one bit per pin.",
+            ),
+            info.Field(
+                "config", "uint32", 20, 4,
+                description="Bits 0-3 direction, bits 4-7 pull resistors, bits 8-12 output drive.",
+            ),
         ),
         constants=info.constants(
             cls, "uint32 INPUT OUTPUT PULLUP PULLDOWN OPENDRAIN INPUT_FLOATING INPUT_PULLUP",

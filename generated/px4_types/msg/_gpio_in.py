@@ -82,9 +82,11 @@ class GpioIn(_cdr.Message):
         message_version=0,
         topics=("gpio_in",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("device_id", "uint32", 8, 4),
-            info.Field("state", "uint32", 12, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "device_id", "uint32", 8, 4, description="Expander that the pins belong to.",
+            ),
+            info.Field("state", "uint32", 12, 4, description="Bit n is the level of pin n."),
         ),
         constants=info.constants(cls, "uint8 MAX_INSTANCES"),
         cls=cls,

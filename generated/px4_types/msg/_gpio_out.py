@@ -82,10 +82,12 @@ class GpioOut(_cdr.Message):
         message_version=0,
         topics=("gpio_out",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("device_id", "uint32", 8, 4),
-            info.Field("mask", "uint32", 12, 4),
-            info.Field("state", "uint32", 16, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("device_id", "uint32", 8, 4, description="Expander that is meant."),
+            info.Field("mask", "uint32", 12, 4, description="Bits of the pins to change."),
+            info.Field(
+                "state", "uint32", 16, 4, description="Wanted level of each pin in `mask`.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -72,8 +72,8 @@ class GpioRequest(_cdr.Message):
         message_version=0,
         topics=("gpio_request",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("device_id", "uint32", 8, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("device_id", "uint32", 8, 4, description="Expander to read."),
         ),
         constants=(),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB3xIB79s")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -37,11 +39,20 @@ class GpsDump(_cdr.Message):
 
     ORB_QUEUE_LENGTH: Final = 16
 
+    class Instance(_IntEnum):
+        """Values of `instance`."""
+
+        MAIN = 0
+        """First receiver."""
+
+        SECONDARY = 1
+        """Second receiver."""
+
     timestamp: int
     """uint64 [us] Time since boot."""
 
     instance: int
-    """uint8 Which receiver."""
+    """uint8 [@enum INSTANCE] Which receiver."""
 
     device_id: int
     """uint32 Receiver that the bytes come from or go to."""
@@ -104,10 +115,21 @@ class GpsDump(_cdr.Message):
         message_version=0,
         topics=("gps_dump",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("instance", "uint8", 8, 1),
-            info.Field("device_id", "uint32", 12, 4),
-            info.Field("len", "uint8", 16, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "instance", "uint8", 8, 1, enum="INSTANCE", enum_class="Instance",
+                description="Which receiver.",
+            ),
+            info.Field(
+                "device_id", "uint32", 12, 4, description="Receiver that the bytes come from or go to.",
+            ),
+            info.Field(
+                "len", "uint8", 16, 1,
+                description=(
+                    "Number of bytes in the lower 7 bits. Top bit set means sent to the receiver, otherwise "
+                    "received from it."
+                ),
+            ),
             info.Field("data", "uint8[79]", 17, 79),
         ),
         constants=info.constants(cls, "uint8 INSTANCE_MAIN INSTANCE_SECONDARY ORB_QUEUE_LENGTH"),

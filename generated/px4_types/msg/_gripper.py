@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Qb")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -31,6 +33,12 @@ class Gripper(_cdr.Message):
 
     COMMAND_GRAB: Final = 0
     COMMAND_RELEASE: Final = 1
+
+    class Command(_IntEnum):
+        """Values of `command`."""
+
+        GRAB = 0
+        RELEASE = 1
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -79,8 +87,8 @@ class Gripper(_cdr.Message):
         message_version=0,
         topics=("gripper",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("command", "int8", 8, 1, enum="COMMAND"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("command", "int8", 8, 1, enum="COMMAND", enum_class="Command"),
         ),
         constants=info.constants(cls, "int8 COMMAND_GRAB COMMAND_RELEASE"),
         cls=cls,

@@ -121,10 +121,18 @@ class HealthReport(_cdr.Message):
         message_version=0,
         topics=("health_report",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("can_arm_mode_flags", "uint64", 8, 8),
-            info.Field("can_run_mode_flags", "uint64", 16, 8),
-            info.Field("health_is_present_flags", "uint64", 24, 8),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "can_arm_mode_flags", "uint64", 8, 8,
+                description="Bit n: arming is allowed in the mode with navigation state n.",
+            ),
+            info.Field(
+                "can_run_mode_flags", "uint64", 16, 8,
+                description="Bit n: the mode with navigation state n is usable.",
+            ),
+            info.Field(
+                "health_is_present_flags", "uint64", 24, 8, description="One bit per component.",
+            ),
             info.Field("health_warning_flags", "uint64", 32, 8),
             info.Field("health_error_flags", "uint64", 40, 8),
             info.Field("arming_check_warning_flags", "uint64", 48, 8),

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QI2?2x2f2I6f2B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -50,6 +52,21 @@ class HeaterStatus(_cdr.Message):
 
     TEMPERATURE_SOURCE_HYGRO: Final = 1
     """Separate hygrometer."""
+
+    class Mode(_IntEnum):
+        """Values of `mode`."""
+
+        GPIO = 1
+        PX4IO = 2
+
+    class TemperatureSource(_IntEnum):
+        """Values of `temperature_source`."""
+
+        IMU = 0
+        """Sensor inside the IMU."""
+
+        HYGRO = 1
+        """Separate hygrometer."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -182,22 +199,45 @@ class HeaterStatus(_cdr.Message):
         message_version=0,
         topics=("heater_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("device_id", "uint32", 8, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("device_id", "uint32", 8, 4, description="Heated sensor."),
             info.Field("heater_on", "bool", 12, 1),
             info.Field("temperature_target_met", "bool", 13, 1),
             info.Field("temperature_sensor", "float32", 16, 4, unit="degC"),
             info.Field("temperature_target", "float32", 20, 4, unit="degC"),
             info.Field("controller_period_usec", "uint32", 24, 4, unit="us"),
-            info.Field("controller_time_on_usec", "uint32", 28, 4, unit="us"),
-            info.Field("proportional_value", "float32", 32, 4, unit="-"),
-            info.Field("integrator_value", "float32", 36, 4, unit="-"),
-            info.Field("feed_forward_value", "float32", 40, 4, unit="-"),
-            info.Field("supply_voltage", "float32", 44, 4, unit="V"),
-            info.Field("heater_current", "float32", 48, 4, unit="A"),
-            info.Field("nominal_multiplier", "float32", 52, 4, unit="-"),
-            info.Field("mode", "uint8", 56, 1, enum="MODE"),
-            info.Field("temperature_source", "uint8", 57, 1, enum="TEMPERATURE_SOURCE"),
+            info.Field(
+                "controller_time_on_usec", "uint32", 28, 4, unit="us",
+                description="Heating time within one period.",
+            ),
+            info.Field(
+                "proportional_value", "float32", 32, 4, unit="-", description="Share of the period.",
+            ),
+            info.Field(
+                "integrator_value", "float32", 36, 4, unit="-", description="Share of the period.",
+            ),
+            info.Field(
+                "feed_forward_value", "float32", 40, 4, unit="-", description="Share of the period.",
+            ),
+            info.Field(
+                "supply_voltage", "float32", 44, 4, unit="V", description="Voltage that feeds the heater.",
+            ),
+            info.Field(
+                "heater_current", "float32", 48, 4, unit="A", description="Current through the heater.",
+            ),
+            info.Field(
+                "nominal_multiplier", "float32", 52, 4, unit="-",
+                description="Factor that adapts the heater's power to the measured supply.",
+            ),
+            info.Field(
+                "mode", "uint8", 56, 1, enum="MODE", enum_class="Mode",
+                description="Who switches the heater.",
+            ),
+            info.Field(
+                "temperature_source", "uint8", 57, 1, enum="TEMPERATURE_SOURCE",
+                enum_class="TemperatureSource",
+                description="What measures the temperature that is controlled.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 MODE_GPIO MODE_PX4IO TEMPERATURE_SOURCE_IMU TEMPERATURE_SOURCE_HYGRO",

@@ -161,21 +161,50 @@ class HomePosition(_cdr.Message):
         message_version=1,
         topics=("home_position",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("lat", "float64", 8, 8, unit="deg"),
-            info.Field("lon", "float64", 16, 8, unit="deg"),
-            info.Field("alt", "float32", 24, 4, unit="m"),
-            info.Field("x", "float32", 28, 4, unit="m", frame="NED"),
-            info.Field("y", "float32", 32, 4, unit="m", frame="NED"),
-            info.Field("z", "float32", 36, 4, unit="m", frame="NED"),
-            info.Field("roll", "float32", 40, 4, unit="rad"),
-            info.Field("pitch", "float32", 44, 4, unit="rad"),
-            info.Field("yaw", "float32", 48, 4, unit="rad", frame="NED"),
-            info.Field("valid_alt", "bool", 52, 1),
-            info.Field("valid_hpos", "bool", 53, 1),
-            info.Field("valid_lpos", "bool", 54, 1),
-            info.Field("manual_home", "bool", 55, 1),
-            info.Field("update_count", "uint32", 56, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "lat", "float64", 8, 8, unit="deg", description="WGS84 latitude, north positive.",
+            ),
+            info.Field(
+                "lon", "float64", 16, 8, unit="deg", description="WGS84 longitude, east positive.",
+            ),
+            info.Field(
+                "alt", "float32", 24, 4, unit="m", description="Height above mean sea level.",
+            ),
+            info.Field(
+                "x", "float32", 28, 4, unit="m", frame="NED",
+                description="North offset from the local origin.",
+            ),
+            info.Field(
+                "y", "float32", 32, 4, unit="m", frame="NED",
+                description="East offset from the local origin.",
+            ),
+            info.Field(
+                "z", "float32", 36, 4, unit="m", frame="NED",
+                description="Offset below the local origin, negative when home is higher.",
+            ),
+            info.Field(
+                "roll", "float32", 40, 4, unit="rad", description="Bank of the vehicle at home.",
+            ),
+            info.Field(
+                "pitch", "float32", 44, 4, unit="rad", description="Nose-up tilt of the vehicle at home.",
+            ),
+            info.Field(
+                "yaw", "float32", 48, 4, unit="rad", frame="NED",
+                description="Heading of the vehicle at home, 0 is north. Can be NaN if home was set without one.",
+            ),
+            info.Field("valid_alt", "bool", 52, 1, description="True if alt can be used."),
+            info.Field(
+                "valid_hpos", "bool", 53, 1, description="True if lat and lon can be used.",
+            ),
+            info.Field("valid_lpos", "bool", 54, 1, description="True if x, y and z can be used."),
+            info.Field(
+                "manual_home", "bool", 55, 1,
+                description="True if an operator or program chose home by command. Automatic updates then leave it alone.",
+            ),
+            info.Field(
+                "update_count", "uint32", 56, 4, description="Increases each time home changes.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

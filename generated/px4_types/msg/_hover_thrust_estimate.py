@@ -128,14 +128,25 @@ class HoverThrustEstimate(_cdr.Message):
         message_version=0,
         topics=("hover_thrust_estimate",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="Latest sensor data behind this estimate.",
+            ),
             info.Field("hover_thrust", "float32", 16, 4, unit="norm", range="0.1, 0.9"),
             info.Field("hover_thrust_var", "float32", 20, 4, unit="-"),
-            info.Field("accel_innov", "float32", 24, 4, unit="m/s^2"),
+            info.Field(
+                "accel_innov", "float32", 24, 4, unit="m/s^2", description="Vertical acceleration.",
+            ),
             info.Field("accel_innov_var", "float32", 28, 4, unit="(m/s^2)^2"),
-            info.Field("accel_innov_test_ratio", "float32", 32, 4, unit="-"),
-            info.Field("accel_noise_var", "float32", 36, 4, unit="(m/s^2)^2"),
+            info.Field(
+                "accel_innov_test_ratio", "float32", 32, 4, unit="-",
+                description="Squared innovation relative to its gate.",
+            ),
+            info.Field(
+                "accel_noise_var", "float32", 36, 4, unit="(m/s^2)^2",
+                description="Measurement noise, learned from the innovations.",
+            ),
             info.Field("valid", "bool", 40, 1),
         ),
         constants=(),

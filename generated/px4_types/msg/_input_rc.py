@@ -7,11 +7,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("2QB3xi2?4HBx36sb3xfb", words="2QB3xI2B4HBx18HB3xIB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -63,6 +65,26 @@ class InputRc(_cdr.Message):
     """As many as S.Bus offers."""
 
     RSSI_MAX: Final = 100
+
+    class RcInputSource(_IntEnum):
+        """Values of `input_source`."""
+
+        UNKNOWN = 0
+        PX4FMU_PPM = 1
+        PX4IO_PPM = 2
+        PX4IO_SPEKTRUM = 3
+        PX4IO_SBUS = 4
+        PX4IO_ST24 = 5
+        MAVLINK = 6
+        QURT = 7
+        PX4FMU_SPEKTRUM = 8
+        PX4FMU_SBUS = 9
+        PX4FMU_ST24 = 10
+        PX4FMU_SUMD = 11
+        PX4FMU_DSM = 12
+        PX4IO_SUMD = 13
+        PX4FMU_CRSF = 14
+        PX4FMU_GHST = 15
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -189,21 +211,57 @@ class InputRc(_cdr.Message):
         message_version=0,
         topics=("input_rc",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_last_signal", "uint64", 8, 8, unit="us"),
-            info.Field("channel_count", "uint8", 16, 1),
-            info.Field("rssi", "int32", 20, 4, range="0, 100", invalid="-1"),
-            info.Field("rc_failsafe", "bool", 24, 1),
-            info.Field("rc_lost", "bool", 25, 1),
-            info.Field("rc_lost_frame_count", "uint16", 26, 2),
-            info.Field("rc_total_frame_count", "uint16", 28, 2),
-            info.Field("rc_ppm_frame_length", "uint16", 30, 2, unit="us", invalid="0"),
-            info.Field("rc_frame_rate", "uint16", 32, 2, unit="Hz"),
-            info.Field("input_source", "uint8", 34, 1, enum="RC_INPUT_SOURCE"),
-            info.Field("values", "uint16[18]", 36, 36, unit="us"),
-            info.Field("link_quality", "int8", 72, 1, unit="%", range="0, 100", invalid="-1"),
-            info.Field("rssi_dbm", "float32", 76, 4, unit="dBm", invalid="NaN"),
-            info.Field("link_snr", "int8", 80, 1, unit="dB"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_last_signal", "uint64", 8, 8, unit="us",
+                description="Last time a valid frame came in.",
+            ),
+            info.Field("channel_count", "uint8", 16, 1, description="Channels in use."),
+            info.Field(
+                "rssi", "int32", 20, 4, range="0, 100", invalid="-1",
+                description="Any negative value means unknown.",
+            ),
+            info.Field(
+                "rc_failsafe", "bool", 24, 1,
+                description="Receiver reports failsafe. False proves nothing, as some receivers never report it.",
+            ),
+            info.Field(
+                "rc_lost", "bool", 25, 1,
+                description="No frames arrive in time. Stays false if the receiver keeps sending in failsafe.",
+            ),
+            info.Field(
+                "rc_lost_frame_count", "uint16", 26, 2,
+                description="For judging the link only, not for triggering failsafes.",
+            ),
+            info.Field(
+                "rc_total_frame_count", "uint16", 28, 2,
+                description="For judging the link only, not for triggering failsafes.",
+            ),
+            info.Field(
+                "rc_ppm_frame_length", "uint16", 30, 2, unit="us", invalid="0", description="PPM only.",
+            ),
+            info.Field(
+                "rc_frame_rate", "uint16", 32, 2, unit="Hz",
+                description="Frames received per second, 0 if not known.",
+            ),
+            info.Field(
+                "input_source", "uint8", 34, 1, enum="RC_INPUT_SOURCE", enum_class="RcInputSource",
+                description="What the channels were read from.",
+            ),
+            info.Field(
+                "values", "uint16[18]", 36, 36, unit="us", description="Pulse width per channel.",
+            ),
+            info.Field(
+                "link_quality", "int8", 72, 1, unit="%", range="0, 100", invalid="-1",
+                description="Share of frames that arrive.",
+            ),
+            info.Field(
+                "rssi_dbm", "float32", 76, 4, unit="dBm", invalid="NaN", description="Received power.",
+            ),
+            info.Field(
+                "link_snr", "int8", 80, 1, unit="dB",
+                description="Signal over noise as the receiver measures it, -1 if not known.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 RC_INPUT_SOURCE_UNKNOWN RC_INPUT_SOURCE_PX4FMU_PPM RC_INPUT_SOURCE_PX4IO_PPM",

@@ -112,12 +112,23 @@ class InternalCombustionEngineControl(_cdr.Message):
         message_version=0,
         topics=("internal_combustion_engine_control",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("ignition_on", "bool", 8, 1),
-            info.Field("throttle_control", "float32", 12, 4, unit="norm", range="0,1"),
-            info.Field("choke_control", "float32", 16, 4, unit="norm", range="0,1"),
-            info.Field("starter_engine_control", "float32", 20, 4, unit="norm", range="0,1"),
-            info.Field("user_request", "uint8", 24, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("ignition_on", "bool", 8, 1, description="Spark is enabled."),
+            info.Field(
+                "throttle_control", "float32", 12, 4, unit="norm", range="0,1",
+                description="0 is idle. Limited in slope if a slew rate is set.",
+            ),
+            info.Field(
+                "choke_control", "float32", 16, 4, unit="norm", range="0,1", description="1 shuts the choke.",
+            ),
+            info.Field(
+                "starter_engine_control", "float32", 20, 4, unit="norm", range="0,1",
+                description="Electric starter.",
+            ),
+            info.Field(
+                "user_request", "uint8", 24, 1,
+                description="What has been asked for: engine on (1) or off (0).",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -6,11 +6,15 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("Q2B2xIB3xI10f3Bx6f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -97,6 +101,66 @@ class InternalCombustionEngineStatus(_cdr.Message):
     SPARK_PLUG_FIRST_ACTIVE: Final = 1
     SPARK_PLUG_SECOND_ACTIVE: Final = 2
     SPARK_PLUG_BOTH_ACTIVE: Final = 3
+
+    class State(_IntEnum):
+        """Values of `state`."""
+
+        STOPPED = 0
+
+        STARTING = 1
+        """Passing state between stopped and running."""
+
+        RUNNING = 2
+
+        FAULT = 3
+        """The engine cannot go on."""
+
+    class Substate(_IntEnum):
+        """Values of `substate`."""
+
+        RUN = 0
+        """Normal operation."""
+
+        IDLE = 1
+        """The idle speed controller is in charge."""
+
+        REST = 2
+        """Stands still."""
+
+    class Flag(_IntFlag):
+        """Flags of `flags`."""
+
+        GENERAL_ERROR = 1
+        CRANKSHAFT_SENSOR_ERROR_SUPPORTED = 2
+        CRANKSHAFT_SENSOR_ERROR = 4
+        TEMPERATURE_SUPPORTED = 8
+        TEMPERATURE_BELOW_NOMINAL = 16
+        TEMPERATURE_ABOVE_NOMINAL = 32
+        TEMPERATURE_OVERHEATING = 64
+
+        TEMPERATURE_EGT_ABOVE_NOMINAL = 128
+        """Exhaust gas too hot."""
+
+        FUEL_PRESSURE_SUPPORTED = 256
+        FUEL_PRESSURE_BELOW_NOMINAL = 512
+        FUEL_PRESSURE_ABOVE_NOMINAL = 1024
+        DETONATION_SUPPORTED = 2048
+        DETONATION_OBSERVED = 4096
+        MISFIRE_SUPPORTED = 8192
+        MISFIRE_OBSERVED = 16384
+        OIL_PRESSURE_SUPPORTED = 32768
+        OIL_PRESSURE_BELOW_NOMINAL = 65536
+        OIL_PRESSURE_ABOVE_NOMINAL = 131072
+        DEBRIS_SUPPORTED = 262144
+        DEBRIS_DETECTED = 524288
+
+    class SparkPlug(_IntEnum):
+        """Values of `spark_plug_usage`."""
+
+        SINGLE = 0
+        FIRST_ACTIVE = 1
+        SECOND_ACTIVE = 2
+        BOTH_ACTIVE = 3
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -278,10 +342,16 @@ class InternalCombustionEngineStatus(_cdr.Message):
         message_version=0,
         topics=("internal_combustion_engine_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("state", "uint8", 8, 1, enum="STATE"),
-            info.Field("substate", "uint8", 9, 1, enum="SUBSTATE"),
-            info.Field("flags", "uint32", 12, 4, enum="FLAG"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("state", "uint8", 8, 1, enum="STATE", enum_class="State"),
+            info.Field(
+                "substate", "uint8", 9, 1, enum="SUBSTATE", enum_class="Substate",
+                description="What the engine does within `state`.",
+            ),
+            info.Field(
+                "flags", "uint32", 12, 4, enum="FLAG", enum_class="Flag",
+                description="Bitmask. A *_SUPPORTED bit says that the related bits carry information.",
+            ),
             info.Field("engine_load_percent", "uint8", 16, 1, unit="%", range="0, 127"),
             info.Field("engine_speed_rpm", "uint32", 20, 4, unit="rpm", range="0, inf"),
             info.Field("spark_dwell_time_ms", "float32", 24, 4, unit="ms", range="0, inf"),
@@ -299,16 +369,31 @@ class InternalCombustionEngineStatus(_cdr.Message):
             ),
             info.Field(
                 "estimated_consumed_fuel_volume_cm3", "float32", 60, 4, unit="cm^3", range="0, inf",
+                description="Since the engine was started.",
             ),
             info.Field("throttle_position_percent", "uint8", 64, 1, unit="%", range="0, 100"),
-            info.Field("ecu_index", "uint8", 65, 1, unit="-", range="0, 255"),
-            info.Field("spark_plug_usage", "uint8", 66, 1, enum="SPARK_PLUG"),
-            info.Field("ignition_timing_deg", "float32", 68, 4, unit="deg", range="-inf, inf"),
+            info.Field(
+                "ecu_index", "uint8", 65, 1, unit="-", range="0, 255",
+                description="Tells several engine controllers apart.",
+            ),
+            info.Field(
+                "spark_plug_usage", "uint8", 66, 1, enum="SPARK_PLUG", enum_class="SparkPlug",
+            ),
+            info.Field(
+                "ignition_timing_deg", "float32", 68, 4, unit="deg", range="-inf, inf",
+                description="Crankshaft angle.",
+            ),
             info.Field("injection_time_ms", "float32", 72, 4, unit="ms", range="0, inf"),
             info.Field("cylinder_head_temperature", "float32", 76, 4, unit="K", range="0, inf"),
             info.Field("exhaust_gas_temperature", "float32", 80, 4, unit="K", range="0, inf"),
-            info.Field("lambda_coefficient", "float32", 84, 4, unit="-", range="0, inf"),
-            info.Field("pid_idle_rpm_integral", "float32", 88, 4, unit="-", range="-1, 1"),
+            info.Field(
+                "lambda_coefficient", "float32", 84, 4, unit="-", range="0, inf",
+                description="Air to fuel, relative to a complete burn.",
+            ),
+            info.Field(
+                "pid_idle_rpm_integral", "float32", 88, 4, unit="-", range="-1, 1",
+                description="Integrator of the idle speed controller.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 STATE_STOPPED STATE_STARTING STATE_RUNNING STATE_FAULT SUBSTATE_RUN",

@@ -168,17 +168,36 @@ class IridiumsbdStatus(_cdr.Message):
         message_version=0,
         topics=("iridiumsbd_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("last_at_ok_timestamp", "uint64", 8, 8, unit="us"),
-            info.Field("tx_buf_write_index", "uint16", 16, 2, unit="bytes"),
-            info.Field("rx_buf_read_index", "uint16", 18, 2, unit="bytes"),
-            info.Field("rx_buf_end_index", "uint16", 20, 2, unit="bytes"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "last_at_ok_timestamp", "uint64", 8, 8, unit="us",
+                description="When the modem last answered an AT command with OK.",
+            ),
+            info.Field(
+                "tx_buf_write_index", "uint16", 16, 2, unit="bytes", description="Data waiting to be sent.",
+            ),
+            info.Field(
+                "rx_buf_read_index", "uint16", 18, 2, unit="bytes",
+                description="How far received data has been parsed.",
+            ),
+            info.Field(
+                "rx_buf_end_index", "uint16", 20, 2, unit="bytes", description="Data in the receive buffer.",
+            ),
             info.Field("failed_sbd_sessions", "uint16", 22, 2),
             info.Field("successful_sbd_sessions", "uint16", 24, 2),
-            info.Field("num_tx_buf_reset", "uint16", 26, 2),
-            info.Field("signal_quality", "uint8", 28, 1, range="0, 5"),
-            info.Field("state", "uint8", 29, 1),
-            info.Field("ring_pending", "bool", 30, 1),
+            info.Field(
+                "num_tx_buf_reset", "uint16", 26, 2, description="How often unsent data was thrown away.",
+            ),
+            info.Field(
+                "signal_quality", "uint8", 28, 1, range="0, 5", description="0 without signal.",
+            ),
+            info.Field(
+                "state", "uint8", 29, 1,
+                description="0 standby, 1 signal check, 2 short-burst session, 3 test.",
+            ),
+            info.Field(
+                "ring_pending", "bool", 30, 1, description="The network has announced a message for us.",
+            ),
             info.Field("tx_buf_write_pending", "bool", 31, 1),
             info.Field("tx_session_pending", "bool", 32, 1),
             info.Field("rx_read_pending", "bool", 33, 1),

@@ -98,12 +98,22 @@ class IrlockReport(_cdr.Message):
         message_version=0,
         topics=("irlock_report",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("signature", "uint16", 8, 2),
-            info.Field("pos_x", "float32", 12, 4, unit="-"),
-            info.Field("pos_y", "float32", 16, 4, unit="-"),
-            info.Field("size_x", "float32", 20, 4, unit="-"),
-            info.Field("size_y", "float32", 24, 4, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("signature", "uint16", 8, 2, description="Beacon id."),
+            info.Field(
+                "pos_x", "float32", 12, 4, unit="-",
+                description="Tangent of the angle from the image center; positive is right.",
+            ),
+            info.Field(
+                "pos_y", "float32", 16, 4, unit="-",
+                description="Tangent of the angle from the image center; positive is down.",
+            ),
+            info.Field(
+                "size_x", "float32", 20, 4, unit="-", description="Width, in the same measure.",
+            ),
+            info.Field(
+                "size_y", "float32", 24, 4, unit="-", description="Height, in the same measure.",
+            ),
         ),
         constants=(),
         cls=cls,

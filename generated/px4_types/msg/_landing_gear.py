@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Qb")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -38,6 +40,18 @@ class LandingGear(_cdr.Message):
 
     GEAR_KEEP: Final = 0
     """Leave it as it is."""
+
+    class Gear(_IntEnum):
+        """Values of `landing_gear`."""
+
+        UP = 1
+        """Retract."""
+
+        DOWN = -1
+        """Extend."""
+
+        KEEP = 0
+        """Leave it as it is."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -86,8 +100,11 @@ class LandingGear(_cdr.Message):
         message_version=0,
         topics=("landing_gear",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("landing_gear", "int8", 8, 1, enum="GEAR"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "landing_gear", "int8", 8, 1, enum="GEAR", enum_class="Gear",
+                description="Wanted position of the gear.",
+            ),
         ),
         constants=info.constants(cls, "int8 GEAR_UP GEAR_DOWN GEAR_KEEP"),
         cls=cls,

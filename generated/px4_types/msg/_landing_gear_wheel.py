@@ -73,8 +73,11 @@ class LandingGearWheel(_cdr.Message):
         message_version=0,
         topics=("landing_gear_wheel",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("normalized_wheel_setpoint", "float32", 8, 4, range="-1, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "normalized_wheel_setpoint", "float32", 8, 4, range="-1, 1",
+                description="Positive steers right.",
+            ),
         ),
         constants=(),
         cls=cls,

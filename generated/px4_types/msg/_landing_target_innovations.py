@@ -92,7 +92,7 @@ class LandingTargetInnovations(_cdr.Message):
         message_version=0,
         topics=("landing_target_innovations",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("innov_x", "float32", 8, 4, unit="m", frame="NED"),
             info.Field("innov_y", "float32", 12, 4, unit="m", frame="NED"),
             info.Field("innov_cov_x", "float32", 16, 4, unit="m^2"),

@@ -79,8 +79,11 @@ class LateralControlConfiguration(_cdr.Message):
         message_version=0,
         topics=("lateral_control_configuration",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("lateral_accel_max", "float32", 8, 4, unit="m/s^2", invalid="NaN"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "lateral_accel_max", "float32", 8, 4, unit="m/s^2", invalid="NaN",
+                description="Largest sideways acceleration, g * tan(bank angle) in a level turn. FW_R_LIM caps it.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB?")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -36,6 +38,16 @@ class LaunchDetectionStatus(_cdr.Message):
     """Motor held off a little longer, for example until clear of the catapult."""
 
     STATE_FLYING: Final = 2
+
+    class State(_IntEnum):
+        """Values of `launch_detection_state`."""
+
+        WAITING_FOR_LAUNCH = 0
+
+        LAUNCH_DETECTED_DISABLED_MOTOR = 1
+        """Motor held off a little longer, for example until clear of the catapult."""
+
+        FLYING = 2
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -96,9 +108,12 @@ class LaunchDetectionStatus(_cdr.Message):
         message_version=0,
         topics=("launch_detection_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("launch_detection_state", "uint8", 8, 1, enum="STATE"),
-            info.Field("selected_control_surface_disarmed", "bool", 9, 1, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("launch_detection_state", "uint8", 8, 1, enum="STATE", enum_class="State"),
+            info.Field(
+                "selected_control_surface_disarmed", "bool", 9, 1, unit="-",
+                description="True while surfaces chosen in the control allocation stay disarmed until the launch.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 STATE_WAITING_FOR_LAUNCH STATE_LAUNCH_DETECTED_DISABLED_MOTOR STATE_FLYING",

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q5B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -62,6 +64,40 @@ class LedControl(_cdr.Message):
 
     ORB_QUEUE_LENGTH: Final = 8
     """Same as BOARD_MAX_LEDS."""
+
+    class Color(_IntEnum):
+        """Values of `color`."""
+
+        OFF = 0
+        """For drivers only, not for publishers."""
+
+        RED = 1
+        GREEN = 2
+        BLUE = 3
+        YELLOW = 4
+        PURPLE = 5
+        AMBER = 6
+        CYAN = 7
+        WHITE = 8
+
+    class Mode(_IntEnum):
+        """Values of `mode`."""
+
+        OFF = 0
+        ON = 1
+
+        DISABLED = 2
+        """Give up this priority so that a lower one shows."""
+
+        BLINK_SLOW = 3
+        BLINK_NORMAL = 4
+        BLINK_FAST = 5
+
+        BREATHE = 6
+        """Fades up and down, or steady where the driver cannot."""
+
+        FLASH = 7
+        """Two quick blinks, then a pause."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -135,12 +171,17 @@ class LedControl(_cdr.Message):
         message_version=0,
         topics=("led_control",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("led_mask", "uint8", 8, 1),
-            info.Field("color", "uint8", 9, 1, enum="COLOR"),
-            info.Field("mode", "uint8", 10, 1, enum="MODE"),
-            info.Field("num_blinks", "uint8", 11, 1),
-            info.Field("priority", "uint8", 12, 1, range="0, 2"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("led_mask", "uint8", 8, 1, description="One bit per LED, 0xff for all."),
+            info.Field("color", "uint8", 9, 1, enum="COLOR", enum_class="Color"),
+            info.Field("mode", "uint8", 10, 1, enum="MODE", enum_class="Mode"),
+            info.Field(
+                "num_blinks", "uint8", 11, 1,
+                description="0 means endless. Up to 122 blinks or 20 flash cycles.",
+            ),
+            info.Field(
+                "priority", "uint8", 12, 1, range="0, 2", description="The highest active priority is shown.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 COLOR_OFF COLOR_RED COLOR_GREEN COLOR_BLUE COLOR_YELLOW COLOR_PURPLE COLOR_AMBER",

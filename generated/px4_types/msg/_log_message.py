@@ -83,8 +83,11 @@ class LogMessage(_cdr.Message):
         message_version=0,
         topics=("log_message",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("severity", "uint8", 8, 1, range="0, 7"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "severity", "uint8", 8, 1, range="0, 7",
+                description="Syslog level: 0 is emergency, 7 is debug.",
+            ),
             info.Field("text", "char[127]", 9, 127),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q2B?x2f4IB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -44,6 +46,21 @@ class LoggerStatus(_cdr.Message):
     BACKEND_FILE: Final = 1
     BACKEND_MAVLINK: Final = 2
     BACKEND_ALL: Final = 3
+
+    class LoggerType(_IntEnum):
+        """Values of `type`."""
+
+        FULL = 0
+
+        MISSION = 1
+        """Small log, for instance for geotagging."""
+
+    class Backend(_IntEnum):
+        """Values of `backend`."""
+
+        FILE = 1
+        MAVLINK = 2
+        ALL = 3
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -147,17 +164,26 @@ class LoggerStatus(_cdr.Message):
         message_version=0,
         topics=("logger_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("type", "uint8", 8, 1, enum="LOGGER_TYPE"),
-            info.Field("backend", "uint8", 9, 1, enum="BACKEND"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("type", "uint8", 8, 1, enum="LOGGER_TYPE", enum_class="LoggerType"),
+            info.Field("backend", "uint8", 9, 1, enum="BACKEND", enum_class="Backend"),
             info.Field("is_logging", "bool", 10, 1),
-            info.Field("total_written_kb", "float32", 12, 4, unit="kB"),
-            info.Field("write_rate_kb_s", "float32", 16, 4, unit="kB/s"),
-            info.Field("dropouts", "uint32", 20, 4),
-            info.Field("message_gaps", "uint32", 24, 4),
+            info.Field(
+                "total_written_kb", "float32", 12, 4, unit="kB", description="One kB is 1024 bytes here.",
+            ),
+            info.Field(
+                "write_rate_kb_s", "float32", 16, 4, unit="kB/s",
+                description="Average since the log was opened.",
+            ),
+            info.Field(
+                "dropouts", "uint32", 20, 4, description="Writes lost because the buffer was full.",
+            ),
+            info.Field(
+                "message_gaps", "uint32", 24, 4, description="Topic updates the logger was too slow for.",
+            ),
             info.Field("buffer_used_bytes", "uint32", 28, 4, unit="bytes"),
             info.Field("buffer_size_bytes", "uint32", 32, 4, unit="bytes"),
-            info.Field("num_messages", "uint8", 36, 1),
+            info.Field("num_messages", "uint8", 36, 1, description="Subscribed topics."),
         ),
         constants=info.constants(
             cls, "uint8 LOGGER_TYPE_FULL LOGGER_TYPE_MISSION BACKEND_FILE BACKEND_MAVLINK BACKEND_ALL",

@@ -145,30 +145,43 @@ class LongitudinalControlConfiguration(_cdr.Message):
         message_version=0,
         topics=("longitudinal_control_configuration",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "pitch_min", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MIN",
+                description="Lowest pitch allowed.",
             ),
             info.Field(
                 "pitch_max", "float32", 12, 4, unit="rad", range="-pi, pi", invalid="NaN Uses FW_P_LIM_MAX",
+                description="Highest pitch allowed.",
             ),
             info.Field(
                 "throttle_min", "float32", 16, 4, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MIN",
+                description="Lowest throttle allowed.",
             ),
             info.Field(
                 "throttle_max", "float32", 20, 4, unit="norm", range="0,1", invalid="NaN Uses FW_THR_MAX",
+                description="Highest throttle allowed.",
             ),
             info.Field(
                 "climb_rate_target", "float32", 24, 4, unit="m/s", invalid="NaN Uses FW_T_CLMB_R_SP",
+                description="Climb speed towards a higher altitude. Has no effect with a height_rate setpoint.",
             ),
             info.Field(
                 "sink_rate_target", "float32", 28, 4, unit="m/s", invalid="NaN Uses FW_T_SINK_R_SP",
+                description="Descent speed towards a lower altitude. Has no effect with a height_rate setpoint.",
             ),
             info.Field(
                 "speed_weight", "float32", 32, 4, unit="-", range="0,2", invalid="NaN Uses FW_T_SPDWEIGHT",
+                description="What pitch controls: 0 is height alone, 2 is airspeed alone.",
             ),
-            info.Field("enforce_low_height_condition", "bool", 36, 1),
-            info.Field("disable_underspeed_protection", "bool", 37, 1),
+            info.Field(
+                "enforce_low_height_condition", "bool", 36, 1,
+                description="Makes altitude control react faster, as used close to the ground.",
+            ),
+            info.Field(
+                "disable_underspeed_protection", "bool", 37, 1,
+                description="Stops the controller from trading height for speed when too slow.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

@@ -172,14 +172,18 @@ class MagWorkerData(_cdr.Message):
         message_version=0,
         topics=("mag_worker_data",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("done_count", "uint32", 16, 4),
+            info.Field("done_count", "uint32", 16, 4, description="Sides finished."),
             info.Field("calibration_points_perside", "uint32", 20, 4),
             info.Field("calibration_interval_perside_us", "uint64", 24, 8, unit="us"),
-            info.Field("calibration_counter_total", "uint32[4]", 32, 16),
+            info.Field(
+                "calibration_counter_total", "uint32[4]", 32, 16, description="Samples taken per compass.",
+            ),
             info.Field("side_data_collected", "bool[4]", 48, 4),
-            info.Field("x", "float32[4]", 52, 16, unit="Gs"),
+            info.Field(
+                "x", "float32[4]", 52, 16, unit="Gs", description="Latest sample per compass.",
+            ),
             info.Field("y", "float32[4]", 68, 16, unit="Gs"),
             info.Field("z", "float32[4]", 84, 16, unit="Gs"),
         ),

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("2Q?B2x11f?xH")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -60,6 +62,32 @@ class ManualControlSetpoint(_cdr.Message):
 
     SOURCE_MAVLINK_5: Final = 7
     """Sixth instance."""
+
+    class Source(_IntEnum):
+        """Values of `data_source`."""
+
+        UNKNOWN = 0
+
+        RC = 1
+        """RC receiver."""
+
+        MAVLINK_0 = 2
+        """Joystick over the first MAVLink instance."""
+
+        MAVLINK_1 = 3
+        """Second instance."""
+
+        MAVLINK_2 = 4
+        """Third instance."""
+
+        MAVLINK_3 = 5
+        """Fourth instance."""
+
+        MAVLINK_4 = 6
+        """Fifth instance."""
+
+        MAVLINK_5 = 7
+        """Sixth instance."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -195,23 +223,68 @@ class ManualControlSetpoint(_cdr.Message):
         message_version=0,
         topics=("manual_control_setpoint", "manual_control_input"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("valid", "bool", 16, 1),
-            info.Field("data_source", "uint8", 17, 1, enum="SOURCE"),
-            info.Field("roll", "float32", 20, 4, range="-1, 1", invalid="NaN"),
-            info.Field("pitch", "float32", 24, 4, range="-1, 1", invalid="NaN"),
-            info.Field("yaw", "float32", 28, 4, range="-1, 1", invalid="NaN"),
-            info.Field("throttle", "float32", 32, 4, range="-1, 1", invalid="NaN"),
-            info.Field("flaps", "float32", 36, 4, range="-1, 1", invalid="NaN"),
-            info.Field("aux1", "float32", 40, 4, range="-1, 1", invalid="NaN"),
-            info.Field("aux2", "float32", 44, 4, range="-1, 1", invalid="NaN"),
-            info.Field("aux3", "float32", 48, 4, range="-1, 1", invalid="NaN"),
-            info.Field("aux4", "float32", 52, 4, range="-1, 1", invalid="NaN"),
-            info.Field("aux5", "float32", 56, 4, range="-1, 1", invalid="NaN"),
-            info.Field("aux6", "float32", 60, 4, range="-1, 1", invalid="NaN"),
-            info.Field("sticks_moving", "bool", 64, 1),
-            info.Field("buttons", "uint16", 66, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the sticks were read.",
+            ),
+            info.Field(
+                "valid", "bool", 16, 1, description="False once the input is lost or unusable.",
+            ),
+            info.Field(
+                "data_source", "uint8", 17, 1, enum="SOURCE", enum_class="Source",
+                description="Where the input comes from.",
+            ),
+            info.Field(
+                "roll", "float32", 20, 4, range="-1, 1", invalid="NaN",
+                description="Positive to the right: right side goes down.",
+            ),
+            info.Field(
+                "pitch", "float32", 24, 4, range="-1, 1", invalid="NaN",
+                description="Positive is stick forward: nose goes down.",
+            ),
+            info.Field(
+                "yaw", "float32", 28, 4, range="-1, 1", invalid="NaN",
+                description="Positive turns clockwise as seen from above.",
+            ),
+            info.Field(
+                "throttle", "float32", 32, 4, range="-1, 1", invalid="NaN",
+                description="Positive is up. 1 is full thrust, -1 is the least: none, or full reverse if possible.",
+            ),
+            info.Field(
+                "flaps", "float32", 36, 4, range="-1, 1", invalid="NaN", description="Flaps lever or switch.",
+            ),
+            info.Field(
+                "aux1", "float32", 40, 4, range="-1, 1", invalid="NaN",
+                description="Free channel 1, assigned by RC_MAP_AUX1 on RC.",
+            ),
+            info.Field(
+                "aux2", "float32", 44, 4, range="-1, 1", invalid="NaN",
+                description="Free channel 2, assigned by RC_MAP_AUX2 on RC.",
+            ),
+            info.Field(
+                "aux3", "float32", 48, 4, range="-1, 1", invalid="NaN",
+                description="Free channel 3, assigned by RC_MAP_AUX3 on RC.",
+            ),
+            info.Field(
+                "aux4", "float32", 52, 4, range="-1, 1", invalid="NaN",
+                description="Free channel 4, assigned by RC_MAP_AUX4 on RC.",
+            ),
+            info.Field(
+                "aux5", "float32", 56, 4, range="-1, 1", invalid="NaN",
+                description="Free channel 5, assigned by RC_MAP_AUX5 on RC.",
+            ),
+            info.Field(
+                "aux6", "float32", 60, 4, range="-1, 1", invalid="NaN",
+                description="Free channel 6, assigned by RC_MAP_AUX6 on RC.",
+            ),
+            info.Field(
+                "sticks_moving", "bool", 64, 1,
+                description="True while the pilot moves the sticks, used to take over from automatic modes.",
+            ),
+            info.Field(
+                "buttons", "uint16", 66, 2,
+                description="Bitmask of joystick buttons, copied from MAVLink MANUAL_CONTROL.",
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",

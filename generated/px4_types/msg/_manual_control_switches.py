@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("2Q13B3xI")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -58,6 +60,34 @@ class ManualControlSwitches(_cdr.Message):
 
     MODE_SLOT_NUM: Final = 6
     """How many slots there are."""
+
+    class ModeSlot(_IntEnum):
+        """Values of `mode_slot`."""
+
+        NONE = 0
+        """No slot in use."""
+
+        SLOT_1 = 1
+        SLOT_2 = 2
+        SLOT_3 = 3
+        SLOT_4 = 4
+        SLOT_5 = 5
+        SLOT_6 = 6
+
+        NUM = 6
+        """How many slots there are."""
+
+    class SwitchPos(_IntEnum):
+        """Values of `arm_switch`, `return_switch`, `loiter_switch`, `offboard_switch`, `kill_switch`,
+        `termination_switch`, `gear_switch`, `transition_switch`, `photo_switch`, `video_switch`,
+        `engage_main_motor_switch`, `payload_power_switch`."""
+
+        NONE = 0
+        """No channel assigned."""
+
+        ON = 1
+        MIDDLE = 2
+        OFF = 3
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -187,22 +217,51 @@ class ManualControlSwitches(_cdr.Message):
         message_version=0,
         topics=("manual_control_switches",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("mode_slot", "uint8", 16, 1, enum="MODE_SLOT"),
-            info.Field("arm_switch", "uint8", 17, 1, enum="SWITCH_POS"),
-            info.Field("return_switch", "uint8", 18, 1, enum="SWITCH_POS"),
-            info.Field("loiter_switch", "uint8", 19, 1, enum="SWITCH_POS"),
-            info.Field("offboard_switch", "uint8", 20, 1, enum="SWITCH_POS"),
-            info.Field("kill_switch", "uint8", 21, 1, enum="SWITCH_POS"),
-            info.Field("termination_switch", "uint8", 22, 1, enum="SWITCH_POS"),
-            info.Field("gear_switch", "uint8", 23, 1, enum="SWITCH_POS"),
-            info.Field("transition_switch", "uint8", 24, 1, enum="SWITCH_POS"),
-            info.Field("photo_switch", "uint8", 25, 1, enum="SWITCH_POS"),
-            info.Field("video_switch", "uint8", 26, 1, enum="SWITCH_POS"),
-            info.Field("engage_main_motor_switch", "uint8", 27, 1, enum="SWITCH_POS"),
-            info.Field("payload_power_switch", "uint8", 28, 1, enum="SWITCH_POS"),
-            info.Field("switch_changes", "uint32", 32, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the RC data was received.",
+            ),
+            info.Field(
+                "mode_slot", "uint8", 16, 1, enum="MODE_SLOT", enum_class="ModeSlot",
+                description="Selected slot; parameters give each its flight mode.",
+            ),
+            info.Field("arm_switch", "uint8", 17, 1, enum="SWITCH_POS", enum_class="SwitchPos"),
+            info.Field(
+                "return_switch", "uint8", 18, 1, enum="SWITCH_POS", enum_class="SwitchPos",
+                description="On flies back home.",
+            ),
+            info.Field("loiter_switch", "uint8", 19, 1, enum="SWITCH_POS", enum_class="SwitchPos"),
+            info.Field(
+                "offboard_switch", "uint8", 20, 1, enum="SWITCH_POS", enum_class="SwitchPos",
+            ),
+            info.Field(
+                "kill_switch", "uint8", 21, 1, enum="SWITCH_POS", enum_class="SwitchPos",
+                description="On stops the motors.",
+            ),
+            info.Field(
+                "termination_switch", "uint8", 22, 1, enum="SWITCH_POS", enum_class="SwitchPos",
+                description="On ends the flight for good.",
+            ),
+            info.Field(
+                "gear_switch", "uint8", 23, 1, enum="SWITCH_POS", enum_class="SwitchPos",
+                description="On raises the gear.",
+            ),
+            info.Field(
+                "transition_switch", "uint8", 24, 1, enum="SWITCH_POS", enum_class="SwitchPos",
+                description="On flies as a fixed-wing (VTOL).",
+            ),
+            info.Field("photo_switch", "uint8", 25, 1, enum="SWITCH_POS", enum_class="SwitchPos"),
+            info.Field("video_switch", "uint8", 26, 1, enum="SWITCH_POS", enum_class="SwitchPos"),
+            info.Field(
+                "engage_main_motor_switch", "uint8", 27, 1, enum="SWITCH_POS", enum_class="SwitchPos",
+                description="Helicopters only.",
+            ),
+            info.Field(
+                "payload_power_switch", "uint8", 28, 1, enum="SWITCH_POS", enum_class="SwitchPos",
+            ),
+            info.Field(
+                "switch_changes", "uint32", 32, 4, description="Counts up whenever a switch moves.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 SWITCH_POS_NONE SWITCH_POS_ON SWITCH_POS_MIDDLE SWITCH_POS_OFF MODE_SLOT_NONE",

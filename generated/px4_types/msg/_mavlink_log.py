@@ -83,9 +83,12 @@ class MavlinkLog(_cdr.Message):
         message_version=0,
         topics=("mavlink_log",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("text", "char[127]", 8, 127),
-            info.Field("severity", "uint8", 135, 1, range="0, 7"),
+            info.Field(
+                "severity", "uint8", 135, 1, range="0, 7",
+                description="Syslog level: 0 emergency to 7 debug.",
+            ),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

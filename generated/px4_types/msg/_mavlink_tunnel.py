@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QH3B128s")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -46,6 +48,21 @@ class MavlinkTunnel(_cdr.Message):
     MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED7: Final = 207
     MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED8: Final = 208
     MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED9: Final = 209
+
+    class MavTunnelPayloadType(_IntEnum):
+        """Values of `payload_type`."""
+
+        UNKNOWN = 0
+        STORM32_RESERVED0 = 200
+        STORM32_RESERVED1 = 201
+        STORM32_RESERVED2 = 202
+        STORM32_RESERVED3 = 203
+        STORM32_RESERVED4 = 204
+        STORM32_RESERVED5 = 205
+        STORM32_RESERVED6 = 206
+        STORM32_RESERVED7 = 207
+        STORM32_RESERVED8 = 208
+        STORM32_RESERVED9 = 209
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -124,11 +141,21 @@ class MavlinkTunnel(_cdr.Message):
         message_version=0,
         topics=("mavlink_tunnel", "esc_serial_passthru", "io_serial_passthru"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("payload_type", "uint16", 8, 2, enum="MAV_TUNNEL_PAYLOAD_TYPE"),
-            info.Field("target_system", "uint8", 10, 1),
-            info.Field("target_component", "uint8", 11, 1),
-            info.Field("payload_length", "uint8", 12, 1, unit="bytes"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "payload_type", "uint16", 8, 2, enum="MAV_TUNNEL_PAYLOAD_TYPE",
+                enum_class="MavTunnelPayloadType",
+                description="Below 32768 registered with MAVLink, from there on free for experiments.",
+            ),
+            info.Field(
+                "target_system", "uint8", 10, 1, description="0 for every system, better avoided.",
+            ),
+            info.Field(
+                "target_component", "uint8", 11, 1, description="0 for every component, better avoided.",
+            ),
+            info.Field(
+                "payload_length", "uint8", 12, 1, unit="bytes", description="Used part of `payload`.",
+            ),
             info.Field("payload", "uint8[128]", 13, 128),
         ),
         constants=info.constants(

@@ -87,9 +87,18 @@ class MessageFormatRequest(_cdr.Message):
         message_version=0,
         topics=("message_format_request",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("protocol_version", "uint16", 8, 2),
-            info.Field("topic_name", "char[50]", 10, 50),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "protocol_version", "uint16", 8, 2,
+                description=(
+                    "Version the asker speaks, LATEST_PROTOCOL_VERSION. Stays the first field behind "
+                    "timestamp in all versions."
+                ),
+            ),
+            info.Field(
+                "topic_name", "char[50]", 10, 50,
+                description="Full topic name with namespace, zero-terminated, such as /fmu/out/vehicle_status.",
+            ),
         ),
         constants=info.constants(cls, "uint16 LATEST_PROTOCOL_VERSION"),
         cls=cls,

@@ -98,11 +98,22 @@ class MessageFormatResponse(_cdr.Message):
         message_version=0,
         topics=("message_format_response",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("protocol_version", "uint16", 8, 2),
-            info.Field("topic_name", "char[50]", 10, 50),
-            info.Field("success", "bool", 60, 1),
-            info.Field("message_hash", "uint32", 64, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "protocol_version", "uint16", 8, 2,
+                description="Version the autopilot speaks. If the request used another one, success is false.",
+            ),
+            info.Field(
+                "topic_name", "char[50]", 10, 50,
+                description="Topic the answer is about, repeated from the request.",
+            ),
+            info.Field(
+                "success", "bool", 60, 1, description="True if the topic is known and message_hash is set.",
+            ),
+            info.Field(
+                "message_hash", "uint32", 64, 4,
+                description="Hash over the names and types of its fields. Equal hashes mean equal layout.",
+            ),
         ),
         constants=(),
         cls=cls,

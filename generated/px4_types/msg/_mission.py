@@ -133,17 +133,37 @@ class Mission(_cdr.Message):
         message_version=0,
         topics=("mission",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("mission_dataman_id", "uint8", 8, 1),
-            info.Field("fence_dataman_id", "uint8", 9, 1),
-            info.Field("safepoint_dataman_id", "uint8", 10, 1),
-            info.Field("count", "uint16", 12, 2),
-            info.Field("current_seq", "int32", 16, 4, invalid="-1"),
-            info.Field("land_start_index", "int32", 20, 4, invalid="-1"),
-            info.Field("land_index", "int32", 24, 4, invalid="-1"),
-            info.Field("mission_id", "uint32", 28, 4),
-            info.Field("geofence_id", "uint32", 32, 4),
-            info.Field("safe_points_id", "uint32", 36, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "mission_dataman_id", "uint8", 8, 1,
+                description="Which of two storage slots holds the mission.",
+            ),
+            info.Field(
+                "fence_dataman_id", "uint8", 9, 1,
+                description="Which of two storage slots holds the geofence.",
+            ),
+            info.Field(
+                "safepoint_dataman_id", "uint8", 10, 1,
+                description="Which of two storage slots holds the rally points.",
+            ),
+            info.Field("count", "uint16", 12, 2, description="Mission items."),
+            info.Field(
+                "current_seq", "int32", 16, 4, invalid="-1", description="Item to continue from.",
+            ),
+            info.Field(
+                "land_start_index", "int32", 20, 4, invalid="-1",
+                description="First item of the landing sequence, or the landing itself.",
+            ),
+            info.Field("land_index", "int32", 24, 4, invalid="-1", description="Landing item."),
+            info.Field(
+                "mission_id", "uint32", 28, 4, description="New value for each new mission.",
+            ),
+            info.Field(
+                "geofence_id", "uint32", 32, 4, description="New value for each new geofence.",
+            ),
+            info.Field(
+                "safe_points_id", "uint32", 36, 4, description="New value for each new set of rally points.",
+            ),
         ),
         constants=(),
         cls=cls,

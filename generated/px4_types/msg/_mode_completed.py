@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q2B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -35,6 +37,14 @@ class ModeCompleted(_cdr.Message):
 
     RESULT_FAILURE_OTHER: Final = 100
     """The mode gave up, no reason stated."""
+
+    class Result(_IntEnum):
+        """Values of `result`."""
+
+        SUCCESS = 0
+
+        FAILURE_OTHER = 100
+        """The mode gave up, no reason stated."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -88,9 +98,15 @@ class ModeCompleted(_cdr.Message):
         message_version=0,
         topics=("mode_completed",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("result", "uint8", 8, 1, enum="RESULT"),
-            info.Field("nav_state", "uint8", 9, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "result", "uint8", 8, 1, enum="RESULT", enum_class="Result",
+                description="How the mode ended.",
+            ),
+            info.Field(
+                "nav_state", "uint8", 9, 1,
+                description="Mode that has ended, a NAVIGATION_STATE_* value of VehicleStatus.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 RESULT_SUCCESS RESULT_FAILURE_OTHER"),
         cls=cls,

@@ -82,8 +82,10 @@ class MountOrientation(_cdr.Message):
         message_version=0,
         topics=("mount_orientation",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("attitude_euler_angle", "float32[3]", 8, 12, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "attitude_euler_angle", "float32[3]", 8, 12, unit="rad", description="Roll, pitch, yaw.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -175,24 +175,48 @@ class NavigatorMissionItem(_cdr.Message):
         message_version=0,
         topics=("navigator_mission_item",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("sequence_current", "uint16", 8, 2),
-            info.Field("nav_cmd", "uint16", 10, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "sequence_current", "uint16", 8, 2,
+                description="Index in the mission, or the step of a return.",
+            ),
+            info.Field("nav_cmd", "uint16", 10, 2, description="MAVLink MAV_CMD number."),
             info.Field("latitude", "float32", 12, 4, unit="deg"),
             info.Field("longitude", "float32", 16, 4, unit="deg"),
-            info.Field("time_inside", "float32", 20, 4, unit="s"),
-            info.Field("acceptance_radius", "float32", 24, 4, unit="m"),
-            info.Field("loiter_radius", "float32", 28, 4, unit="m"),
+            info.Field(
+                "time_inside", "float32", 20, 4, unit="s",
+                description="Wait at the waypoint before moving on.",
+            ),
+            info.Field(
+                "acceptance_radius", "float32", 24, 4, unit="m",
+                description="Closer than this counts as reached.",
+            ),
+            info.Field(
+                "loiter_radius", "float32", 28, 4, unit="m",
+                description="Negative circles counter-clockwise, 0 lets a VTOL hover.",
+            ),
             info.Field(
                 "yaw", "float32", 32, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
+                description="NaN keeps the current heading.",
             ),
             info.Field("altitude", "float32", 36, 4, unit="m"),
-            info.Field("frame", "uint8", 40, 1),
-            info.Field("origin", "uint8", 41, 1),
-            info.Field("loiter_exit_xtrack", "bool", 42, 1),
-            info.Field("force_heading", "bool", 43, 1),
-            info.Field("altitude_is_relative", "bool", 44, 1),
-            info.Field("autocontinue", "bool", 45, 1),
+            info.Field("frame", "uint8", 40, 1, description="MAVLink MAV_FRAME."),
+            info.Field(
+                "origin", "uint8", 41, 1, description="Sent over MAVLink or created onboard.",
+            ),
+            info.Field(
+                "loiter_exit_xtrack", "bool", 42, 1,
+                description="Next leg starts at the loiter exit point instead of its center.",
+            ),
+            info.Field(
+                "force_heading", "bool", 43, 1, description="Heading must match before the item is done.",
+            ),
+            info.Field(
+                "altitude_is_relative", "bool", 44, 1, description="Counted from home instead of sea level.",
+            ),
+            info.Field(
+                "autocontinue", "bool", 45, 1, description="Go on to the next item without a stop.",
+            ),
             info.Field("vtol_back_transition", "bool", 46, 1),
         ),
         constants=(),

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q2B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -33,6 +35,14 @@ class NavigatorStatus(_cdr.Message):
 
     FAILURE_HAGL: Final = 1
     """Goal lies above the permitted height over ground."""
+
+    class Failure(_IntEnum):
+        """Values of `failure`."""
+
+        NONE = 0
+
+        HAGL = 1
+        """Goal lies above the permitted height over ground."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -86,9 +96,12 @@ class NavigatorStatus(_cdr.Message):
         message_version=0,
         topics=("navigator_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("nav_state", "uint8", 8, 1),
-            info.Field("failure", "uint8", 9, 1, enum="FAILURE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "nav_state", "uint8", 8, 1,
+                description="One of the NAVIGATION_STATE constants of VehicleStatus.",
+            ),
+            info.Field("failure", "uint8", 9, 1, enum="FAILURE", enum_class="Failure"),
         ),
         constants=info.constants(cls, "uint8 FAILURE_NONE FAILURE_HAGL"),
         cls=cls,

@@ -113,11 +113,16 @@ class NeuralControl(_cdr.Message):
         message_version=0,
         topics=("neural_control",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("observation", "float32[15]", 8, 60),
-            info.Field("network_output", "float32[4]", 68, 16),
-            info.Field("controller_time", "int32", 84, 4, unit="us"),
-            info.Field("inference_time", "int32", 88, 4, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "observation", "float32[15]", 8, 60,
+                description="Position error (3), two rows of the rotation matrix (6), velocity (3), body rates (3).",
+            ),
+            info.Field("network_output", "float32[4]", 68, 16, description="One value per motor."),
+            info.Field(
+                "controller_time", "int32", 84, 4, unit="us", description="Whole control step.",
+            ),
+            info.Field("inference_time", "int32", 88, 4, unit="us", description="Network only."),
         ),
         constants=(),
         cls=cls,

@@ -72,8 +72,11 @@ class NormalizedUnsignedSetpoint(_cdr.Message):
         message_version=0,
         topics=("flaps_setpoint", "spoilers_setpoint"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("normalized_setpoint", "float32", 8, 4, range="0, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "normalized_setpoint", "float32", 8, 4, range="0, 1",
+                description="0 is retracted, 1 is fully deployed.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -7,11 +7,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q2B144s2xf2Hf", words="Q2B72H2xI2HI")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -46,6 +48,21 @@ class ObstacleDistance(_cdr.Message):
     MAV_DISTANCE_SENSOR_ULTRASOUND: Final = 1
     MAV_DISTANCE_SENSOR_INFRARED: Final = 2
     MAV_DISTANCE_SENSOR_RADAR: Final = 3
+
+    class MavFrame(_IntEnum):
+        """Values of `frame`."""
+
+        GLOBAL = 0
+        LOCAL_NED = 1
+        BODY_FRD = 12
+
+    class MavDistanceSensor(_IntEnum):
+        """Values of `sensor_type`."""
+
+        LASER = 0
+        ULTRASOUND = 1
+        INFRARED = 2
+        RADAR = 3
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -132,14 +149,37 @@ class ObstacleDistance(_cdr.Message):
         message_version=0,
         topics=("obstacle_distance", "obstacle_distance_fused"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("frame", "uint8", 8, 1, enum="MAV_FRAME"),
-            info.Field("sensor_type", "uint8", 9, 1, enum="MAV_DISTANCE_SENSOR"),
-            info.Field("distances", "uint16[72]", 10, 144, unit="cm", invalid="UINT16_MAX"),
-            info.Field("increment", "float32", 156, 4, unit="deg"),
-            info.Field("min_distance", "uint16", 160, 2, unit="cm"),
-            info.Field("max_distance", "uint16", 162, 2, unit="cm"),
-            info.Field("angle_offset", "float32", 164, 4, unit="deg"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "frame", "uint8", 8, 1, enum="MAV_FRAME", enum_class="MavFrame",
+                description="What angle 0 refers to: north (global, local NED) or the nose (body FRD).",
+            ),
+            info.Field(
+                "sensor_type", "uint8", 9, 1, enum="MAV_DISTANCE_SENSOR", enum_class="MavDistanceSensor",
+                description="Measuring principle of the sensor.",
+            ),
+            info.Field(
+                "distances", "uint16[72]", 10, 144, unit="cm", invalid="UINT16_MAX",
+                description=(
+                    "Nearest obstacle per sector, clockwise. max_distance + 1: sector is free. 0: touching "
+                    "the sensor."
+                ),
+            ),
+            info.Field(
+                "increment", "float32", 156, 4, unit="deg", description="Width of one sector.",
+            ),
+            info.Field(
+                "min_distance", "uint16", 160, 2, unit="cm",
+                description="Shortest range the sensor can resolve.",
+            ),
+            info.Field(
+                "max_distance", "uint16", 162, 2, unit="cm",
+                description="Longest range the sensor can resolve.",
+            ),
+            info.Field(
+                "angle_offset", "float32", 164, 4, unit="deg",
+                description="Direction of the first sector, clockwise positive, measured from the zero of frame.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 MAV_FRAME_GLOBAL MAV_FRAME_LOCAL_NED MAV_FRAME_BODY_FRD",

@@ -125,14 +125,38 @@ class OffboardControlMode(_cdr.Message):
         message_version=0,
         topics=("offboard_control_mode",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("position", "bool", 8, 1),
-            info.Field("velocity", "bool", 9, 1),
-            info.Field("acceleration", "bool", 10, 1),
-            info.Field("attitude", "bool", 11, 1),
-            info.Field("body_rate", "bool", 12, 1),
-            info.Field("thrust_and_torque", "bool", 13, 1),
-            info.Field("direct_actuator", "bool", 14, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "position", "bool", 8, 1,
+                description=(
+                    "Position is controlled, with velocity and acceleration as feedforward. Uses "
+                    "trajectory_setpoint."
+                ),
+            ),
+            info.Field(
+                "velocity", "bool", 9, 1,
+                description="Velocity is controlled, position is not. Uses trajectory_setpoint.",
+            ),
+            info.Field(
+                "acceleration", "bool", 10, 1,
+                description="Acceleration is controlled directly. Uses trajectory_setpoint.",
+            ),
+            info.Field(
+                "attitude", "bool", 11, 1,
+                description="Attitude and thrust are commanded through vehicle_attitude_setpoint.",
+            ),
+            info.Field(
+                "body_rate", "bool", 12, 1,
+                description="Angular rates and thrust are commanded through vehicle_rates_setpoint.",
+            ),
+            info.Field(
+                "thrust_and_torque", "bool", 13, 1,
+                description="Only control allocation runs, on vehicle_thrust_setpoint and vehicle_torque_setpoint.",
+            ),
+            info.Field(
+                "direct_actuator", "bool", 14, 1,
+                description="No controller runs. Outputs come from actuator_motors and actuator_servos.",
+            ),
         ),
         constants=(),
         cls=cls,

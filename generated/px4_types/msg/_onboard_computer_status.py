@@ -274,26 +274,83 @@ class OnboardComputerStatus(_cdr.Message):
         message_version=0,
         topics=("onboard_computer_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("uptime", "uint32", 8, 4, unit="ms"),
-            info.Field("type", "uint8", 12, 1),
-            info.Field("cpu_cores", "uint8[8]", 13, 8, unit="%"),
-            info.Field("cpu_combined", "uint8[10]", 21, 10),
-            info.Field("gpu_cores", "uint8[4]", 31, 4, unit="%"),
-            info.Field("gpu_combined", "uint8[10]", 35, 10),
-            info.Field("temperature_board", "int8", 45, 1, unit="degC"),
-            info.Field("temperature_core", "int8[8]", 46, 8, unit="degC"),
-            info.Field("fan_speed", "int16[4]", 54, 8, unit="rpm"),
-            info.Field("ram_usage", "uint32", 64, 4, unit="MB"),
-            info.Field("ram_total", "uint32", 68, 4, unit="MB"),
-            info.Field("storage_type", "uint32[4]", 72, 16),
-            info.Field("storage_usage", "uint32[4]", 88, 16, unit="MB"),
-            info.Field("storage_total", "uint32[4]", 104, 16, unit="MB"),
-            info.Field("link_type", "uint32[6]", 120, 24, unit="Kb/s"),
-            info.Field("link_tx_rate", "uint32[6]", 144, 24, unit="Kb/s"),
-            info.Field("link_rx_rate", "uint32[6]", 168, 24, unit="Kb/s"),
-            info.Field("link_tx_max", "uint32[6]", 192, 24, unit="Kb/s"),
-            info.Field("link_rx_max", "uint32[6]", 216, 24, unit="Kb/s"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "uptime", "uint32", 8, 4, unit="ms",
+                description="How long the companion computer has been running.",
+            ),
+            info.Field(
+                "type", "uint8", 12, 1,
+                description=(
+                    "Role of the computer: 0 main mission computer, 1 and 2 its backups, 3 compute node, 4 "
+                    "and 5 spare nodes, 6 to 9 for payloads."
+                ),
+            ),
+            info.Field(
+                "cpu_cores", "uint8[8]", 13, 8, unit="%",
+                description="Load of each CPU core. Unused entries hold 255.",
+            ),
+            info.Field(
+                "cpu_combined", "uint8[10]", 21, 10,
+                description=(
+                    "Total CPU load in each of the ten latest 100 ms intervals, to show short peaks. Unused "
+                    "entries hold 255."
+                ),
+            ),
+            info.Field(
+                "gpu_cores", "uint8[4]", 31, 4, unit="%",
+                description="Load of each GPU core. Unused entries hold 255.",
+            ),
+            info.Field(
+                "gpu_combined", "uint8[10]", 35, 10,
+                description="Total GPU load in each of the ten latest 100 ms intervals. Unused entries hold 255.",
+            ),
+            info.Field(
+                "temperature_board", "int8", 45, 1, unit="degC",
+                description="Temperature of the main board, 127 if not measured.",
+            ),
+            info.Field(
+                "temperature_core", "int8[8]", 46, 8, unit="degC",
+                description="Temperature of each CPU core. Unused entries hold 127.",
+            ),
+            info.Field(
+                "fan_speed", "int16[4]", 54, 8, unit="rpm",
+                description="Speed of each fan. Unused entries hold 32767.",
+            ),
+            info.Field("ram_usage", "uint32", 64, 4, unit="MB", description="Memory in use."),
+            info.Field("ram_total", "uint32", 68, 4, unit="MB", description="Memory installed."),
+            info.Field(
+                "storage_type", "uint32[4]", 72, 16,
+                description="Kind of each drive. 0: hard disk, 1: SSD, 2: eMMC, 3: fixed SD card, 4: removable SD card.",
+            ),
+            info.Field(
+                "storage_usage", "uint32[4]", 88, 16, unit="MB", description="Space taken on each drive.",
+            ),
+            info.Field(
+                "storage_total", "uint32[4]", 104, 16, unit="MB", description="Size of each drive.",
+            ),
+            info.Field(
+                "link_type", "uint32[6]", 120, 24, unit="Kb/s",
+                description=(
+                    "Kind of link, a code despite the unit: 0+ UART, 10+ wired, 20+ Wi-Fi, 30+ proprietary "
+                    "direct link, 40+ proprietary mesh."
+                ),
+            ),
+            info.Field(
+                "link_tx_rate", "uint32[6]", 144, 24, unit="Kb/s",
+                description="Data each link sends at present.",
+            ),
+            info.Field(
+                "link_rx_rate", "uint32[6]", 168, 24, unit="Kb/s",
+                description="Data each link receives at present.",
+            ),
+            info.Field(
+                "link_tx_max", "uint32[6]", 192, 24, unit="Kb/s", description="Most that each link can send.",
+            ),
+            info.Field(
+                "link_rx_max", "uint32[6]", 216, 24, unit="Kb/s",
+                description="Most that each link can receive.",
+            ),
         ),
         constants=(),
         cls=cls,

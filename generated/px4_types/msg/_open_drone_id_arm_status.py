@@ -82,9 +82,9 @@ class OpenDroneIdArmStatus(_cdr.Message):
         message_version=0,
         topics=("open_drone_id_arm_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("status", "uint8", 8, 1),
-            info.Field("error", "char[50]", 9, 50),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("status", "uint8", 8, 1, description="0 if good to arm, otherwise not."),
+            info.Field("error", "char[50]", 9, 50, description="Reason for a refusal, as text."),
         ),
         constants=(),
         cls=cls,

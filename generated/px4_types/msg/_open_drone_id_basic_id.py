@@ -100,11 +100,24 @@ class OpenDroneIdBasicId(_cdr.Message):
         message_version=0,
         topics=("open_drone_id_basic_id",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("id_or_mac", "uint8[20]", 8, 20),
-            info.Field("id_type", "uint8", 28, 1),
-            info.Field("ua_type", "uint8", 29, 1),
-            info.Field("uas_id", "uint8[20]", 30, 20),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "id_or_mac", "uint8[20]", 8, 20,
+                description=(
+                    "Sender of data received from another aircraft, else zeros. Zeros fill it up, none has "
+                    "to end it."
+                ),
+            ),
+            info.Field(
+                "id_type", "uint8", 28, 1, description="Format of uas_id, numbered as in MAV_ODID_ID_TYPE.",
+            ),
+            info.Field(
+                "ua_type", "uint8", 29, 1, description="Kind of aircraft, numbered as in MAV_ODID_UA_TYPE.",
+            ),
+            info.Field(
+                "uas_id", "uint8[20]", 30, 20,
+                description="Identity such as a serial number or registration. Zeros fill it up, none has to end it.",
+            ),
         ),
         constants=(),
         cls=cls,

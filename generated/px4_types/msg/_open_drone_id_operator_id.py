@@ -93,9 +93,15 @@ class OpenDroneIdOperatorId(_cdr.Message):
         message_version=0,
         topics=("open_drone_id_operator_id",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("id_or_mac", "uint8[20]", 8, 20),
-            info.Field("operator_id_type", "uint8", 28, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "id_or_mac", "uint8[20]", 8, 20,
+                description="Only for data received from other drones, else zeros.",
+            ),
+            info.Field(
+                "operator_id_type", "uint8", 28, 1,
+                description="MAVLink MAV_ODID_OPERATOR_ID_TYPE, 0 for an id issued by an aviation authority.",
+            ),
             info.Field("operator_id", "char[20]", 29, 20),
         ),
         constants=(),

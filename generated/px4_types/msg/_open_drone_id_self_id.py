@@ -91,9 +91,13 @@ class OpenDroneIdSelfId(_cdr.Message):
         message_version=0,
         topics=("open_drone_id_self_id",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("id_or_mac", "uint8[20]", 8, 20),
-            info.Field("description_type", "uint8", 28, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "id_or_mac", "uint8[20]", 8, 20, description="Filled only for data about another aircraft.",
+            ),
+            info.Field(
+                "description_type", "uint8", 28, 1, description="MAVLink MAV_ODID_DESC_TYPE.",
+            ),
             info.Field("description", "char[23]", 29, 23),
         ),
         constants=(),

@@ -72,7 +72,7 @@ class OrbTest(_cdr.Message):
         message_version=0,
         topics=("orb_test", "orb_multitest"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("val", "int32", 8, 4),
         ),
         constants=(),

@@ -79,7 +79,7 @@ class OrbTestLarge(_cdr.Message):
         message_version=0,
         topics=("orb_test_large",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("val", "int32", 8, 4),
             info.Field("junk", "uint8[512]", 12, 512),
         ),

@@ -87,9 +87,9 @@ class OrbTestMedium(_cdr.Message):
             "orb_test_medium_queue", "orb_test_medium_queue_poll",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("val", "int32", 8, 4),
-            info.Field("junk", "uint8[64]", 12, 64),
+            info.Field("junk", "uint8[64]", 12, 64, description="Padding."),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QfB3x2dfB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -48,6 +50,31 @@ class OrbitStatus(_cdr.Message):
     ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE: Final = 3
     ORBIT_YAW_BEHAVIOUR_RC_CONTROLLED: Final = 4
     ORBIT_YAW_BEHAVIOUR_UNCHANGED: Final = 5
+
+    class Frame(_IntEnum):
+        """Values of `frame`."""
+
+        GLOBAL = 0
+        """x and y are degrees times 1e7, z is the altitude AMSL."""
+
+        LOCAL_NED = 1
+        """x and y are meters to north and east times 1e4."""
+
+        GLOBAL_RELATIVE_ALT = 3
+        """x and y are degrees times 1e7, z is the height above home."""
+
+        GLOBAL_TERRAIN_ALT = 10
+        """x and y are degrees times 1e7, z is the height above ground."""
+
+    class OrbitYawBehaviour(_IntEnum):
+        """Values of `yaw_behaviour`."""
+
+        HOLD_FRONT_TO_CIRCLE_CENTER = 0
+        HOLD_INITIAL_HEADING = 1
+        UNCONTROLLED = 2
+        HOLD_FRONT_TANGENT_TO_CIRCLE = 3
+        RC_CONTROLLED = 4
+        UNCHANGED = 5
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -126,13 +153,27 @@ class OrbitStatus(_cdr.Message):
         message_version=0,
         topics=("orbit_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("radius", "float32", 8, 4, unit="m"),
-            info.Field("frame", "uint8", 12, 1, enum="FRAME"),
-            info.Field("x", "float64", 16, 8),
-            info.Field("y", "float64", 24, 8),
-            info.Field("z", "float32", 32, 4, unit="m"),
-            info.Field("yaw_behaviour", "uint8", 36, 1, enum="ORBIT_YAW_BEHAVIOUR"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "radius", "float32", 8, 4, unit="m",
+                description="Positive clockwise, negative the other way round.",
+            ),
+            info.Field(
+                "frame", "uint8", 12, 1, enum="FRAME", enum_class="Frame",
+                description="MAVLink MAV_FRAME number, 0 for global.",
+            ),
+            info.Field(
+                "x", "float64", 16, 8, description="Centre: latitude or distance to north, as `frame` says.",
+            ),
+            info.Field(
+                "y", "float64", 24, 8, description="Centre: longitude or distance to east, as `frame` says.",
+            ),
+            info.Field(
+                "z", "float32", 32, 4, unit="m", description="Centre: altitude or height, as `frame` says.",
+            ),
+            info.Field(
+                "yaw_behaviour", "uint8", 36, 1, enum="ORBIT_YAW_BEHAVIOUR", enum_class="OrbitYawBehaviour",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 FRAME_GLOBAL FRAME_LOCAL_NED FRAME_GLOBAL_RELATIVE_ALT FRAME_GLOBAL_TERRAIN_ALT",

@@ -86,9 +86,11 @@ class ParameterResetRequest(_cdr.Message):
         message_version=0,
         topics=("parameter_reset_request",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("parameter_index", "uint16", 8, 2),
-            info.Field("reset_all", "bool", 10, 1),
+            info.Field(
+                "reset_all", "bool", 10, 1, description="Every parameter; the index does not matter then.",
+            ),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

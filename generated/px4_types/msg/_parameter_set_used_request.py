@@ -78,7 +78,7 @@ class ParameterSetUsedRequest(_cdr.Message):
         message_version=0,
         topics=("parameter_set_used_request",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("parameter_index", "uint16", 8, 2),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),

@@ -94,10 +94,14 @@ class ParameterSetValueRequest(_cdr.Message):
             "parameter_primary_set_value_request",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("parameter_index", "uint16", 8, 2),
-            info.Field("int_value", "int32", 12, 4),
-            info.Field("float_value", "float32", 16, 4),
+            info.Field(
+                "int_value", "int32", 12, 4, description="Used when the parameter is an integer.",
+            ),
+            info.Field(
+                "float_value", "float32", 16, 4, description="Used when the parameter is a float.",
+            ),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

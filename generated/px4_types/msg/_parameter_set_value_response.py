@@ -90,9 +90,12 @@ class ParameterSetValueResponse(_cdr.Message):
             "parameter_primary_set_value_response",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("request_timestamp", "uint64", 8, 8, unit="us"),
-            info.Field("parameter_index", "uint16", 16, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "request_timestamp", "uint64", 8, 8, unit="us",
+                description="The `timestamp` of the request being answered.",
+            ),
+            info.Field("parameter_index", "uint16", 16, 2, description="Parameter that was set."),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

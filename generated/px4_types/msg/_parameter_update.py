@@ -124,15 +124,22 @@ class ParameterUpdate(_cdr.Message):
         message_version=0,
         topics=("parameter_update",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("instance", "uint32", 8, 4),
-            info.Field("get_count", "uint32", 12, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "instance", "uint32", 8, 4, description="Goes up by one with every notice.",
+            ),
+            info.Field(
+                "get_count", "uint32", 12, 4, description="Reads since boot; the other counts are alike.",
+            ),
             info.Field("set_count", "uint32", 16, 4),
             info.Field("find_count", "uint32", 20, 4),
             info.Field("export_count", "uint32", 24, 4),
-            info.Field("active", "uint16", 28, 2),
-            info.Field("changed", "uint16", 30, 2),
-            info.Field("custom_default", "uint16", 32, 2),
+            info.Field("active", "uint16", 28, 2, description="Parameters in use."),
+            info.Field("changed", "uint16", 30, 2, description="Parameters set by the user."),
+            info.Field(
+                "custom_default", "uint16", 32, 2,
+                description="Parameters whose default was overridden at runtime.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -104,10 +104,15 @@ class PositionControllerLandingStatus(_cdr.Message):
         message_version=0,
         topics=("position_controller_landing_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("lateral_touchdown_offset", "float32", 8, 4, unit="m"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "lateral_touchdown_offset", "float32", 8, 4, unit="m",
+                description="Sideways shift the pilot has put in.",
+            ),
             info.Field("flaring", "bool", 12, 1),
-            info.Field("abort_status", "uint8", 13, 1),
+            info.Field(
+                "abort_status", "uint8", 13, 1, description="NOT_ABORTED or one of the reasons below.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 NOT_ABORTED ABORTED_BY_OPERATOR TERRAIN_NOT_FOUND TERRAIN_TIMEOUT",

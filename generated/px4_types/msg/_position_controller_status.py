@@ -124,15 +124,24 @@ class PositionControllerStatus(_cdr.Message):
         message_version=0,
         topics=("position_controller_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("nav_roll", "float32", 8, 4, unit="rad"),
             info.Field("nav_pitch", "float32", 12, 4, unit="rad"),
-            info.Field("nav_bearing", "float32", 16, 4, unit="rad"),
-            info.Field("target_bearing", "float32", 20, 4, unit="rad"),
-            info.Field("xtrack_error", "float32", 24, 4, unit="m"),
+            info.Field(
+                "nav_bearing", "float32", 16, 4, unit="rad", description="Direction that guidance steers to.",
+            ),
+            info.Field(
+                "target_bearing", "float32", 20, 4, unit="rad",
+                description="Direction from vehicle to waypoint.",
+            ),
+            info.Field(
+                "xtrack_error", "float32", 24, 4, unit="m", description="Signed distance from the path.",
+            ),
             info.Field("wp_dist", "float32", 28, 4, unit="m"),
             info.Field("acceptance_radius", "float32", 32, 4, unit="m"),
-            info.Field("type", "uint8", 36, 1),
+            info.Field(
+                "type", "uint8", 36, 1, description="SETPOINT_TYPE_* of PositionSetpoint in use.",
+            ),
         ),
         constants=(),
         cls=cls,

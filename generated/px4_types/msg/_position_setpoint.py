@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q?B2x3f2d4f?3xfB3x4f?3xf")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -64,6 +66,36 @@ class PositionSetpoint(_cdr.Message):
 
     LOITER_TYPE_FIGUREEIGHT: Final = 1
     """Lying eight."""
+
+    class SetpointType(_IntEnum):
+        """Values of `type`."""
+
+        POSITION = 0
+        """Fly to the given coordinates."""
+
+        VELOCITY = 1
+        """Follow vx, vy and vz."""
+
+        LOITER = 2
+        """Stay around the coordinates: hover, or circle with fixed wings."""
+
+        TAKEOFF = 3
+        """Climb away from the ground."""
+
+        LAND = 4
+        """Descend until touchdown, whatever alt says."""
+
+        IDLE = 5
+        """No control action: motors stopped, or idling on a multicopter."""
+
+    class LoiterType(_IntEnum):
+        """Values of `loiter_pattern`."""
+
+        ORBIT = 0
+        """Circle."""
+
+        FIGUREEIGHT = 1
+        """Lying eight."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -227,31 +259,80 @@ class PositionSetpoint(_cdr.Message):
         message_version=0,
         topics=("position_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("valid", "bool", 8, 1),
-            info.Field("type", "uint8", 9, 1, enum="SETPOINT_TYPE"),
-            info.Field("vx", "float32", 12, 4, unit="m/s", frame="NED"),
-            info.Field("vy", "float32", 16, 4, unit="m/s", frame="NED"),
-            info.Field("vz", "float32", 20, 4, unit="m/s", frame="NED"),
-            info.Field("lat", "float64", 24, 8, unit="deg"),
-            info.Field("lon", "float64", 32, 8, unit="deg"),
-            info.Field("alt", "float32", 40, 4, unit="m"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "valid", "bool", 8, 1,
+                description="False means the slot is empty and the rest has no meaning.",
+            ),
+            info.Field(
+                "type", "uint8", 9, 1, enum="SETPOINT_TYPE", enum_class="SetpointType",
+                description="What the controllers are to do with this target.",
+            ),
+            info.Field(
+                "vx", "float32", 12, 4, unit="m/s", frame="NED",
+                description="Wanted speed towards north, for the velocity type.",
+            ),
+            info.Field(
+                "vy", "float32", 16, 4, unit="m/s", frame="NED", description="Wanted speed towards east.",
+            ),
+            info.Field(
+                "vz", "float32", 20, 4, unit="m/s", frame="NED", description="Wanted speed downwards.",
+            ),
+            info.Field("lat", "float64", 24, 8, unit="deg", description="Target latitude, WGS84."),
+            info.Field(
+                "lon", "float64", 32, 8, unit="deg", description="Target longitude, WGS84.",
+            ),
+            info.Field(
+                "alt", "float32", 40, 4, unit="m", description="Target height above mean sea level.",
+            ),
             info.Field(
                 "yaw", "float32", 44, 4, unit="rad", range="-pi, pi", invalid="NaN Flight task decides",
+                description="Wanted heading, followed in hover only.",
             ),
-            info.Field("loiter_radius", "float32", 48, 4, unit="m", range="0, INF"),
-            info.Field("loiter_minor_radius", "float32", 52, 4, unit="m", range="0, INF"),
-            info.Field("loiter_direction_counter_clockwise", "bool", 56, 1),
-            info.Field("loiter_orientation", "float32", 60, 4, unit="rad", range="-pi, pi"),
-            info.Field("loiter_pattern", "uint8", 64, 1, enum="LOITER_TYPE"),
-            info.Field("acceptance_radius", "float32", 68, 4, unit="m"),
+            info.Field(
+                "loiter_radius", "float32", 48, 4, unit="m", range="0, INF",
+                description="Size of the pattern: circle radius, or half the long axis of other shapes.",
+            ),
+            info.Field(
+                "loiter_minor_radius", "float32", 52, 4, unit="m", range="0, INF",
+                description="Half the short axis, for patterns other than the circle.",
+            ),
+            info.Field(
+                "loiter_direction_counter_clockwise", "bool", 56, 1,
+                description="Flies the pattern anticlockwise seen from above, instead of clockwise.",
+            ),
+            info.Field(
+                "loiter_orientation", "float32", 60, 4, unit="rad", range="-pi, pi",
+                description="Direction of the long axis, measured from true north.",
+            ),
+            info.Field(
+                "loiter_pattern", "uint8", 64, 1, enum="LOITER_TYPE", enum_class="LoiterType",
+                description="Shape to fly.",
+            ),
+            info.Field(
+                "acceptance_radius", "float32", 68, 4, unit="m",
+                description="Horizontal distance at which the target counts as reached.",
+            ),
             info.Field(
                 "alt_acceptance_radius", "float32", 72, 4, unit="m", invalid="NaN Guidance picks one",
+                description="Height error at which it counts as reached, for fixed wings.",
             ),
-            info.Field("course", "float32", 76, 4, unit="rad", invalid="NaN"),
-            info.Field("cruising_speed", "float32", 80, 4, unit="m/s"),
-            info.Field("gliding_enabled", "bool", 84, 1),
-            info.Field("cruising_throttle", "float32", 88, 4, unit="-"),
+            info.Field(
+                "course", "float32", 76, 4, unit="rad", invalid="NaN",
+                description="Direction of flight over ground to hold.",
+            ),
+            info.Field(
+                "cruising_speed", "float32", 80, 4, unit="m/s",
+                description="Preferred speed on the way, which the controllers may deviate from.",
+            ),
+            info.Field(
+                "gliding_enabled", "bool", 84, 1,
+                description="Asks a fixed wing that can do so to fly without thrust.",
+            ),
+            info.Field(
+                "cruising_throttle", "float32", 88, 4, unit="-",
+                description="Preferred throttle on the way, a wish that only rovers follow.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 SETPOINT_TYPE_POSITION SETPOINT_TYPE_VELOCITY SETPOINT_TYPE_LOITER",

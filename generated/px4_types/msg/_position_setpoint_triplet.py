@@ -139,10 +139,18 @@ class PositionSetpointTriplet(_cdr.Message):
         message_version=0,
         topics=("position_setpoint_triplet",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("previous", "PositionSetpoint", 8, 92),
-            info.Field("current", "PositionSetpoint", 104, 92),
-            info.Field("next", "PositionSetpoint", 200, 92),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "previous", "PositionSetpoint", 8, 92, description="Waypoint the leg starts from.",
+            ),
+            info.Field(
+                "current", "PositionSetpoint", 104, 92,
+                description="Target the vehicle is flying to or holding at.",
+            ),
+            info.Field(
+                "next", "PositionSetpoint", 200, 92,
+                description="Target after current, lets the controller plan the turn or the braking.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -37,6 +39,18 @@ class PowerButtonState(_cdr.Message):
 
     PWR_BUTTON_STATE_REQUEST_SHUTDOWN: Final = 3
     """Let go after being held long enough."""
+
+    class PwrButtonState(_IntEnum):
+        """Values of `event`."""
+
+        IDEL = 0
+        """Let go too early, nothing to do."""
+
+        DOWN = 1
+        UP = 2
+
+        REQUEST_SHUTDOWN = 3
+        """Let go after being held long enough."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -85,8 +99,10 @@ class PowerButtonState(_cdr.Message):
         message_version=0,
         topics=("power_button_state",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("event", "uint8", 8, 1, enum="PWR_BUTTON_STATE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "event", "uint8", 8, 1, enum="PWR_BUTTON_STATE", enum_class="PwrButtonState",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 PWR_BUTTON_STATE_IDEL PWR_BUTTON_STATE_DOWN PWR_BUTTON_STATE_UP",

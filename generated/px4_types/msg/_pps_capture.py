@@ -82,9 +82,14 @@ class PpsCapture(_cdr.Message):
         message_version=0,
         topics=("pps_capture",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("rtc_timestamp", "uint64", 8, 8, unit="us"),
-            info.Field("pps_rate_exceeded_counter", "uint8", 16, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "rtc_timestamp", "uint64", 8, 8, unit="us", description="UTC of the same instant, Unix time.",
+            ),
+            info.Field(
+                "pps_rate_exceeded_counter", "uint8", 16, 1,
+                description="Pulses less than 50 ms apart, a sign of a bad signal.",
+            ),
         ),
         constants=(),
         cls=cls,

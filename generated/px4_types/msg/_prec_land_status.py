@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -52,6 +54,33 @@ class PrecLandStatus(_cdr.Message):
 
     PREC_LAND_STATE_DONE: Final = 7
     """Landed. Sent once, STOPPED follows."""
+
+    class PrecLandState(_IntEnum):
+        """Values of `state`."""
+
+        STOPPED = 0
+        """Not running."""
+
+        START = 1
+        """Begins now."""
+
+        HORIZONTAL = 2
+        """Flies above the target at constant height."""
+
+        DESCEND = 3
+        """Sinks while it stays above the target."""
+
+        FINAL = 4
+        """Lands, with or without the target in view."""
+
+        SEARCH = 5
+        """Looks for the target."""
+
+        FALLBACK = 6
+        """Lands without precision."""
+
+        DONE = 7
+        """Landed. Sent once, STOPPED follows."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -100,8 +129,11 @@ class PrecLandStatus(_cdr.Message):
         message_version=0,
         topics=("prec_land_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("state", "uint8", 8, 1, enum="PREC_LAND_STATE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "state", "uint8", 8, 1, enum="PREC_LAND_STATE", enum_class="PrecLandState",
+                description="Phase right now.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 PREC_LAND_STATE_STOPPED PREC_LAND_STATE_START PREC_LAND_STATE_HORIZONTAL",

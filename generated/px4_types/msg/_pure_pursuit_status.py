@@ -108,14 +108,19 @@ class PurePursuitStatus(_cdr.Message):
         message_version=0,
         topics=("pure_pursuit_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("lookahead_distance", "float32", 8, 4, unit="m", range="0, inf"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "lookahead_distance", "float32", 8, 4, unit="m", range="0, inf",
+                description="Distance to the point on the path being steered for.",
+            ),
             info.Field(
                 "target_bearing", "float32", 12, 4, unit="rad", range="-pi, pi", frame="NED",
+                description="Course towards that point.",
             ),
             info.Field(
                 "crosstrack_error", "float32", 16, 4, unit="m",
                 range="-inf (Left of the path), inf (Right of the path)",
+                description="How far the vehicle is off its path.",
             ),
             info.Field("distance_to_waypoint", "float32", 20, 4, unit="m", range="-inf, inf"),
             info.Field(

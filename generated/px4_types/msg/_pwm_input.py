@@ -85,8 +85,8 @@ class PwmInput(_cdr.Message):
         message_version=0,
         topics=("pwm_input",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("error_count", "uint64", 8, 8),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("error_count", "uint64", 8, 8, description="Pulses the timer missed."),
             info.Field("pulse_width", "uint32", 16, 4, unit="us"),
             info.Field("period", "uint32", 20, 4, unit="us"),
         ),

@@ -91,10 +91,13 @@ class QshellReq(_cdr.Message):
         message_version=0,
         topics=("qshell_req",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("cmd", "char[100]", 8, 100),
-            info.Field("strlen", "uint32", 108, 4, unit="bytes"),
-            info.Field("request_sequence", "uint32", 112, 4),
+            info.Field("strlen", "uint32", 108, 4, unit="bytes", description="Length of cmd."),
+            info.Field(
+                "request_sequence", "uint32", 112, 4,
+                description="Returned with the answer to match the two.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MAX_STRLEN"),
         cls=cls,

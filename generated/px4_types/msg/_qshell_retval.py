@@ -78,9 +78,11 @@ class QshellRetval(_cdr.Message):
         message_version=0,
         topics=("qshell_retval",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("return_value", "int32", 8, 4),
-            info.Field("return_sequence", "uint32", 12, 4),
+            info.Field(
+                "return_sequence", "uint32", 12, 4, description="Same number as in the request.",
+            ),
         ),
         constants=(),
         cls=cls,

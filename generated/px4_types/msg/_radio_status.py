@@ -115,14 +115,21 @@ class RadioStatus(_cdr.Message):
         message_version=0,
         topics=("radio_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("rssi", "uint8", 8, 1, invalid="255"),
-            info.Field("remote_rssi", "uint8", 9, 1, invalid="255"),
-            info.Field("txbuf", "uint8", 10, 1, unit="%", range="0, 100"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("rssi", "uint8", 8, 1, invalid="255", description="Signal at this end."),
+            info.Field(
+                "remote_rssi", "uint8", 9, 1, invalid="255", description="Signal at the far end.",
+            ),
+            info.Field(
+                "txbuf", "uint8", 10, 1, unit="%", range="0, 100",
+                description="Free space in the send buffer of the radio.",
+            ),
             info.Field("noise", "uint8", 11, 1, invalid="255"),
             info.Field("remote_noise", "uint8", 12, 1, invalid="255"),
-            info.Field("rxerrors", "uint16", 14, 2),
-            info.Field("fix", "uint16", 16, 2),
+            info.Field("rxerrors", "uint16", 14, 2, description="Packets received with errors."),
+            info.Field(
+                "fix", "uint16", 16, 2, description="Packets repaired by error correction.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("2QB3xf2dfB3x2f2BHf")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -41,6 +43,15 @@ class RangingBeacon(_cdr.Message):
 
     ALT_TYPE_MSL: Final = 1
     """Mean sea level."""
+
+    class AltType(_IntEnum):
+        """Values of `alt_type`."""
+
+        WGS84 = 0
+        """The ellipsoid."""
+
+        MSL = 1
+        """Mean sea level."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -156,20 +167,48 @@ class RangingBeacon(_cdr.Message):
         message_version=0,
         topics=("ranging_beacon",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("beacon_id", "uint8", 16, 1),
-            info.Field("range", "float32", 20, 4, unit="m"),
-            info.Field("lat", "float64", 24, 8, unit="deg"),
-            info.Field("lon", "float64", 32, 8, unit="deg"),
-            info.Field("alt", "float32", 40, 4, unit="m"),
-            info.Field("alt_type", "uint8", 44, 1, enum="ALT_TYPE"),
-            info.Field("hacc", "float32", 48, 4, unit="m"),
-            info.Field("vacc", "float32", 52, 4, unit="m"),
-            info.Field("sequence_nr", "uint8", 56, 1),
-            info.Field("status", "uint8", 57, 1),
-            info.Field("carrier_freq", "uint16", 58, 2, unit="MHz"),
-            info.Field("range_accuracy", "float32", 60, 4, unit="m"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the distance was measured.",
+            ),
+            info.Field("beacon_id", "uint8", 16, 1, description="Number of the beacon."),
+            info.Field(
+                "range", "float32", 20, 4, unit="m", description="Distance from vehicle to beacon.",
+            ),
+            info.Field(
+                "lat", "float64", 24, 8, unit="deg", description="Where the beacon stands, WGS84.",
+            ),
+            info.Field(
+                "lon", "float64", 32, 8, unit="deg", description="Where the beacon stands, WGS84.",
+            ),
+            info.Field(
+                "alt", "float32", 40, 4, unit="m",
+                description="Height of the beacon, above what alt_type says.",
+            ),
+            info.Field(
+                "alt_type", "uint8", 44, 1, enum="ALT_TYPE", enum_class="AltType",
+                description="What `alt` counts from.",
+            ),
+            info.Field(
+                "hacc", "float32", 48, 4, unit="m",
+                description="Horizontal uncertainty of the beacon's place.",
+            ),
+            info.Field(
+                "vacc", "float32", 52, 4, unit="m", description="Vertical uncertainty of the beacon's place.",
+            ),
+            info.Field(
+                "sequence_nr", "uint8", 56, 1, description="Goes up by one per measurement and wraps.",
+            ),
+            info.Field(
+                "status", "uint8", 57, 1, description="State of the measurement as the device reports it.",
+            ),
+            info.Field(
+                "carrier_freq", "uint16", 58, 2, unit="MHz",
+                description="Radio frequency of the measurement.",
+            ),
+            info.Field(
+                "range_accuracy", "float32", 60, 4, unit="m", description="Uncertainty of `range`.",
+            ),
         ),
         constants=info.constants(cls, "uint8 ALT_TYPE_WGS84 ALT_TYPE_MSL"),
         cls=cls,

@@ -149,14 +149,34 @@ class RaptorInput(_cdr.Message):
         message_version=0,
         topics=("raptor_input",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("active", "bool", 16, 1),
-            info.Field("position", "float32[3]", 20, 12, unit="m", frame="FLU"),
-            info.Field("orientation", "float32[4]", 32, 16, unit="-"),
-            info.Field("linear_velocity", "float32[3]", 48, 12, unit="m/s", frame="FLU"),
-            info.Field("angular_velocity", "float32[3]", 60, 12, unit="rad/s", frame="FLU"),
-            info.Field("previous_action", "float32[4]", 72, 16, range="-1, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="When the newest of these values was measured.",
+            ),
+            info.Field(
+                "active", "bool", 16, 1, description="True while the network drives the motors.",
+            ),
+            info.Field(
+                "position", "float32[3]", 20, 12, unit="m", frame="FLU",
+                description="Position, from the local estimate.",
+            ),
+            info.Field(
+                "orientation", "float32[4]", 32, 16, unit="-",
+                description="Attitude as unit quaternion (w, x, y, z) in FLU.",
+            ),
+            info.Field(
+                "linear_velocity", "float32[3]", 48, 12, unit="m/s", frame="FLU",
+                description="Velocity, from the local estimate.",
+            ),
+            info.Field(
+                "angular_velocity", "float32[3]", 60, 12, unit="rad/s", frame="FLU",
+                description="Body rates.",
+            ),
+            info.Field(
+                "previous_action", "float32[4]", 72, 16, range="-1, 1",
+                description="Motor commands of the step before.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 ACTION_DIM"),
         cls=cls,

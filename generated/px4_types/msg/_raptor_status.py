@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("2Q5?B2x4I5?B2x10f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -79,6 +81,30 @@ class RaptorStatus(_cdr.Message):
 
     EXIT_REASON_EXECUTOR_STATUS_SOURCE_NOT_CONTROL: Final = 6
     """Too soon after the previous step."""
+
+    class ExitReason(_IntEnum):
+        """Values of `exit_reason`."""
+
+        NONE = 0
+        """A command was computed."""
+
+        NO_ANGULAR_VELOCITY_UPDATE = 1
+        """Body rates set the pace, and none came."""
+
+        NOT_ALL_OBSERVATIONS_SET = 2
+        """Some input never came."""
+
+        ANGULAR_VELOCITY_STALE = 3
+        """Body rates are too old."""
+
+        LOCAL_POSITION_STALE = 4
+        """The position is too old."""
+
+        ATTITUDE_STALE = 5
+        """The attitude is too old."""
+
+        EXECUTOR_STATUS_SOURCE_NOT_CONTROL = 6
+        """Too soon after the previous step."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -296,31 +322,99 @@ class RaptorStatus(_cdr.Message):
         message_version=0,
         topics=("raptor_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("subscription_update_angular_velocity", "bool", 16, 1),
-            info.Field("subscription_update_local_position", "bool", 17, 1),
-            info.Field("subscription_update_attitude", "bool", 18, 1),
-            info.Field("subscription_update_trajectory_setpoint", "bool", 19, 1),
-            info.Field("subscription_update_vehicle_status", "bool", 20, 1),
-            info.Field("exit_reason", "uint8", 21, 1, enum="EXIT_REASON"),
-            info.Field("timestamp_last_vehicle_angular_velocity", "uint32", 24, 4, unit="us"),
-            info.Field("timestamp_last_vehicle_local_position", "uint32", 28, 4, unit="us"),
-            info.Field("timestamp_last_vehicle_attitude", "uint32", 32, 4, unit="us"),
-            info.Field("timestamp_last_trajectory_setpoint", "uint32", 36, 4, unit="us"),
-            info.Field("vehicle_angular_velocity_stale", "bool", 40, 1),
-            info.Field("vehicle_local_position_stale", "bool", 41, 1),
-            info.Field("vehicle_attitude_stale", "bool", 42, 1),
-            info.Field("trajectory_setpoint_stale", "bool", 43, 1),
-            info.Field("active", "bool", 44, 1),
-            info.Field("substep", "uint8", 45, 1, unit="-"),
-            info.Field("control_interval", "float32", 48, 4, unit="s"),
-            info.Field("trajectory_setpoint_dt_mean", "float32", 52, 4, unit="us"),
-            info.Field("trajectory_setpoint_dt_max", "float32", 56, 4, unit="us"),
-            info.Field("trajectory_setpoint_dt_max_since_activation", "float32", 60, 4, unit="us"),
-            info.Field("internal_reference_position", "float32[3]", 64, 12, unit="m", frame="FLU"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="When the newest input was measured.",
+            ),
+            info.Field(
+                "subscription_update_angular_velocity", "bool", 16, 1,
+                description="True if vehicle_angular_velocity is new in this step.",
+            ),
+            info.Field(
+                "subscription_update_local_position", "bool", 17, 1,
+                description="True if vehicle_local_position is new in this step.",
+            ),
+            info.Field(
+                "subscription_update_attitude", "bool", 18, 1,
+                description="True if vehicle_attitude is new in this step.",
+            ),
+            info.Field(
+                "subscription_update_trajectory_setpoint", "bool", 19, 1,
+                description="True if trajectory_setpoint is new in this step.",
+            ),
+            info.Field(
+                "subscription_update_vehicle_status", "bool", 20, 1,
+                description="True if vehicle_status is new in this step.",
+            ),
+            info.Field(
+                "exit_reason", "uint8", 21, 1, enum="EXIT_REASON", enum_class="ExitReason",
+                description="Why no motor command was computed.",
+            ),
+            info.Field(
+                "timestamp_last_vehicle_angular_velocity", "uint32", 24, 4, unit="us",
+                description="When body rates last came.",
+            ),
+            info.Field(
+                "timestamp_last_vehicle_local_position", "uint32", 28, 4, unit="us",
+                description="When a position last came.",
+            ),
+            info.Field(
+                "timestamp_last_vehicle_attitude", "uint32", 32, 4, unit="us",
+                description="When an attitude last came.",
+            ),
+            info.Field(
+                "timestamp_last_trajectory_setpoint", "uint32", 36, 4, unit="us",
+                description="When a setpoint last came.",
+            ),
+            info.Field(
+                "vehicle_angular_velocity_stale", "bool", 40, 1,
+                description="True if body rates are too old to use.",
+            ),
+            info.Field(
+                "vehicle_local_position_stale", "bool", 41, 1,
+                description="True if the position is too old to use.",
+            ),
+            info.Field(
+                "vehicle_attitude_stale", "bool", 42, 1,
+                description="True if the attitude is too old to use.",
+            ),
+            info.Field(
+                "trajectory_setpoint_stale", "bool", 43, 1,
+                description="True if the setpoint is too old to use.",
+            ),
+            info.Field(
+                "active", "bool", 44, 1, description="True while the network drives the motors.",
+            ),
+            info.Field(
+                "substep", "uint8", 45, 1, unit="-",
+                description=(
+                    "Steps since the network's state last advanced, where control runs faster than it was "
+                    "trained for."
+                ),
+            ),
+            info.Field(
+                "control_interval", "float32", 48, 4, unit="s", description="Time between two commands.",
+            ),
+            info.Field(
+                "trajectory_setpoint_dt_mean", "float32", 52, 4, unit="us",
+                description="Mean time between recent setpoints.",
+            ),
+            info.Field(
+                "trajectory_setpoint_dt_max", "float32", 56, 4, unit="us",
+                description="Longest time between recent setpoints.",
+            ),
+            info.Field(
+                "trajectory_setpoint_dt_max_since_activation", "float32", 60, 4, unit="us",
+                description="Longest time between setpoints since the mode was entered.",
+            ),
+            info.Field(
+                "internal_reference_position", "float32[3]", 64, 12, unit="m", frame="FLU",
+                description="Position to fly to while no setpoint comes.",
+            ),
             info.Field(
                 "internal_reference_linear_velocity", "float32[3]", 76, 12, unit="m/s", frame="FLU",
+                description="Velocity to fly with while no setpoint comes.",
             ),
         ),
         constants=info.constants(

@@ -87,7 +87,7 @@ class RateCtrlStatus(_cdr.Message):
         message_version=0,
         topics=("rate_ctrl_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("rollspeed_integ", "float32", 8, 4),
             info.Field("pitchspeed_integ", "float32", 12, 4),
             info.Field("yawspeed_integ", "float32", 16, 4),

@@ -157,13 +157,24 @@ class RcChannels(_cdr.Message):
         message_version=0,
         topics=("rc_channels",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("timestamp_last_valid", "uint64", 8, 8, unit="us"),
-            info.Field("channels", "float32[18]", 16, 72, range="-1, 1"),
-            info.Field("channel_count", "uint8", 88, 1),
-            info.Field("function", "int8[30]", 89, 30, invalid="-1"),
-            info.Field("rssi", "uint8", 119, 1),
-            info.Field("signal_lost", "bool", 120, 1),
+            info.Field(
+                "channels", "float32[18]", 16, 72, range="-1, 1",
+                description="Deflection after trim and deadzone.",
+            ),
+            info.Field("channel_count", "uint8", 88, 1, description="Entries of channels in use."),
+            info.Field(
+                "function", "int8[30]", 89, 30, invalid="-1",
+                description="Index into channels for every FUNCTION_* number.",
+            ),
+            info.Field(
+                "rssi", "uint8", 119, 1, description="Signal strength, where 100 is full reception.",
+            ),
+            info.Field(
+                "signal_lost", "bool", 120, 1,
+                description="RC link lost. Look at the age of the message too.",
+            ),
             info.Field("frame_drop_count", "uint32", 124, 4),
         ),
         constants=info.constants(

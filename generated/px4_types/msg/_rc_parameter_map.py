@@ -144,12 +144,20 @@ class RcParameterMap(_cdr.Message):
         message_version=0,
         topics=("rc_parameter_map",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("valid", "bool[3]", 8, 3),
-            info.Field("param_index", "int32[3]", 12, 12, invalid="-1"),
-            info.Field("param_id", "char[51]", 24, 51),
-            info.Field("scale", "float32[3]", 76, 12),
-            info.Field("value0", "float32[3]", 88, 12),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("valid", "bool[3]", 8, 3, description="Slot is in use."),
+            info.Field(
+                "param_index", "int32[3]", 12, 12, invalid="-1",
+                description="If invalid, param_id names the parameter.",
+            ),
+            info.Field(
+                "param_id", "char[51]", 24, 51,
+                description="Three names of up to 16 characters, each with a closing zero.",
+            ),
+            info.Field(
+                "scale", "float32[3]", 76, 12, description="Parameter change at full knob travel (-1 to 1).",
+            ),
+            info.Field("value0", "float32[3]", 88, 12, description="Value at knob center."),
             info.Field("value_min", "float32[3]", 100, 12),
             info.Field("value_max", "float32[3]", 112, 12),
         ),

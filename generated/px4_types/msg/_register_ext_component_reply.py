@@ -135,15 +135,37 @@ class RegisterExtComponentReply(_cdr.Message):
         message_version=1,
         topics=("register_ext_component_reply",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("request_id", "uint64", 8, 8),
-            info.Field("name", "char[25]", 16, 25),
-            info.Field("px4_ros2_api_version", "uint16", 42, 2),
-            info.Field("success", "bool", 44, 1),
-            info.Field("arming_check_id", "int8", 45, 1, invalid="-1"),
-            info.Field("mode_id", "int8", 46, 1, invalid="-1"),
-            info.Field("mode_executor_id", "int8", 47, 1, invalid="-1"),
-            info.Field("not_user_selectable", "bool", 48, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "request_id", "uint64", 8, 8, description="Copy of the request value, for matching the two.",
+            ),
+            info.Field("name", "char[25]", 16, 25, description="Copy of the name in the request."),
+            info.Field(
+                "px4_ros2_api_version", "uint16", 42, 2,
+                description="API version the autopilot was built with. The component compares it with its own.",
+            ),
+            info.Field(
+                "success", "bool", 44, 1,
+                description="False for example when no slot is free or the vehicle is armed.",
+            ),
+            info.Field(
+                "arming_check_id", "int8", 45, 1, invalid="-1",
+                description="Id to put into arming check replies.",
+            ),
+            info.Field(
+                "mode_id", "int8", 46, 1, invalid="-1",
+                description=(
+                    "Navigation state given to the mode, from NAVIGATION_STATE_EXTERNAL1 in VehicleStatus "
+                    "upwards."
+                ),
+            ),
+            info.Field(
+                "mode_executor_id", "int8", 47, 1, invalid="-1",
+                description="Id of the executor, as seen in executor_in_charge of VehicleStatus.",
+            ),
+            info.Field(
+                "not_user_selectable", "bool", 48, 1, description="True if users are not offered the mode.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION", "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

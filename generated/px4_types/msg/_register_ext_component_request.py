@@ -163,18 +163,54 @@ class RegisterExtComponentRequest(_cdr.Message):
         message_version=2,
         topics=("register_ext_component_request",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("request_id", "uint64", 8, 8),
-            info.Field("name", "char[25]", 16, 25),
-            info.Field("px4_ros2_api_version", "uint16", 42, 2),
-            info.Field("register_arming_check", "bool", 44, 1),
-            info.Field("register_mode", "bool", 45, 1),
-            info.Field("register_mode_executor", "bool", 46, 1),
-            info.Field("enable_replace_internal_mode", "bool", 47, 1),
-            info.Field("replace_internal_mode", "uint8", 48, 1),
-            info.Field("activate_mode_immediately", "bool", 49, 1),
-            info.Field("not_user_selectable", "bool", 50, 1),
-            info.Field("request_offboard_setpoints", "bool", 51, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "request_id", "uint64", 8, 8,
+                description="Random number picked by the sender to recognize the reply.",
+            ),
+            info.Field(
+                "name", "char[25]", 16, 25,
+                description="Name of the mode as shown to the user, otherwise of the component. Zero-terminated.",
+            ),
+            info.Field(
+                "px4_ros2_api_version", "uint16", 42, 2,
+                description="API version the component was built with, LATEST_PX4_ROS2_API_VERSION.",
+            ),
+            info.Field(
+                "register_arming_check", "bool", 44, 1,
+                description="True to take part in arming checks, which also show that the component is alive.",
+            ),
+            info.Field(
+                "register_mode", "bool", 45, 1,
+                description="True to add a flight mode. Needs register_arming_check.",
+            ),
+            info.Field(
+                "register_mode_executor", "bool", 46, 1,
+                description=(
+                    "True to add an executor, which owns the new mode and may switch modes itself. Needs "
+                    "register_mode."
+                ),
+            ),
+            info.Field(
+                "enable_replace_internal_mode", "bool", 47, 1,
+                description="True to let the new mode stand in for the built-in one in replace_internal_mode.",
+            ),
+            info.Field(
+                "replace_internal_mode", "uint8", 48, 1,
+                description="Built-in mode to stand in for, a NAVIGATION_STATE_* value of VehicleStatus.",
+            ),
+            info.Field(
+                "activate_mode_immediately", "bool", 49, 1,
+                description="True to select the new mode as soon as it is registered. Needs register_mode_executor.",
+            ),
+            info.Field(
+                "not_user_selectable", "bool", 50, 1,
+                description="True keeps the mode from being offered to users.",
+            ),
+            info.Field(
+                "request_offboard_setpoints", "bool", 51, 1,
+                description="True if setpoints that arrive over MAVLink should reach the mode.",
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION", "uint16 LATEST_PX4_ROS2_API_VERSION", "uint8 ORB_QUEUE_LENGTH",

@@ -75,9 +75,10 @@ class RoverAttitudeSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_attitude_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "yaw_setpoint", "float32", 8, 4, unit="rad", range="-inf, inf", frame="NED",
+                description="Heading to turn to, 0 being north and positive clockwise.",
             ),
         ),
         constants=(),

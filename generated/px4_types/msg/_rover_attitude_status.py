@@ -79,10 +79,11 @@ class RoverAttitudeStatus(_cdr.Message):
         message_version=0,
         topics=("rover_attitude_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("measured_yaw", "float32", 8, 4, unit="rad", range="-pi, pi", frame="NED"),
             info.Field(
                 "adjusted_yaw_setpoint", "float32", 12, 4, unit="rad", range="-pi, pi", frame="NED",
+                description="After rate limiting.",
             ),
         ),
         constants=(),

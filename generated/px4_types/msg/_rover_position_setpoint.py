@@ -110,24 +110,27 @@ class RoverPositionSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_position_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "position_ned", "float32[2]", 8, 8, unit="m", range="-inf, inf", frame="NED",
+                description="Where to go, as north and east.",
             ),
             info.Field(
                 "start_ned", "float32[2]", 16, 8, unit="m", range="-inf, inf",
                 invalid="NaN Defaults to vehicle position", frame="NED",
+                description="Where the line to follow begins.",
             ),
             info.Field(
                 "cruising_speed", "float32", 24, 4, unit="m/s", range="0, inf",
-                invalid="NaN Defaults to maximum speed",
+                invalid="NaN Defaults to maximum speed", description="Speed on the way.",
             ),
             info.Field(
                 "arrival_speed", "float32", 28, 4, unit="m/s", range="0, inf", invalid="NaN Defaults to 0",
+                description="Speed left on reaching the target.",
             ),
             info.Field(
                 "yaw", "float32", 32, 4, unit="rad", range="-pi,pi", invalid="NaN Defaults to vehicle yaw",
-                frame="NED",
+                frame="NED", description="Heading kept on the way, mecanum rovers only.",
             ),
         ),
         constants=(),

@@ -73,9 +73,10 @@ class RoverRateSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_rate_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "yaw_rate_setpoint", "float32", 8, 4, unit="rad/s", range="-inf, inf", frame="NED",
+                description="Positive turns right.",
             ),
         ),
         constants=(),

@@ -93,12 +93,13 @@ class RoverRateStatus(_cdr.Message):
         message_version=0,
         topics=("rover_rate_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "measured_yaw_rate", "float32", 8, 4, unit="rad/s", range="-inf, inf", frame="NED",
             ),
             info.Field(
                 "adjusted_yaw_rate_setpoint", "float32", 12, 4, unit="rad/s", range="-inf, inf", frame="NED",
+                description="After the slew rate limit.",
             ),
             info.Field("pid_yaw_rate_integral", "float32", 16, 4, unit="-", range="-1, 1"),
         ),

@@ -79,14 +79,14 @@ class RoverSpeedSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_speed_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "speed_body_x", "float32", 8, 4, unit="m/s", range="-inf (Backwards), inf (Forwards)",
-                frame="Body",
+                frame="Body", description="Speed along the vehicle.",
             ),
             info.Field(
                 "speed_body_y", "float32", 12, 4, unit="m/s", range="-inf (Left), inf (Right)",
-                invalid="NaN If not mecanum", frame="Body",
+                invalid="NaN If not mecanum", frame="Body", description="Sideways speed, for mecanum wheels.",
             ),
         ),
         constants=(),

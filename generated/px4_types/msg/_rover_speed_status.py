@@ -118,7 +118,7 @@ class RoverSpeedStatus(_cdr.Message):
         message_version=0,
         topics=("rover_speed_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "measured_speed_body_x", "float32", 8, 4, unit="m/s",
                 range="-inf (Backwards), inf (Forwards)", frame="Body",
@@ -126,8 +126,12 @@ class RoverSpeedStatus(_cdr.Message):
             info.Field(
                 "adjusted_speed_body_x_setpoint", "float32", 12, 4, unit="m/s",
                 range="-inf (Backwards), inf (Forwards)", frame="Body",
+                description="Setpoint after the slew rate limit.",
             ),
-            info.Field("pid_throttle_body_x_integral", "float32", 16, 4, unit="-", range="-1, 1"),
+            info.Field(
+                "pid_throttle_body_x_integral", "float32", 16, 4, unit="-", range="-1, 1",
+                description="Integrator of the speed controller.",
+            ),
             info.Field(
                 "measured_speed_body_y", "float32", 20, 4, unit="m/s", range="-inf (Left), inf (Right)",
                 invalid="NaN If not mecanum", frame="Body",
@@ -138,7 +142,7 @@ class RoverSpeedStatus(_cdr.Message):
             ),
             info.Field(
                 "pid_throttle_body_y_integral", "float32", 28, 4, unit="-", range="-1, 1",
-                invalid="NaN If not mecanum",
+                invalid="NaN If not mecanum", description="Integrator of the speed controller.",
             ),
         ),
         constants=(),

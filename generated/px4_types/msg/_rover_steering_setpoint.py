@@ -75,10 +75,11 @@ class RoverSteeringSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_steering_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "normalized_steering_setpoint", "float32", 8, 4, unit="-", range="-1 (Left), 1 (Right)",
                 frame="Body",
+                description="Wheel angle if Ackermann, else speed difference of left and right.",
             ),
         ),
         constants=(),

@@ -82,14 +82,14 @@ class RoverThrottleSetpoint(_cdr.Message):
         message_version=0,
         topics=("rover_throttle_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
                 "throttle_body_x", "float32", 8, 4, unit="-", range="-1 (Backwards), 1 (Forwards)",
-                frame="Body",
+                frame="Body", description="Drive along the vehicle.",
             ),
             info.Field(
                 "throttle_body_y", "float32", 12, 4, unit="-", range="-1 (Left), 1 (Right)",
-                invalid="NaN If not mecanum", frame="Body",
+                invalid="NaN If not mecanum", frame="Body", description="Drive sideways.",
             ),
         ),
         constants=(),

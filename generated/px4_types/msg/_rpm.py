@@ -78,8 +78,8 @@ class Rpm(_cdr.Message):
         message_version=0,
         topics=("rpm",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("rpm_estimate", "float32", 8, 4, unit="rpm"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("rpm_estimate", "float32", 8, 4, unit="rpm", description="Filtered."),
             info.Field("rpm_raw", "float32", 12, 4, unit="rpm"),
         ),
         constants=(),

@@ -101,11 +101,19 @@ class RtcmData(_cdr.Message):
         message_version=0,
         topics=("rtcm_corrections", "rtcm_moving_baseline"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("device_id", "uint32", 8, 4, unit="-"),
-            info.Field("len", "uint16", 12, 2, unit="-"),
-            info.Field("flags", "uint8", 14, 1, unit="-"),
-            info.Field("data", "uint8[300]", 15, 300),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "device_id", "uint32", 8, 4, unit="-",
+                description="What produced the bytes. Stays the same across reboots.",
+            ),
+            info.Field("len", "uint16", 12, 2, unit="-", description="Bytes of `data` in use."),
+            info.Field(
+                "flags", "uint8", 14, 1, unit="-",
+                description="Bit 0 is set if this is a part of a longer RTCM message.",
+            ),
+            info.Field(
+                "data", "uint8[300]", 15, 300, description="Bytes of RTCM 3, passed on as they are.",
+            ),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH MAX_INSTANCES"),
         cls=cls,

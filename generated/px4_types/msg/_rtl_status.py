@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QI2?2B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -50,6 +52,24 @@ class RtlStatus(_cdr.Message):
 
     RTL_STATUS_TYPE_FOLLOW_MISSION_REVERSE: Final = 4
     """Flies the mission backwards to its start."""
+
+    class RtlStatusType(_IntEnum):
+        """Values of `rtl_type`."""
+
+        NONE = 0
+        """Not decided yet."""
+
+        DIRECT_SAFE_POINT = 1
+        """Home position counts as one."""
+
+        DIRECT_MISSION_LAND = 2
+        """Straight to where the mission's landing begins."""
+
+        FOLLOW_MISSION = 3
+        """Flies on along the mission to its landing."""
+
+        FOLLOW_MISSION_REVERSE = 4
+        """Flies the mission backwards to its start."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -125,12 +145,25 @@ class RtlStatus(_cdr.Message):
         message_version=0,
         topics=("rtl_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("safe_points_id", "uint32", 8, 4),
-            info.Field("is_evaluation_pending", "bool", 12, 1),
-            info.Field("has_vtol_approach", "bool", 13, 1),
-            info.Field("rtl_type", "uint8", 14, 1, enum="RTL_STATUS_TYPE"),
-            info.Field("safe_point_index", "uint8", 15, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "safe_points_id", "uint32", 8, 4, description="Changes with every new set of safe points.",
+            ),
+            info.Field(
+                "is_evaluation_pending", "bool", 12, 1,
+                description="The choice is being worked out again, for example while safe points load.",
+            ),
+            info.Field(
+                "has_vtol_approach", "bool", 13, 1,
+                description="A VTOL landing approach is set for home or a safe point.",
+            ),
+            info.Field(
+                "rtl_type", "uint8", 14, 1, enum="RTL_STATUS_TYPE", enum_class="RtlStatusType",
+            ),
+            info.Field(
+                "safe_point_index", "uint8", 15, 1,
+                description="Chosen safe point, where rtl_type says that one is the destination.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 RTL_STATUS_TYPE_NONE RTL_STATUS_TYPE_DIRECT_SAFE_POINT",

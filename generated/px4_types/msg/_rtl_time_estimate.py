@@ -89,10 +89,13 @@ class RtlTimeEstimate(_cdr.Message):
         message_version=0,
         topics=("rtl_time_estimate",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("valid", "bool", 8, 1),
             info.Field("time_estimate", "float32", 12, 4, unit="s"),
-            info.Field("safe_time_estimate", "float32", 16, 4, unit="s"),
+            info.Field(
+                "safe_time_estimate", "float32", 16, 4, unit="s",
+                description="With safety factor and margin.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -127,14 +127,24 @@ class SatelliteInfo(_cdr.Message):
         message_version=0,
         topics=("satellite_info",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("count", "uint8", 8, 1),
-            info.Field("svid", "uint8[40]", 9, 40, range="1, 255"),
-            info.Field("used", "uint8[40]", 49, 40, range="0, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("count", "uint8", 8, 1, description="Used length of the arrays."),
+            info.Field(
+                "svid", "uint8[40]", 9, 40, range="1, 255", description="Space vehicle number.",
+            ),
+            info.Field(
+                "used", "uint8[40]", 49, 40, range="0, 1", description="1 if part of the position solution.",
+            ),
             info.Field("elevation", "uint8[40]", 89, 40, unit="deg", range="0, 90"),
-            info.Field("azimuth", "uint8[40]", 129, 40, range="0, 255"),
-            info.Field("snr", "uint8[40]", 169, 40, unit="dBHz", range="0, 99", invalid="0"),
-            info.Field("prn", "uint8[40]", 209, 40),
+            info.Field(
+                "azimuth", "uint8[40]", 129, 40, range="0, 255",
+                description="The range covers the full circle of 360 degrees.",
+            ),
+            info.Field(
+                "snr", "uint8[40]", 169, 40, unit="dBHz", range="0, 99", invalid="0",
+                description="Carrier to noise density; 0 while not tracked.",
+            ),
+            info.Field("prn", "uint8[40]", 209, 40, description="Pseudorandom code number."),
         ),
         constants=info.constants(cls, "uint8 SAT_INFO_MAX_SATELLITES"),
         cls=cls,

@@ -94,11 +94,11 @@ class SensorAirflow(_cdr.Message):
         message_version=0,
         topics=("sensor_airflow",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("device_id", "uint32", 8, 4),
             info.Field("speed", "float32", 12, 4, unit="m/s"),
             info.Field("direction", "float32", 16, 4, unit="rad"),
-            info.Field("status", "uint8", 20, 1),
+            info.Field("status", "uint8", 20, 1, description="Sensor specific code."),
         ),
         constants=(),
         cls=cls,

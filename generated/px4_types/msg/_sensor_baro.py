@@ -108,9 +108,11 @@ class SensorBaro(_cdr.Message):
         message_version=0,
         topics=("sensor_baro",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("device_id", "uint32", 16, 4, unit="-"),
+            info.Field(
+                "device_id", "uint32", 16, 4, unit="-", description="Stays the same across reboots.",
+            ),
             info.Field("pressure", "float32", 20, 4, unit="Pa"),
             info.Field("temperature", "float32", 24, 4, unit="°C"),
             info.Field("error_count", "uint32", 28, 4, unit="-"),

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("Q3fIi3fI4B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -45,6 +47,13 @@ class SensorCombined(_cdr.Message):
     CLIPPING_X: Final = 1
     CLIPPING_Y: Final = 2
     CLIPPING_Z: Final = 4
+
+    class Clipping(_IntFlag):
+        """Flags of `accelerometer_clipping`, `gyro_clipping`."""
+
+        X = 1
+        Y = 2
+        Z = 4
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -152,19 +161,47 @@ class SensorCombined(_cdr.Message):
         message_version=0,
         topics=("sensor_combined",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("gyro_rad", "float32[3]", 8, 12, unit="rad/s", frame="FRD"),
-            info.Field("gyro_integral_dt", "uint32", 20, 4, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "gyro_rad", "float32[3]", 8, 12, unit="rad/s", frame="FRD",
+                description="Body rates, averaged over gyro_integral_dt.",
+            ),
+            info.Field(
+                "gyro_integral_dt", "uint32", 20, 4, unit="us",
+                description="Length of the gyro averaging interval.",
+            ),
             info.Field(
                 "accelerometer_timestamp_relative", "int32", 24, 4, unit="us",
                 invalid="RELATIVE_TIMESTAMP_INVALID",
+                description="Add to timestamp to get the accelerometer time.",
             ),
-            info.Field("accelerometer_m_s2", "float32[3]", 28, 12, unit="m/s^2", frame="FRD"),
-            info.Field("accelerometer_integral_dt", "uint32", 40, 4, unit="us"),
-            info.Field("accelerometer_clipping", "uint8", 44, 1, enum="CLIPPING"),
-            info.Field("gyro_clipping", "uint8", 45, 1, enum="CLIPPING"),
-            info.Field("accel_calibration_count", "uint8", 46, 1),
-            info.Field("gyro_calibration_count", "uint8", 47, 1),
+            info.Field(
+                "accelerometer_m_s2", "float32[3]", 28, 12, unit="m/s^2", frame="FRD",
+                description=(
+                    "Specific force, averaged over accelerometer_integral_dt. About -9.81 on Z when level "
+                    "and still."
+                ),
+            ),
+            info.Field(
+                "accelerometer_integral_dt", "uint32", 40, 4, unit="us",
+                description="Length of the accelerometer averaging interval.",
+            ),
+            info.Field(
+                "accelerometer_clipping", "uint8", 44, 1, enum="CLIPPING", enum_class="Clipping",
+                description="Bitmask of accelerometer axes that hit the end of their range in the interval.",
+            ),
+            info.Field(
+                "gyro_clipping", "uint8", 45, 1, enum="CLIPPING", enum_class="Clipping",
+                description="Bitmask of gyro axes that hit the end of their range in the interval.",
+            ),
+            info.Field(
+                "accel_calibration_count", "uint8", 46, 1,
+                description="Goes up with every new accelerometer calibration.",
+            ),
+            info.Field(
+                "gyro_calibration_count", "uint8", 47, 1,
+                description="Goes up with every new gyro calibration.",
+            ),
         ),
         constants=info.constants(
             cls, "int32 RELATIVE_TIMESTAMP_INVALID", "uint8 CLIPPING_X CLIPPING_Y CLIPPING_Z",

@@ -309,7 +309,7 @@ class SensorCorrection(_cdr.Message):
         message_version=0,
         topics=("sensor_correction",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("accel_device_ids", "uint32[4]", 8, 16),
             info.Field("accel_temperature", "float32[4]", 24, 16, unit="degC"),
             info.Field("accel_offset_0", "float32[3]", 40, 12, unit="m/s^2", frame="FRD"),

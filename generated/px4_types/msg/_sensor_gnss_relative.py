@@ -216,27 +216,57 @@ class SensorGnssRelative(_cdr.Message):
         message_version=0,
         topics=("sensor_gnss_relative",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("device_id", "uint32", 16, 4),
-            info.Field("time_utc_usec", "uint64", 24, 8, unit="us", invalid="0"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the sensor was sampled.",
+            ),
+            info.Field(
+                "device_id", "uint32", 16, 4, description="Stays the same across power cycles.",
+            ),
+            info.Field(
+                "time_utc_usec", "uint64", 24, 8, unit="us", invalid="0",
+                description="UTC from the receiver; often missing shortly after a cold start.",
+            ),
             info.Field("reference_station_id", "uint16", 32, 2),
             info.Field("position", "float32[3]", 36, 12, unit="m", frame="NED"),
             info.Field("position_accuracy", "float32[3]", 48, 12, unit="m", frame="NED"),
-            info.Field("heading", "float32", 60, 4, unit="rad", frame="NED"),
+            info.Field(
+                "heading", "float32", 60, 4, unit="rad", frame="NED",
+                description="Direction of the baseline.",
+            ),
             info.Field("heading_accuracy", "float32", 64, 4, unit="rad"),
             info.Field("position_length", "float32", 68, 4, unit="m"),
             info.Field("accuracy_length", "float32", 72, 4, unit="m"),
-            info.Field("gnss_fix_ok", "bool", 76, 1),
-            info.Field("differential_solution", "bool", 77, 1),
+            info.Field(
+                "gnss_fix_ok", "bool", 76, 1, description="Fix within the limits for DOP and accuracy.",
+            ),
+            info.Field(
+                "differential_solution", "bool", 77, 1, description="Corrections were in use.",
+            ),
             info.Field("relative_position_valid", "bool", 78, 1),
-            info.Field("carrier_solution_floating", "bool", 79, 1),
-            info.Field("carrier_solution_fixed", "bool", 80, 1),
-            info.Field("moving_base_mode", "bool", 81, 1),
-            info.Field("reference_position_miss", "bool", 82, 1),
-            info.Field("reference_observations_miss", "bool", 83, 1),
+            info.Field(
+                "carrier_solution_floating", "bool", 79, 1,
+                description="RTK float: ambiguities not yet integers.",
+            ),
+            info.Field(
+                "carrier_solution_fixed", "bool", 80, 1, description="RTK fixed: ambiguities resolved.",
+            ),
+            info.Field(
+                "moving_base_mode", "bool", 81, 1,
+                description="The reference moves along, as with two antennas on one vehicle.",
+            ),
+            info.Field(
+                "reference_position_miss", "bool", 82, 1,
+                description="Reference position of this epoch had to be extrapolated.",
+            ),
+            info.Field(
+                "reference_observations_miss", "bool", 83, 1,
+                description="Reference observations of this epoch had to be extrapolated.",
+            ),
             info.Field("heading_valid", "bool", 84, 1),
-            info.Field("relative_position_normalized", "bool", 85, 1),
+            info.Field(
+                "relative_position_normalized", "bool", 85, 1, description="Position is only a unit vector.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -116,13 +116,23 @@ class SensorGnssStatus(_cdr.Message):
         message_version=0,
         topics=("sensor_gnss_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("device_id", "uint32", 8, 4),
-            info.Field("quality_available", "bool", 12, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "device_id", "uint32", 8, 4, description="Stays the same across power cycles.",
+            ),
+            info.Field(
+                "quality_available", "bool", 12, 1, description="The indicators below are filled in.",
+            ),
             info.Field("quality_corrections", "uint8", 13, 1, range="0, 10", invalid="255"),
-            info.Field("quality_receiver", "uint8", 14, 1, range="0, 10", invalid="255"),
+            info.Field(
+                "quality_receiver", "uint8", 14, 1, range="0, 10", invalid="255",
+                description="Overall state of the receiver.",
+            ),
             info.Field("quality_gnss_signals", "uint8", 15, 1, range="0, 10", invalid="255"),
-            info.Field("quality_post_processing", "uint8", 16, 1, range="0, 10", invalid="255"),
+            info.Field(
+                "quality_post_processing", "uint8", 16, 1, range="0, 10", invalid="255",
+                description="Prospect for processing the raw data after the flight.",
+            ),
         ),
         constants=(),
         cls=cls,

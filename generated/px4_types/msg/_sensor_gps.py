@@ -6,11 +6,15 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout(
     "2QI4x4d2fB3x4fiHBxi2B2x5f?3xiQB3xI4fB?Bx3f", xcdr2="2QI4Q2IB3x5IHBxI2B2x5IB3xIQB3x5I3Bx3I",
@@ -99,6 +103,71 @@ class SensorGps(_cdr.Message):
     RTCM_MSG_USED_UNKNOWN: Final = 0
     RTCM_MSG_USED_NOT_USED: Final = 1
     RTCM_MSG_USED_USED: Final = 2
+
+    class FixType(_IntEnum):
+        """Values of `fix_type`."""
+
+        NONE = 1
+        """No position, as is 0."""
+
+        TYPE_2D = 2
+        TYPE_3D = 3
+        RTCM_CODE_DIFFERENTIAL = 4
+        RTK_FLOAT = 5
+        RTK_FIXED = 6
+        EXTRAPOLATED = 8
+
+    class JammingState(_IntEnum):
+        """Values of `jamming_state`."""
+
+        UNKNOWN = 0
+        """Not reported by the receiver."""
+
+        OK = 1
+        MITIGATED = 2
+        DETECTED = 3
+
+    class SpoofingState(_IntEnum):
+        """Values of `spoofing_state`."""
+
+        UNKNOWN = 0
+        """Not reported by the receiver."""
+
+        OK = 1
+        MITIGATED = 2
+        DETECTED = 3
+
+    class AuthenticationState(_IntEnum):
+        """Values of `authentication_state`."""
+
+        UNKNOWN = 0
+        """Not reported by the receiver."""
+
+        INITIALIZING = 1
+        ERROR = 2
+        OK = 3
+        DISABLED = 4
+
+    class SystemError(_IntFlag):
+        """Flags of `system_error`."""
+
+        OK = 0
+        """No error bit set."""
+
+        INCOMING_CORRECTIONS = 1
+        CONFIGURATION = 2
+        SOFTWARE = 4
+        ANTENNA = 8
+        EVENT_CONGESTION = 16
+        CPU_OVERLOAD = 32
+        OUTPUT_CONGESTION = 64
+
+    class RtcmMsgUsed(_IntEnum):
+        """Values of `rtcm_msg_used`."""
+
+        UNKNOWN = 0
+        NOT_USED = 1
+        USED = 2
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -371,50 +440,157 @@ class SensorGps(_cdr.Message):
         message_version=0,
         topics=("sensor_gps", "vehicle_gps_position"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("device_id", "uint32", 16, 4),
-            info.Field("latitude_deg", "float64", 24, 8, unit="deg"),
-            info.Field("longitude_deg", "float64", 32, 8, unit="deg"),
-            info.Field("altitude_msl_m", "float64", 40, 8, unit="m"),
-            info.Field("altitude_ellipsoid_m", "float64", 48, 8, unit="m"),
-            info.Field("s_variance_m_s", "float32", 56, 4, unit="m/s"),
-            info.Field("c_variance_rad", "float32", 60, 4, unit="rad"),
-            info.Field("fix_type", "uint8", 64, 1, enum="FIX_TYPE"),
-            info.Field("eph", "float32", 68, 4, unit="m"),
-            info.Field("epv", "float32", 72, 4, unit="m"),
-            info.Field("hdop", "float32", 76, 4, unit="-"),
-            info.Field("vdop", "float32", 80, 4, unit="-"),
-            info.Field("noise_per_ms", "int32", 84, 4),
-            info.Field("automatic_gain_control", "uint16", 88, 2),
-            info.Field("jamming_state", "uint8", 90, 1, enum="JAMMING_STATE"),
-            info.Field("jamming_indicator", "int32", 92, 4),
-            info.Field("spoofing_state", "uint8", 96, 1, enum="SPOOFING_STATE"),
-            info.Field("authentication_state", "uint8", 97, 1, enum="AUTHENTICATION_STATE"),
-            info.Field("vel_m_s", "float32", 100, 4, unit="m/s"),
-            info.Field("vel_n_m_s", "float32", 104, 4, unit="m/s", frame="NED"),
-            info.Field("vel_e_m_s", "float32", 108, 4, unit="m/s", frame="NED"),
-            info.Field("vel_d_m_s", "float32", 112, 4, unit="m/s", frame="NED"),
-            info.Field("cog_rad", "float32", 116, 4, unit="rad", range="-pi, pi"),
-            info.Field("vel_ned_valid", "bool", 120, 1),
-            info.Field("timestamp_time_relative", "int32", 124, 4, unit="us"),
-            info.Field("time_utc_usec", "uint64", 128, 8, unit="us", invalid="0"),
-            info.Field("satellites_used", "uint8", 136, 1),
-            info.Field("system_error", "uint32", 140, 4, enum="SYSTEM_ERROR"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="Time since boot at which the receiver took the measurement.",
+            ),
+            info.Field(
+                "device_id", "uint32", 16, 4,
+                description="Identifies the receiver by driver, bus and address. Stable across reboots.",
+            ),
+            info.Field(
+                "latitude_deg", "float64", 24, 8, unit="deg",
+                description="Geodetic latitude, north positive. Double precision keeps RTK accuracy.",
+            ),
+            info.Field(
+                "longitude_deg", "float64", 32, 8, unit="deg",
+                description="Geodetic longitude, east positive. Double precision keeps RTK accuracy.",
+            ),
+            info.Field(
+                "altitude_msl_m", "float64", 40, 8, unit="m", description="Height above mean sea level.",
+            ),
+            info.Field(
+                "altitude_ellipsoid_m", "float64", 48, 8, unit="m",
+                description="Height above the WGS84 ellipsoid.",
+            ),
+            info.Field(
+                "s_variance_m_s", "float32", 56, 4, unit="m/s",
+                description="Expected error of the speed, not a variance.",
+            ),
+            info.Field(
+                "c_variance_rad", "float32", 60, 4, unit="rad",
+                description="Expected error of the course, not a variance.",
+            ),
+            info.Field(
+                "fix_type", "uint8", 64, 1, enum="FIX_TYPE", enum_class="FixType",
+                description="Quality of the solution, the higher the better up to FIX_TYPE_RTK_FIXED.",
+            ),
+            info.Field(
+                "eph", "float32", 68, 4, unit="m", description="Expected horizontal error of the position.",
+            ),
+            info.Field(
+                "epv", "float32", 72, 4, unit="m", description="Expected vertical error of the position.",
+            ),
+            info.Field(
+                "hdop", "float32", 76, 4, unit="-",
+                description="Horizontal dilution of precision: how much the satellite geometry magnifies errors.",
+            ),
+            info.Field(
+                "vdop", "float32", 80, 4, unit="-", description="The same for the vertical direction.",
+            ),
+            info.Field(
+                "noise_per_ms", "int32", 84, 4,
+                description="Background noise level the receiver sees, on a scale of its own.",
+            ),
+            info.Field(
+                "automatic_gain_control", "uint16", 88, 2,
+                description=(
+                    "Gain monitor of the receiver's front end, on a scale of its own. A change may hint at "
+                    "interference."
+                ),
+            ),
+            info.Field(
+                "jamming_state", "uint8", 90, 1, enum="JAMMING_STATE", enum_class="JammingState",
+                description="Verdict of the receiver on radio interference.",
+            ),
+            info.Field(
+                "jamming_indicator", "int32", 92, 4,
+                description="Strength of the interference, on the receiver's own scale.",
+            ),
+            info.Field(
+                "spoofing_state", "uint8", 96, 1, enum="SPOOFING_STATE", enum_class="SpoofingState",
+                description="Verdict of the receiver on forged satellite signals.",
+            ),
+            info.Field(
+                "authentication_state", "uint8", 97, 1, enum="AUTHENTICATION_STATE",
+                enum_class="AuthenticationState",
+                description="Whether the signals are proven genuine, for example by Galileo OSNMA.",
+            ),
+            info.Field("vel_m_s", "float32", 100, 4, unit="m/s", description="Speed over ground."),
+            info.Field(
+                "vel_n_m_s", "float32", 104, 4, unit="m/s", frame="NED", description="Velocity to the north.",
+            ),
+            info.Field(
+                "vel_e_m_s", "float32", 108, 4, unit="m/s", frame="NED", description="Velocity to the east.",
+            ),
+            info.Field(
+                "vel_d_m_s", "float32", 112, 4, unit="m/s", frame="NED",
+                description="Velocity downwards, negative when climbing.",
+            ),
+            info.Field(
+                "cog_rad", "float32", 116, 4, unit="rad", range="-pi, pi",
+                description="Direction of travel from north, not where the nose points.",
+            ),
+            info.Field(
+                "vel_ned_valid", "bool", 120, 1,
+                description="True if the three velocity components can be used.",
+            ),
+            info.Field(
+                "timestamp_time_relative", "int32", 124, 4, unit="us",
+                description="Add it to timestamp to get the boot time that belongs to time_utc_usec.",
+            ),
+            info.Field(
+                "time_utc_usec", "uint64", 128, 8, unit="us", invalid="0",
+                description="UTC from the receiver as Unix time. May be missing shortly after a cold start.",
+            ),
+            info.Field(
+                "satellites_used", "uint8", 136, 1, description="Satellites that contribute to the solution.",
+            ),
+            info.Field(
+                "system_error", "uint32", 140, 4, enum="SYSTEM_ERROR", enum_class="SystemError",
+                description="Faults of the receiver, a mask that can combine several constants.",
+            ),
             info.Field(
                 "heading", "float32", 144, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
+                description="Direction of the nose from north, measured by a dual antenna receiver.",
             ),
             info.Field(
                 "heading_offset", "float32", 148, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="Body",
+                description="Mounting angle of the antenna pair on the vehicle.",
             ),
-            info.Field("heading_accuracy", "float32", 152, 4, unit="rad", range="0, 2pi"),
-            info.Field("rtcm_injection_rate", "float32", 156, 4, unit="Hz"),
-            info.Field("selected_rtcm_instance", "uint8", 160, 1),
-            info.Field("rtcm_crc_failed", "bool", 161, 1),
-            info.Field("rtcm_msg_used", "uint8", 162, 1, enum="RTCM_MSG_USED"),
-            info.Field("antenna_offset_x", "float32", 164, 4, unit="m", frame="body frame FRD"),
-            info.Field("antenna_offset_y", "float32", 168, 4, unit="m", frame="body frame FRD"),
-            info.Field("antenna_offset_z", "float32", 172, 4, unit="m", frame="body frame FRD"),
+            info.Field(
+                "heading_accuracy", "float32", 152, 4, unit="rad", range="0, 2pi",
+                description="Expected error of heading.",
+            ),
+            info.Field(
+                "rtcm_injection_rate", "float32", 156, 4, unit="Hz",
+                description="How often RTCM corrections are passed to the receiver.",
+            ),
+            info.Field(
+                "selected_rtcm_instance", "uint8", 160, 1,
+                description="Instance of the correction topic (gps_inject_data) in use.",
+            ),
+            info.Field(
+                "rtcm_crc_failed", "bool", 161, 1,
+                description="True if the receiver got a damaged RTCM correction.",
+            ),
+            info.Field(
+                "rtcm_msg_used", "uint8", 162, 1, enum="RTCM_MSG_USED", enum_class="RtcmMsgUsed",
+                description="Whether the receiver applies the RTCM corrections it gets.",
+            ),
+            info.Field(
+                "antenna_offset_x", "float32", 164, 4, unit="m", frame="body frame FRD",
+                description="How far the antenna lies to the front.",
+            ),
+            info.Field(
+                "antenna_offset_y", "float32", 168, 4, unit="m", frame="body frame FRD",
+                description="How far the antenna lies to the right.",
+            ),
+            info.Field(
+                "antenna_offset_z", "float32", 172, 4, unit="m", frame="body frame FRD",
+                description="How far the antenna lies below.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 FIX_TYPE_NONE FIX_TYPE_2D FIX_TYPE_3D FIX_TYPE_RTCM_CODE_DIFFERENTIAL",

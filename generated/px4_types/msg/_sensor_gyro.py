@@ -131,7 +131,7 @@ class SensorGyro(_cdr.Message):
         message_version=0,
         topics=("sensor_gyro",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
             info.Field("device_id", "uint32", 16, 4),
             info.Field("x", "float32", 20, 4, unit="rad/s", frame="FRD"),
@@ -139,8 +139,10 @@ class SensorGyro(_cdr.Message):
             info.Field("z", "float32", 28, 4, unit="rad/s", frame="FRD"),
             info.Field("temperature", "float32", 32, 4, unit="degC"),
             info.Field("error_count", "uint32", 36, 4),
-            info.Field("clip_counter", "uint8[3]", 40, 3),
-            info.Field("samples", "uint8", 43, 1),
+            info.Field(
+                "clip_counter", "uint8[3]", 40, 3, description="Samples at the sensor limit, for each axis.",
+            ),
+            info.Field("samples", "uint8", 43, 1, description="Raw samples averaged here."),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

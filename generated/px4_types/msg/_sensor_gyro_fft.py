@@ -162,11 +162,13 @@ class SensorGyroFft(_cdr.Message):
         message_version=0,
         topics=("sensor_gyro_fft",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
             info.Field("device_id", "uint32", 16, 4),
             info.Field("sensor_sample_rate_hz", "float32", 20, 4, unit="Hz"),
-            info.Field("resolution_hz", "float32", 24, 4, unit="Hz"),
+            info.Field(
+                "resolution_hz", "float32", 24, 4, unit="Hz", description="Width of one FFT bin.",
+            ),
             info.Field("peak_frequencies_x", "float32[3]", 28, 12, unit="Hz", invalid="NaN"),
             info.Field("peak_frequencies_y", "float32[3]", 40, 12, unit="Hz", invalid="NaN"),
             info.Field("peak_frequencies_z", "float32[3]", 52, 12, unit="Hz", invalid="NaN"),

@@ -129,15 +129,29 @@ class SensorGyroFifo(_cdr.Message):
         message_version=0,
         topics=("sensor_gyro_fifo",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("device_id", "uint32", 16, 4),
-            info.Field("dt", "float32", 20, 4, unit="us"),
-            info.Field("scale", "float32", 24, 4),
-            info.Field("samples", "uint8", 28, 1),
-            info.Field("x", "int16[32]", 30, 64, frame="FRD"),
-            info.Field("y", "int16[32]", 94, 64, frame="FRD"),
-            info.Field("z", "int16[32]", 158, 64, frame="FRD"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="Time of the newest sample.",
+            ),
+            info.Field(
+                "device_id", "uint32", 16, 4, description="Stays the same across power cycles.",
+            ),
+            info.Field("dt", "float32", 20, 4, unit="us", description="Spacing of the samples."),
+            info.Field(
+                "scale", "float32", 24, 4, description="Multiply raw counts by it for rad/s.",
+            ),
+            info.Field(
+                "samples", "uint8", 28, 1, description="Used elements of `x`, `y` and `z`.",
+            ),
+            info.Field(
+                "x", "int16[32]", 30, 64, frame="FRD", description="Raw counts of the board axis.",
+            ),
+            info.Field(
+                "y", "int16[32]", 94, 64, frame="FRD", description="Raw counts of the board axis.",
+            ),
+            info.Field(
+                "z", "int16[32]", 158, 64, frame="FRD", description="Raw counts of the board axis.",
+            ),
         ),
         constants=info.constants(cls, "uint8 ORB_QUEUE_LENGTH"),
         cls=cls,

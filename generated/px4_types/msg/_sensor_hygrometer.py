@@ -93,11 +93,15 @@ class SensorHygrometer(_cdr.Message):
         message_version=0,
         topics=("sensor_hygrometer",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("device_id", "uint32", 16, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the sensor was sampled.",
+            ),
+            info.Field(
+                "device_id", "uint32", 16, 4, description="Stays the same across power cycles.",
+            ),
             info.Field("temperature", "float32", 20, 4, unit="degC"),
-            info.Field("humidity", "float32", 24, 4, unit="%"),
+            info.Field("humidity", "float32", 24, 4, unit="%", description="Relative humidity."),
         ),
         constants=(),
         cls=cls,

@@ -118,12 +118,22 @@ class SensorMag(_cdr.Message):
         message_version=0,
         topics=("sensor_mag",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("device_id", "uint32", 16, 4),
-            info.Field("x", "float32", 20, 4, unit="Gauss", frame="FRD"),
-            info.Field("y", "float32", 24, 4, unit="Gauss", frame="FRD"),
-            info.Field("z", "float32", 28, 4, unit="Gauss", frame="FRD"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the sensor was sampled.",
+            ),
+            info.Field(
+                "device_id", "uint32", 16, 4, description="Stays the same across power cycles.",
+            ),
+            info.Field(
+                "x", "float32", 20, 4, unit="Gauss", frame="FRD", description="In board axes.",
+            ),
+            info.Field(
+                "y", "float32", 24, 4, unit="Gauss", frame="FRD", description="In board axes.",
+            ),
+            info.Field(
+                "z", "float32", 28, 4, unit="Gauss", frame="FRD", description="In board axes.",
+            ),
             info.Field("temperature", "float32", 32, 4, unit="°C"),
             info.Field("error_count", "uint32", 36, 4),
         ),

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("2QI5f?3xf?3xIB3xI3fB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -44,6 +46,14 @@ class SensorOpticalFlow(_cdr.Message):
     MODE_BRIGHT: Final = 1
     MODE_LOWLIGHT: Final = 2
     MODE_SUPER_LOWLIGHT: Final = 3
+
+    class Mode(_IntEnum):
+        """Values of `mode`."""
+
+        UNKNOWN = 0
+        BRIGHT = 1
+        LOWLIGHT = 2
+        SUPER_LOWLIGHT = 3
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -180,21 +190,60 @@ class SensorOpticalFlow(_cdr.Message):
         message_version=0,
         topics=("sensor_optical_flow",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("device_id", "uint32", 16, 4),
-            info.Field("pixel_flow", "float32[2]", 20, 8, unit="rad"),
-            info.Field("delta_angle", "float32[3]", 28, 12, unit="rad", invalid="NaN"),
-            info.Field("delta_angle_available", "bool", 40, 1),
-            info.Field("distance_m", "float32", 44, 4, unit="m"),
-            info.Field("distance_available", "bool", 48, 1),
-            info.Field("integration_timespan_us", "uint32", 52, 4, unit="us"),
-            info.Field("quality", "uint8", 56, 1, range="0, 255"),
-            info.Field("error_count", "uint32", 60, 4),
-            info.Field("max_flow_rate", "float32", 64, 4, unit="rad/s"),
-            info.Field("min_ground_distance", "float32", 68, 4, unit="m"),
-            info.Field("max_ground_distance", "float32", 72, 4, unit="m"),
-            info.Field("mode", "uint8", 76, 1, enum="MODE"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the sensor was read.",
+            ),
+            info.Field(
+                "device_id", "uint32", 16, 4, description="Identifies the physical sensor across reboots.",
+            ),
+            info.Field(
+                "pixel_flow", "float32[2]", 20, 8, unit="rad",
+                description=(
+                    "Flow angle about sensor X and Y in the interval, positive for a right-handed turn of "
+                    "the sensor."
+                ),
+            ),
+            info.Field(
+                "delta_angle", "float32[3]", 28, 12, unit="rad", invalid="NaN",
+                description="Sensor rotation about X, Y, Z by its own gyro in the same interval, right-handed positive.",
+            ),
+            info.Field(
+                "delta_angle_available", "bool", 40, 1, description="True if delta_angle is filled in.",
+            ),
+            info.Field(
+                "distance_m", "float32", 44, 4, unit="m",
+                description="Range to the ground where the sensor looks.",
+            ),
+            info.Field(
+                "distance_available", "bool", 48, 1, description="True if distance_m is filled in.",
+            ),
+            info.Field(
+                "integration_timespan_us", "uint32", 52, 4, unit="us", description="Length of the interval.",
+            ),
+            info.Field(
+                "quality", "uint8", 56, 1, range="0, 255",
+                description="Trust in the flow: 0 is worst, 255 best.",
+            ),
+            info.Field(
+                "error_count", "uint32", 60, 4, description="Read errors of the driver so far.",
+            ),
+            info.Field(
+                "max_flow_rate", "float32", 64, 4, unit="rad/s",
+                description="Fastest angular motion that still gives good data.",
+            ),
+            info.Field(
+                "min_ground_distance", "float32", 68, 4, unit="m",
+                description="Lowest height with good data.",
+            ),
+            info.Field(
+                "max_ground_distance", "float32", 72, 4, unit="m",
+                description="Greatest height with good data.",
+            ),
+            info.Field(
+                "mode", "uint8", 76, 1, enum="MODE", enum_class="Mode",
+                description="Light setting the sensor works in.",
+            ),
         ),
         constants=info.constants(cls, "uint8 MODE_UNKNOWN MODE_BRIGHT MODE_LOWLIGHT MODE_SUPER_LOWLIGHT"),
         cls=cls,

@@ -72,8 +72,11 @@ class SensorPreflightMag(_cdr.Message):
         message_version=0,
         topics=("sensor_preflight_mag",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("mag_inconsistency_angle", "float32", 8, 4, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "mag_inconsistency_angle", "float32", 8, 4, unit="rad",
+                description="Largest angle between the fields of two magnetometers; 0 with only one.",
+            ),
         ),
         constants=(),
         cls=cls,

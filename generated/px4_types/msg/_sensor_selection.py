@@ -77,7 +77,7 @@ class SensorSelection(_cdr.Message):
         message_version=0,
         topics=("sensor_selection",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("accel_device_id", "uint32", 8, 4),
             info.Field("gyro_device_id", "uint32", 12, 4),
         ),

@@ -78,8 +78,8 @@ class SensorTemp(_cdr.Message):
         message_version=0,
         topics=("sensor_temp",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("device_id", "uint32", 8, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("device_id", "uint32", 8, 4, description="Stays the same across reboots."),
             info.Field("temperature", "float32", 12, 4, unit="degC"),
         ),
         constants=(),

@@ -194,27 +194,65 @@ class SensorUwb(_cdr.Message):
         message_version=0,
         topics=("sensor_uwb",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("sessionid", "uint32", 8, 4),
-            info.Field("time_offset", "uint32", 12, 4, unit="ms"),
-            info.Field("counter", "uint32", 16, 4),
-            info.Field("mac", "uint16", 20, 2),
-            info.Field("mac_dest", "uint16", 22, 2),
-            info.Field("status", "uint16", 24, 2),
-            info.Field("nlos", "uint8", 26, 1),
+            info.Field(
+                "time_offset", "uint32", 12, 4, unit="ms", description="Interval of the ranging rounds.",
+            ),
+            info.Field("counter", "uint32", 16, 4, description="Ranges since ranging started."),
+            info.Field(
+                "mac", "uint16", 20, 2, description="Address of the initiator, on the vehicle.",
+            ),
+            info.Field("mac_dest", "uint16", 22, 2, description="Address of the responder."),
+            info.Field("status", "uint16", 24, 2, description="Radio specific code."),
+            info.Field(
+                "nlos", "uint8", 26, 1, description="Nonzero when the direct path is blocked.",
+            ),
             info.Field("distance", "float32", 28, 4, unit="m"),
-            info.Field("aoa_azimuth_dev", "float32", 32, 4, unit="deg", range="-60, 60"),
-            info.Field("aoa_elevation_dev", "float32", 36, 4, unit="deg", range="-60, 60"),
-            info.Field("aoa_azimuth_resp", "float32", 40, 4, unit="deg", range="-60, 60"),
-            info.Field("aoa_elevation_resp", "float32", 44, 4, unit="deg", range="-60, 60"),
-            info.Field("aoa_azimuth_fom", "uint8", 48, 1),
-            info.Field("aoa_elevation_fom", "uint8", 49, 1),
-            info.Field("aoa_dest_azimuth_fom", "uint8", 50, 1),
-            info.Field("aoa_dest_elevation_fom", "uint8", 51, 1),
-            info.Field("orientation", "uint8", 52, 1),
-            info.Field("offset_x", "float32", 56, 4, unit="m", frame="FRD"),
-            info.Field("offset_y", "float32", 60, 4, unit="m", frame="FRD"),
-            info.Field("offset_z", "float32", 64, 4, unit="m", frame="FRD"),
+            info.Field(
+                "aoa_azimuth_dev", "float32", 32, 4, unit="deg", range="-60, 60",
+                description="Angle of arrival at the initiator.",
+            ),
+            info.Field(
+                "aoa_elevation_dev", "float32", 36, 4, unit="deg", range="-60, 60",
+                description="Angle of arrival at the initiator.",
+            ),
+            info.Field(
+                "aoa_azimuth_resp", "float32", 40, 4, unit="deg", range="-60, 60",
+                description="Angle of arrival at the responder.",
+            ),
+            info.Field(
+                "aoa_elevation_resp", "float32", 44, 4, unit="deg", range="-60, 60",
+                description="Angle of arrival at the responder.",
+            ),
+            info.Field(
+                "aoa_azimuth_fom", "uint8", 48, 1, description="Figure of merit at the initiator.",
+            ),
+            info.Field(
+                "aoa_elevation_fom", "uint8", 49, 1, description="Figure of merit at the initiator.",
+            ),
+            info.Field(
+                "aoa_dest_azimuth_fom", "uint8", 50, 1, description="Figure of merit at the responder.",
+            ),
+            info.Field(
+                "aoa_dest_elevation_fom", "uint8", 51, 1, description="Figure of merit at the responder.",
+            ),
+            info.Field(
+                "orientation", "uint8", 52, 1,
+                description="Mounting direction, a MAV_SENSOR_ORIENTATION value.",
+            ),
+            info.Field(
+                "offset_x", "float32", 56, 4, unit="m", frame="FRD",
+                description="Mounting position on the vehicle.",
+            ),
+            info.Field(
+                "offset_y", "float32", 60, 4, unit="m", frame="FRD",
+                description="Mounting position on the vehicle.",
+            ),
+            info.Field(
+                "offset_z", "float32", 64, 4, unit="m", frame="FRD",
+                description="Mounting position on the vehicle.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -145,10 +145,13 @@ class SensorsStatus(_cdr.Message):
         message_version=0,
         topics=("sensors_status_baro", "sensors_status_mag"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("device_id_primary", "uint32", 8, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("device_id_primary", "uint32", 8, 4, description="Sensor in use."),
             info.Field("device_ids", "uint32[4]", 12, 16),
-            info.Field("inconsistency", "float32[4]", 28, 16),
+            info.Field(
+                "inconsistency", "float32[4]", 28, 16,
+                description="Distance from the mean of all, in the unit of the sensor. Zero for empty slots.",
+            ),
             info.Field("healthy", "bool[4]", 44, 4),
             info.Field("priority", "uint8[4]", 48, 4),
             info.Field("enabled", "bool[4]", 52, 4),

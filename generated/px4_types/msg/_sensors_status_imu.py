@@ -191,15 +191,23 @@ class SensorsStatusImu(_cdr.Message):
         message_version=0,
         topics=("sensors_status_imu",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("accel_device_id_primary", "uint32", 8, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "accel_device_id_primary", "uint32", 8, 4, description="Accelerometer in use.",
+            ),
             info.Field("accel_device_ids", "uint32[4]", 12, 16),
-            info.Field("accel_inconsistency_m_s_s", "float32[4]", 28, 16, unit="m/s^2"),
+            info.Field(
+                "accel_inconsistency_m_s_s", "float32[4]", 28, 16, unit="m/s^2",
+                description="Distance from the mean of all. Zero for empty slots.",
+            ),
             info.Field("accel_healthy", "bool[4]", 44, 4),
             info.Field("accel_priority", "uint8[4]", 48, 4),
-            info.Field("gyro_device_id_primary", "uint32", 52, 4),
+            info.Field("gyro_device_id_primary", "uint32", 52, 4, description="Gyro in use."),
             info.Field("gyro_device_ids", "uint32[4]", 56, 16),
-            info.Field("gyro_inconsistency_rad_s", "float32[4]", 72, 16, unit="rad/s"),
+            info.Field(
+                "gyro_inconsistency_rad_s", "float32[4]", 72, 16, unit="rad/s",
+                description="Distance from the mean of all. Zero for empty slots.",
+            ),
             info.Field("gyro_healthy", "bool[4]", 88, 4),
             info.Field("gyro_priority", "uint8[4]", 92, 4),
         ),

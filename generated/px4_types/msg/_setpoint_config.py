@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QHB?H")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -82,6 +84,60 @@ class SetpointConfig(_cdr.Message):
 
     TYPE_POSITION_TRIPLET: Final = 16
     """PositionSetpointTriplet."""
+
+    class Type(_IntEnum):
+        """Values of `type`."""
+
+        INVALID = 0
+        """None chosen."""
+
+        DIRECT_ACTUATORS = 1
+        """ActuatorMotors, ActuatorServos."""
+
+        MULTICOPTER_GOTO = 2
+        """GotoSetpoint."""
+
+        FIXEDWING_LATERAL_LONGITUDINAL = 3
+        """FixedWingLateralSetpoint, FixedWingLongitudinalSetpoint."""
+
+        TRAJECTORY = 4
+        """TrajectorySetpoint."""
+
+        RATES = 5
+        """VehicleRatesSetpoint."""
+
+        ATTITUDE = 6
+        """VehicleAttitudeSetpoint."""
+
+        ROVER_POSITION = 7
+        """RoverPositionSetpoint."""
+
+        ROVER_SPEED_ATTITUDE = 8
+        """RoverSpeedSetpoint, RoverAttitudeSetpoint."""
+
+        ROVER_SPEED_RATE = 9
+        """RoverSpeedSetpoint, RoverRateSetpoint."""
+
+        ROVER_SPEED_STEERING = 10
+        """RoverSpeedSetpoint, RoverSteeringSetpoint."""
+
+        ROVER_THROTTLE_ATTITUDE = 11
+        """RoverThrottleSetpoint, RoverAttitudeSetpoint."""
+
+        ROVER_THROTTLE_RATE = 12
+        """RoverThrottleSetpoint, RoverRateSetpoint."""
+
+        ROVER_THROTTLE_STEERING = 13
+        """RoverThrottleSetpoint, RoverSteeringSetpoint."""
+
+        TRAJECTORY_6DOF = 14
+        """TrajectorySetpoint6dof."""
+
+        THRUST_AND_TORQUE = 15
+        """VehicleThrustSetpoint, VehicleTorqueSetpoint."""
+
+        POSITION_TRIPLET = 16
+        """PositionSetpointTriplet."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -156,11 +212,28 @@ class SetpointConfig(_cdr.Message):
         message_version=0,
         topics=("setpoint_config",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("type", "uint16", 8, 2, enum="TYPE"),
-            info.Field("source_id", "uint8", 10, 1),
-            info.Field("should_apply", "bool", 11, 1),
-            info.Field("timeout_ms", "uint16", 12, 2, unit="ms"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "type", "uint16", 8, 2, enum="TYPE", enum_class="Type",
+                description="Messages that the mode will send.",
+            ),
+            info.Field(
+                "source_id", "uint8", 10, 1, description="nav_state that PX4 gave to the mode.",
+            ),
+            info.Field(
+                "should_apply", "bool", 11, 1,
+                description=(
+                    "True to switch over now, while the mode is active. False only asks whether the vehicle "
+                    "could follow."
+                ),
+            ),
+            info.Field(
+                "timeout_ms", "uint16", 12, 2, unit="ms",
+                description=(
+                    "Failsafe if no setpoint comes for so long. 0 leaves it to the arming checks to notice "
+                    "a mode that hangs."
+                ),
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION", "uint16 TYPE_INVALID TYPE_DIRECT_ACTUATORS TYPE_MULTICOPTER_GOTO",

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QH2B4?")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -45,6 +47,18 @@ class SetpointConfigReply(_cdr.Message):
 
     RESULT_UNKNOWN_SETPOINT_TYPE: Final = 3
     """This firmware does not know the type."""
+
+    class Result(_IntEnum):
+        """Values of `result`."""
+
+        SUCCESS = 0
+        FAILURE_OTHER = 1
+
+        UNSUPPORTED = 2
+        """The vehicle cannot follow such setpoints."""
+
+        UNKNOWN_SETPOINT_TYPE = 3
+        """This firmware does not know the type."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -137,14 +151,37 @@ class SetpointConfigReply(_cdr.Message):
         message_version=0,
         topics=("setpoint_config_reply",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("type", "uint16", 8, 2),
-            info.Field("source_id", "uint8", 10, 1),
-            info.Field("result", "uint8", 11, 1, enum="RESULT"),
-            info.Field("mode_req_angular_velocity", "bool", 12, 1),
-            info.Field("mode_req_attitude", "bool", 13, 1),
-            info.Field("mode_req_local_alt", "bool", 14, 1),
-            info.Field("mode_req_local_position", "bool", 15, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "type", "uint16", 8, 2,
+                description="Kind that was asked for, SetpointConfig's TYPE constants.",
+            ),
+            info.Field(
+                "source_id", "uint8", 10, 1, description="nav_state of the mode that asked.",
+            ),
+            info.Field(
+                "result", "uint8", 11, 1, enum="RESULT", enum_class="Result",
+                description="Whether the request is granted.",
+            ),
+            info.Field(
+                "mode_req_angular_velocity", "bool", 12, 1,
+                description="True if such setpoints need body rates. The mode puts it into its ArmingCheckReply.",
+            ),
+            info.Field(
+                "mode_req_attitude", "bool", 13, 1,
+                description="True if such setpoints need an attitude estimate.",
+            ),
+            info.Field(
+                "mode_req_local_alt", "bool", 14, 1,
+                description="True if such setpoints need a height estimate.",
+            ),
+            info.Field(
+                "mode_req_local_position", "bool", 15, 1,
+                description=(
+                    "True if such setpoints need a local position, also where the mode leaves position "
+                    "control unused."
+                ),
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION", "uint8 RESULT_SUCCESS RESULT_FAILURE_OTHER RESULT_UNSUPPORTED",

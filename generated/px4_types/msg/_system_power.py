@@ -170,18 +170,26 @@ class SystemPower(_cdr.Message):
         message_version=0,
         topics=("system_power",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("voltage5v_v", "float32", 8, 4, unit="V"),
             info.Field("voltage_payload_v", "float32", 12, 4, unit="V"),
             info.Field("sensors3v3", "float32[4]", 16, 16, unit="V"),
-            info.Field("sensors3v3_valid", "uint8", 32, 1),
+            info.Field("sensors3v3_valid", "uint8", 32, 1, description="Bitmask over sensors3v3."),
             info.Field("usb_connected", "uint8", 33, 1),
-            info.Field("brick_valid", "uint8", 34, 1),
+            info.Field(
+                "brick_valid", "uint8", 34, 1, description="Bitmask of power modules, see BRICK*_VALID_MASK.",
+            ),
             info.Field("usb_valid", "uint8", 35, 1),
             info.Field("servo_valid", "uint8", 36, 1),
-            info.Field("periph_5v_oc", "uint8", 37, 1),
-            info.Field("hipower_5v_oc", "uint8", 38, 1),
-            info.Field("comp_5v_valid", "uint8", 39, 1),
+            info.Field(
+                "periph_5v_oc", "uint8", 37, 1, description="Overcurrent on the 5 V peripheral rail.",
+            ),
+            info.Field(
+                "hipower_5v_oc", "uint8", 38, 1, description="Overcurrent on the high-power 5 V rail.",
+            ),
+            info.Field(
+                "comp_5v_valid", "uint8", 39, 1, description="5 V for the companion computer.",
+            ),
             info.Field("can1_gps1_5v_valid", "uint8", 40, 1),
             info.Field("payload_v_valid", "uint8", 41, 1),
         ),

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB3xf")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -35,6 +37,16 @@ class TakeoffStatus(_cdr.Message):
     TAKEOFF_STATE_READY_FOR_TAKEOFF: Final = 3
     TAKEOFF_STATE_RAMPUP: Final = 4
     TAKEOFF_STATE_FLIGHT: Final = 5
+
+    class TakeoffState(_IntEnum):
+        """Values of `takeoff_state`."""
+
+        UNINITIALIZED = 0
+        DISARMED = 1
+        SPOOLUP = 2
+        READY_FOR_TAKEOFF = 3
+        RAMPUP = 4
+        FLIGHT = 5
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -87,9 +99,14 @@ class TakeoffStatus(_cdr.Message):
         message_version=0,
         topics=("takeoff_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("takeoff_state", "uint8", 8, 1, enum="TAKEOFF_STATE"),
-            info.Field("tilt_limit", "float32", 12, 4, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "takeoff_state", "uint8", 8, 1, enum="TAKEOFF_STATE", enum_class="TakeoffState",
+            ),
+            info.Field(
+                "tilt_limit", "float32", 12, 4, unit="rad",
+                description="Reduced until the vehicle is flying.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 TAKEOFF_STATE_UNINITIALIZED TAKEOFF_STATE_DISARMED TAKEOFF_STATE_SPOOLUP",

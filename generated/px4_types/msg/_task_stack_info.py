@@ -86,7 +86,7 @@ class TaskStackInfo(_cdr.Message):
         message_version=0,
         topics=("task_stack_info",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("stack_free", "uint16", 8, 2, unit="bytes"),
             info.Field("task_name", "char[24]", 10, 24),
         ),

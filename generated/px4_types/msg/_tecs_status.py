@@ -229,13 +229,27 @@ class TecsStatus(_cdr.Message):
         message_version=0,
         topics=("tecs_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("altitude_sp", "float32", 8, 4, unit="m"),
-            info.Field("altitude_reference", "float32", 12, 4, unit="m"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "altitude_sp", "float32", 8, 4, unit="m", description="Above mean sea level.",
+            ),
+            info.Field(
+                "altitude_reference", "float32", 12, 4, unit="m",
+                description="Setpoint after the trajectory filter.",
+            ),
             info.Field("altitude_time_constant", "float32", 16, 4, unit="s"),
-            info.Field("height_rate_reference", "float32", 20, 4, unit="m/s"),
-            info.Field("height_rate_direct", "float32", 24, 4, unit="m/s"),
-            info.Field("height_rate_setpoint", "float32", 28, 4, unit="m/s"),
+            info.Field(
+                "height_rate_reference", "float32", 20, 4, unit="m/s",
+                description="Feed-forward that belongs to altitude_reference.",
+            ),
+            info.Field(
+                "height_rate_direct", "float32", 24, 4, unit="m/s",
+                description="From a commanded climb rate.",
+            ),
+            info.Field(
+                "height_rate_setpoint", "float32", 28, 4, unit="m/s",
+                description="What the controller tracks.",
+            ),
             info.Field("height_rate", "float32", 32, 4, unit="m/s"),
             info.Field("equivalent_airspeed_sp", "float32", 36, 4, unit="m/s"),
             info.Field("true_airspeed_sp", "float32", 40, 4, unit="m/s"),
@@ -251,9 +265,18 @@ class TecsStatus(_cdr.Message):
             info.Field("pitch_integ", "float32", 80, 4, unit="rad"),
             info.Field("throttle_sp", "float32", 84, 4, unit="-"),
             info.Field("pitch_sp_rad", "float32", 88, 4, unit="rad"),
-            info.Field("throttle_trim", "float32", 92, 4, range="0, 1"),
-            info.Field("underspeed_ratio", "float32", 96, 4, range="0, 1"),
-            info.Field("fast_descend_ratio", "float32", 100, 4, range="0, 1"),
+            info.Field(
+                "throttle_trim", "float32", 92, 4, range="0, 1",
+                description="Throttle needed for level flight at the airspeed setpoint.",
+            ),
+            info.Field(
+                "underspeed_ratio", "float32", 96, 4, range="0, 1",
+                description="Above 0 the controller trades height for speed to prevent a stall.",
+            ),
+            info.Field(
+                "fast_descend_ratio", "float32", 100, 4, range="0, 1",
+                description="How far the fast descent is blended in.",
+            ),
         ),
         constants=(),
         cls=cls,

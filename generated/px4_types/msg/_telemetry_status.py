@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q2B4?Bx4f2If5If18?")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -69,6 +71,15 @@ class TelemetryStatus(_cdr.Message):
 
     HEARTBEAT_TIMEOUT_US: Final = 2500000
     """[us] Silence after which a sender counts as gone, long enough to forgive one missed heartbeat."""
+
+    class LinkType(_IntEnum):
+        """Values of `type`."""
+
+        GENERIC = 0
+        UBIQUITY_BULLET = 1
+        WIRE = 2
+        USB = 3
+        IRIDIUM = 4
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -345,45 +356,147 @@ class TelemetryStatus(_cdr.Message):
         message_version=0,
         topics=("telemetry_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("type", "uint8", 8, 1, enum="LINK_TYPE"),
-            info.Field("mode", "uint8", 9, 1),
-            info.Field("flow_control", "bool", 10, 1),
-            info.Field("forwarding", "bool", 11, 1),
-            info.Field("mavlink_v2", "bool", 12, 1),
-            info.Field("ftp", "bool", 13, 1),
-            info.Field("streams", "uint8", 14, 1),
-            info.Field("data_rate", "float32", 16, 4, unit="bytes/s"),
-            info.Field("rate_multiplier", "float32", 20, 4, unit="-"),
-            info.Field("tx_rate_avg", "float32", 24, 4, unit="bytes/s"),
-            info.Field("tx_error_rate_avg", "float32", 28, 4, unit="bytes/s"),
-            info.Field("tx_message_count", "uint32", 32, 4),
-            info.Field("tx_buffer_overruns", "uint32", 36, 4),
-            info.Field("rx_rate_avg", "float32", 40, 4, unit="bytes/s"),
-            info.Field("rx_message_count", "uint32", 44, 4),
-            info.Field("rx_message_lost_count", "uint32", 48, 4),
-            info.Field("rx_buffer_overruns", "uint32", 52, 4),
-            info.Field("rx_parse_errors", "uint32", 56, 4),
-            info.Field("rx_packet_drop_count", "uint32", 60, 4),
-            info.Field("rx_message_lost_rate", "float32", 64, 4, unit="%"),
-            info.Field("heartbeat_type_antenna_tracker", "bool", 68, 1),
-            info.Field("heartbeat_type_gcs", "bool", 69, 1),
-            info.Field("heartbeat_type_onboard_controller", "bool", 70, 1),
-            info.Field("heartbeat_type_gimbal", "bool", 71, 1),
-            info.Field("heartbeat_type_adsb", "bool", 72, 1),
-            info.Field("heartbeat_type_flarm", "bool", 73, 1),
-            info.Field("heartbeat_type_camera", "bool", 74, 1),
-            info.Field("heartbeat_type_parachute", "bool", 75, 1),
-            info.Field("heartbeat_type_open_drone_id", "bool", 76, 1),
-            info.Field("heartbeat_component_telemetry_radio", "bool", 77, 1),
-            info.Field("heartbeat_component_log", "bool", 78, 1),
-            info.Field("heartbeat_component_osd", "bool", 79, 1),
-            info.Field("heartbeat_component_vio", "bool", 80, 1),
-            info.Field("heartbeat_component_pairing_manager", "bool", 81, 1),
-            info.Field("heartbeat_component_udp_bridge", "bool", 82, 1),
-            info.Field("heartbeat_component_uart_bridge", "bool", 83, 1),
-            info.Field("open_drone_id_system_healthy", "bool", 84, 1),
-            info.Field("parachute_system_healthy", "bool", 85, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "type", "uint8", 8, 1, enum="LINK_TYPE", enum_class="LinkType",
+                description="Kind of radio or cable behind the link.",
+            ),
+            info.Field(
+                "mode", "uint8", 9, 1,
+                description="MAVLink profile of the link (normal, onboard, OSD, ...), numbered as inside the firmware.",
+            ),
+            info.Field(
+                "flow_control", "bool", 10, 1,
+                description="True if hardware flow control is on (serial links).",
+            ),
+            info.Field(
+                "forwarding", "bool", 11, 1,
+                description="True if messages are passed on between this link and the others.",
+            ),
+            info.Field(
+                "mavlink_v2", "bool", 12, 1,
+                description="True if the link sends MAVLink 2, false for version 1.",
+            ),
+            info.Field(
+                "ftp", "bool", 13, 1, description="True if file transfer over MAVLink is enabled.",
+            ),
+            info.Field(
+                "streams", "uint8", 14, 1, description="Number of message streams configured on the link.",
+            ),
+            info.Field(
+                "data_rate", "float32", 16, 4, unit="bytes/s",
+                description="Bandwidth the link is allowed to use.",
+            ),
+            info.Field(
+                "rate_multiplier", "float32", 20, 4, unit="-",
+                description="Factor on all stream rates, below 1 when the link cannot keep up.",
+            ),
+            info.Field(
+                "tx_rate_avg", "float32", 24, 4, unit="bytes/s", description="Mean outgoing traffic.",
+            ),
+            info.Field(
+                "tx_error_rate_avg", "float32", 28, 4, unit="bytes/s",
+                description="Mean outgoing traffic that could not be sent.",
+            ),
+            info.Field("tx_message_count", "uint32", 32, 4, description="Messages sent so far."),
+            info.Field(
+                "tx_buffer_overruns", "uint32", 36, 4, description="Times the send buffer was full.",
+            ),
+            info.Field(
+                "rx_rate_avg", "float32", 40, 4, unit="bytes/s", description="Mean incoming traffic.",
+            ),
+            info.Field(
+                "rx_message_count", "uint32", 44, 4, description="Messages received so far.",
+            ),
+            info.Field(
+                "rx_message_lost_count", "uint32", 48, 4,
+                description="Messages missing so far, from gaps in the sequence numbers.",
+            ),
+            info.Field(
+                "rx_buffer_overruns", "uint32", 52, 4, description="Times the receive buffer was full.",
+            ),
+            info.Field(
+                "rx_parse_errors", "uint32", 56, 4, description="Received data that was not a valid message.",
+            ),
+            info.Field(
+                "rx_packet_drop_count", "uint32", 60, 4, description="Packets discarded by the parser.",
+            ),
+            info.Field(
+                "rx_message_lost_rate", "float32", 64, 4, unit="%",
+                description="Recent share of messages missing on reception.",
+            ),
+            info.Field(
+                "heartbeat_type_antenna_tracker", "bool", 68, 1,
+                description="Antenna tracker heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_type_gcs", "bool", 69, 1,
+                description="Ground station heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_type_onboard_controller", "bool", 70, 1,
+                description="Companion computer heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_type_gimbal", "bool", 71, 1,
+                description="Gimbal heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_type_adsb", "bool", 72, 1,
+                description="ADS-B receiver heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_type_flarm", "bool", 73, 1,
+                description="FLARM transponder heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_type_camera", "bool", 74, 1,
+                description="Camera heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_type_parachute", "bool", 75, 1,
+                description="Parachute heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_type_open_drone_id", "bool", 76, 1,
+                description="Remote ID transmitter heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_component_telemetry_radio", "bool", 77, 1,
+                description="Telemetry radio (by component id) heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_component_log", "bool", 78, 1,
+                description="Logger (by component id) heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_component_osd", "bool", 79, 1,
+                description="On-screen display (by component id) heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_component_vio", "bool", 80, 1,
+                description="Visual-inertial odometry system (by component id) heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_component_pairing_manager", "bool", 81, 1,
+                description="Radio pairing manager (by component id) heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_component_udp_bridge", "bool", 82, 1,
+                description="MAVLink to UDP bridge (by component id) heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "heartbeat_component_uart_bridge", "bool", 83, 1,
+                description="MAVLink to UART bridge (by component id) heard within HEARTBEAT_TIMEOUT_US.",
+            ),
+            info.Field(
+                "open_drone_id_system_healthy", "bool", 84, 1,
+                description="True if the Remote ID transmitter reports itself as standby or active.",
+            ),
+            info.Field(
+                "parachute_system_healthy", "bool", 85, 1,
+                description="True if the parachute reports itself as standby or active.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 LINK_TYPE_GENERIC LINK_TYPE_UBIQUITY_BULLET LINK_TYPE_WIRE LINK_TYPE_USB",

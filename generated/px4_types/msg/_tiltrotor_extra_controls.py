@@ -88,8 +88,11 @@ class TiltrotorExtraControls(_cdr.Message):
         message_version=0,
         topics=("tiltrotor_extra_controls",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("collective_tilt_normalized_setpoint", "float32", 8, 4, range="0, 1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "collective_tilt_normalized_setpoint", "float32", 8, 4, range="0, 1",
+                description="0 points rotors up, 1 points them forward.",
+            ),
             info.Field("collective_thrust_normalized_setpoint", "float32", 12, 4, range="0, 1"),
         ),
         constants=(),

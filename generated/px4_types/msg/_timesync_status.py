@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB7xQ2qI", xcdr2="QB3x3QI")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -39,6 +41,13 @@ class TimesyncStatus(_cdr.Message):
     SOURCE_PROTOCOL_UNKNOWN: Final = 0
     SOURCE_PROTOCOL_MAVLINK: Final = 1
     SOURCE_PROTOCOL_DDS: Final = 2
+
+    class SourceProtocol(_IntEnum):
+        """Values of `source_protocol`."""
+
+        UNKNOWN = 0
+        MAVLINK = 1
+        DDS = 2
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -112,12 +121,27 @@ class TimesyncStatus(_cdr.Message):
         message_version=0,
         topics=("timesync_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("source_protocol", "uint8", 8, 1, enum="SOURCE_PROTOCOL"),
-            info.Field("remote_timestamp", "uint64", 16, 8, unit="us"),
-            info.Field("observed_offset", "int64", 24, 8, unit="us"),
-            info.Field("estimated_offset", "int64", 32, 8, unit="us"),
-            info.Field("round_trip_time", "uint32", 40, 4, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "source_protocol", "uint8", 8, 1, enum="SOURCE_PROTOCOL", enum_class="SourceProtocol",
+                description="Link on which the packet was exchanged.",
+            ),
+            info.Field(
+                "remote_timestamp", "uint64", 16, 8, unit="us",
+                description="Clock of the other side when it answered.",
+            ),
+            info.Field(
+                "observed_offset", "int64", 24, 8, unit="us",
+                description="PX4 clock minus remote clock, from this packet alone.",
+            ),
+            info.Field(
+                "estimated_offset", "int64", 32, 8, unit="us",
+                description="PX4 clock minus remote clock, filtered over many packets.",
+            ),
+            info.Field(
+                "round_trip_time", "uint32", 40, 4, unit="us",
+                description="Time from sending the packet to its answer. Long ones do not enter the filter.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 SOURCE_PROTOCOL_UNKNOWN SOURCE_PROTOCOL_MAVLINK SOURCE_PROTOCOL_DDS",

@@ -132,15 +132,31 @@ class TrajectorySetpoint(_cdr.Message):
         message_version=0,
         topics=("trajectory_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("position", "float32[3]", 8, 12, unit="m", invalid="NaN", frame="NED"),
-            info.Field("velocity", "float32[3]", 20, 12, unit="m/s", invalid="NaN", frame="NED"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "position", "float32[3]", 8, 12, unit="m", invalid="NaN", frame="NED",
+                description="Position relative to the local origin, z is negative above it.",
+            ),
+            info.Field(
+                "velocity", "float32[3]", 20, 12, unit="m/s", invalid="NaN", frame="NED",
+                description="Target velocity, or feed-forward when position is set too.",
+            ),
             info.Field(
                 "acceleration", "float32[3]", 32, 12, unit="m/s^2", invalid="NaN", frame="NED",
+                description="Target acceleration, or feed-forward for the elements above.",
             ),
-            info.Field("jerk", "float32[3]", 44, 12, unit="m/s^3", invalid="NaN", frame="NED"),
-            info.Field("yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN"),
-            info.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN", frame="NED"),
+            info.Field(
+                "jerk", "float32[3]", 44, 12, unit="m/s^3", invalid="NaN", frame="NED",
+                description="Recorded in the log, has no effect on control.",
+            ),
+            info.Field(
+                "yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN",
+                description="Heading to hold, 0 is north, clockwise positive.",
+            ),
+            info.Field(
+                "yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN", frame="NED",
+                description="Turn rate about the down axis, clockwise positive seen from above.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

@@ -134,12 +134,17 @@ class TrajectorySetpoint6dof(_cdr.Message):
         message_version=0,
         topics=("trajectory_setpoint6dof",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("position", "float32[3]", 8, 12, unit="m", frame="NED"),
             info.Field("velocity", "float32[3]", 20, 12, unit="m/s", frame="NED"),
             info.Field("acceleration", "float32[3]", 32, 12, unit="m/s^2", frame="NED"),
-            info.Field("jerk", "float32[3]", 44, 12, unit="m/s^3", frame="NED"),
-            info.Field("quaternion", "float32[4]", 56, 16, unit="-"),
+            info.Field(
+                "jerk", "float32[3]", 44, 12, unit="m/s^3", frame="NED",
+                description="Not controlled, only logged.",
+            ),
+            info.Field(
+                "quaternion", "float32[4]", 56, 16, unit="-", description="Attitude as w, x, y, z.",
+            ),
             info.Field("angular_velocity", "float32[3]", 72, 12, unit="rad/s"),
         ),
         constants=(),

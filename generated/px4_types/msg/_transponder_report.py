@@ -6,11 +6,15 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("QI4x2dB3x4f9s2Bx2H18s", xcdr2="QI2QB3x4I9s2Bx2H18s")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -76,6 +80,49 @@ class TransponderReport(_cdr.Message):
     ADSB_EMITTER_TYPE_POINT_OBSTACLE: Final = 19
     ADSB_EMITTER_TYPE_ENUM_END: Final = 20
     ORB_QUEUE_LENGTH: Final = 16
+
+    class AdsbEmitterType(_IntEnum):
+        """Values of `emitter_type`."""
+
+        NO_INFO = 0
+        LIGHT = 1
+        SMALL = 2
+        LARGE = 3
+        HIGH_VORTEX_LARGE = 4
+        HEAVY = 5
+
+        HIGHLY_MANUV = 6
+        """Highly maneuverable."""
+
+        ROTOCRAFT = 7
+        UNASSIGNED = 8
+        GLIDER = 9
+
+        LIGHTER_AIR = 10
+        """Balloon or airship."""
+
+        PARACHUTE = 11
+        ULTRA_LIGHT = 12
+        UNASSIGNED2 = 13
+        UAV = 14
+        SPACE = 15
+        UNASSGINED3 = 16
+        EMERGENCY_SURFACE = 17
+        SERVICE_SURFACE = 18
+        POINT_OBSTACLE = 19
+
+    class Px4AdsbFlags(_IntFlag):
+        """Flags of `flags`."""
+
+        VALID_COORDS = 1
+        VALID_ALTITUDE = 2
+        VALID_HEADING = 4
+        VALID_VELOCITY = 8
+        VALID_CALLSIGN = 16
+        VALID_SQUAWK = 32
+
+        RETRANSLATE = 256
+        """Pass on over MAVLink, for display in a ground station."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -202,21 +249,52 @@ class TransponderReport(_cdr.Message):
         message_version=0,
         topics=("transponder_report",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("icao_address", "uint32", 8, 4),
-            info.Field("lat", "float64", 16, 8, unit="deg"),
-            info.Field("lon", "float64", 24, 8, unit="deg"),
-            info.Field("altitude_type", "uint8", 32, 1),
-            info.Field("altitude", "float32", 36, 4, unit="m"),
-            info.Field("heading", "float32", 40, 4, unit="rad", range="0, 2pi"),
-            info.Field("hor_velocity", "float32", 44, 4, unit="m/s"),
-            info.Field("ver_velocity", "float32", 48, 4, unit="m/s"),
-            info.Field("callsign", "char[9]", 52, 9),
-            info.Field("emitter_type", "uint8", 61, 1, enum="ADSB_EMITTER_TYPE"),
-            info.Field("tslc", "uint8", 62, 1, unit="s"),
-            info.Field("flags", "uint16", 64, 2, enum="PX4_ADSB_FLAGS"),
-            info.Field("squawk", "uint16", 66, 2),
-            info.Field("uas_id", "uint8[18]", 68, 18),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "icao_address", "uint32", 8, 4,
+                description="24-bit address of the aircraft, unique worldwide.",
+            ),
+            info.Field(
+                "lat", "float64", 16, 8, unit="deg", description="Latitude, north positive.",
+            ),
+            info.Field(
+                "lon", "float64", 24, 8, unit="deg", description="Longitude, east positive.",
+            ),
+            info.Field(
+                "altitude_type", "uint8", 32, 1,
+                description="Source of altitude as in MAVLink ADSB_ALTITUDE_TYPE: 0 is pressure (QNH), 1 is GNSS.",
+            ),
+            info.Field(
+                "altitude", "float32", 36, 4, unit="m", description="Height above sea level.",
+            ),
+            info.Field(
+                "heading", "float32", 40, 4, unit="rad", range="0, 2pi",
+                description="Direction of travel, clockwise from north.",
+            ),
+            info.Field("hor_velocity", "float32", 44, 4, unit="m/s", description="Ground speed."),
+            info.Field(
+                "ver_velocity", "float32", 48, 4, unit="m/s", description="Climb speed, positive up.",
+            ),
+            info.Field(
+                "callsign", "char[9]", 52, 9,
+                description="Flight or tail number, up to 8 characters and a terminating zero.",
+            ),
+            info.Field(
+                "emitter_type", "uint8", 61, 1, enum="ADSB_EMITTER_TYPE", enum_class="AdsbEmitterType",
+                description="Class of aircraft or obstacle.",
+            ),
+            info.Field("tslc", "uint8", 62, 1, unit="s", description="Age of the last contact."),
+            info.Field(
+                "flags", "uint16", 64, 2, enum="PX4_ADSB_FLAGS", enum_class="Px4AdsbFlags",
+                description="Bitmask of the fields that hold data.",
+            ),
+            info.Field(
+                "squawk", "uint16", 66, 2, description="Mode A code set by the pilot or air traffic control.",
+            ),
+            info.Field(
+                "uas_id", "uint8[18]", 68, 18,
+                description="Identifier of an unmanned aircraft, where one was sent.",
+            ),
         ),
         constants=info.constants(
             cls, "uint16 PX4_ADSB_FLAGS_VALID_COORDS PX4_ADSB_FLAGS_VALID_ALTITUDE",

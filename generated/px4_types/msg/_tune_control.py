@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB?H2IB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -59,6 +61,30 @@ class TuneControl(_cdr.Message):
     VOLUME_LEVEL_DEFAULT: Final = 20
     VOLUME_LEVEL_MAX: Final = 100
     ORB_QUEUE_LENGTH: Final = 4
+
+    class TuneId(_IntEnum):
+        """Values of `tune_id`."""
+
+        STOP = 0
+        STARTUP = 1
+        ERROR = 2
+        NOTIFY_POSITIVE = 3
+        NOTIFY_NEUTRAL = 4
+        NOTIFY_NEGATIVE = 5
+        ARMING_WARNING = 6
+        BATTERY_WARNING_SLOW = 7
+        BATTERY_WARNING_FAST = 8
+        GPS_WARNING = 9
+        ARMING_FAILURE = 10
+        PARACHUTE_RELEASE = 11
+        SINGLE_BEEP = 12
+        HOME_SET = 13
+        SD_INIT = 14
+        SD_ERROR = 15
+        PROG_PX4IO = 16
+        PROG_PX4IO_OK = 17
+        PROG_PX4IO_ERR = 18
+        POWER_OFF = 19
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -140,13 +166,22 @@ class TuneControl(_cdr.Message):
         message_version=0,
         topics=("tune_control",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("tune_id", "uint8", 8, 1, enum="TUNE_ID"),
-            info.Field("tune_override", "bool", 9, 1),
-            info.Field("frequency", "uint16", 10, 2, unit="Hz"),
-            info.Field("duration", "uint32", 12, 4, unit="us"),
-            info.Field("silence", "uint32", 16, 4, unit="us"),
-            info.Field("volume", "uint8", 20, 1, range="0, 100"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("tune_id", "uint8", 8, 1, enum="TUNE_ID", enum_class="TuneId"),
+            info.Field(
+                "tune_override", "bool", 9, 1, description="Cut off the tune being played.",
+            ),
+            info.Field(
+                "frequency", "uint16", 10, 2, unit="Hz",
+                description="For a custom tone only, ignored with a predefined tune.",
+            ),
+            info.Field("duration", "uint32", 12, 4, unit="us", description="Custom tone only."),
+            info.Field(
+                "silence", "uint32", 16, 4, unit="us", description="Pause after the tone. Custom tone only.",
+            ),
+            info.Field(
+                "volume", "uint8", 20, 1, range="0, 100", description="Not every buzzer can follow it.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 TUNE_ID_STOP TUNE_ID_STARTUP TUNE_ID_ERROR TUNE_ID_NOTIFY_POSITIVE",

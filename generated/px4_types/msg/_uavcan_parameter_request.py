@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q2B17sxhBxqf")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -44,6 +46,20 @@ class UavcanParameterRequest(_cdr.Message):
     PARAM_TYPE_INT64: Final = 8
     PARAM_TYPE_REAL32: Final = 9
     ORB_QUEUE_LENGTH: Final = 4
+
+    class MessageType(_IntEnum):
+        """Values of `message_type`."""
+
+        PARAM_REQUEST_READ = 20
+        PARAM_REQUEST_LIST = 21
+        PARAM_SET = 23
+
+    class ParamType(_IntEnum):
+        """Values of `param_type`."""
+
+        UINT8 = 1
+        INT64 = 8
+        REAL32 = 9
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -129,14 +145,21 @@ class UavcanParameterRequest(_cdr.Message):
         message_version=0,
         topics=("uavcan_parameter_request",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("message_type", "uint8", 8, 1, enum="MESSAGE_TYPE"),
-            info.Field("node_id", "uint8", 9, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "message_type", "uint8", 8, 1, enum="MESSAGE_TYPE", enum_class="MessageType",
+            ),
+            info.Field(
+                "node_id", "uint8", 9, 1, description="CAN node, equal to the MAVLink component.",
+            ),
             info.Field("param_id", "char[17]", 10, 17),
-            info.Field("param_index", "int16", 28, 2, invalid="-1"),
-            info.Field("param_type", "uint8", 30, 1, enum="PARAM_TYPE"),
-            info.Field("int_value", "int64", 32, 8),
-            info.Field("real_value", "float32", 40, 4),
+            info.Field(
+                "param_index", "int16", 28, 2, invalid="-1",
+                description="With -1 the name in param_id decides.",
+            ),
+            info.Field("param_type", "uint8", 30, 1, enum="PARAM_TYPE", enum_class="ParamType"),
+            info.Field("int_value", "int64", 32, 8, description="For integer types."),
+            info.Field("real_value", "float32", 40, 4, description="For float types."),
         ),
         constants=info.constants(
             cls, "uint8 MESSAGE_TYPE_PARAM_REQUEST_READ MESSAGE_TYPE_PARAM_REQUEST_LIST",

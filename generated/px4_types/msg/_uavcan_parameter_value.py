@@ -118,14 +118,24 @@ class UavcanParameterValue(_cdr.Message):
         message_version=0,
         topics=("uavcan_parameter_value",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("node_id", "uint8", 8, 1),
-            info.Field("param_id", "char[17]", 9, 17),
-            info.Field("param_index", "int16", 26, 2),
-            info.Field("param_count", "uint16", 28, 2),
-            info.Field("param_type", "uint8", 30, 1),
-            info.Field("int_value", "int64", 32, 8),
-            info.Field("real_value", "float32", 40, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("node_id", "uint8", 8, 1, description="Equals the MAVLink component id."),
+            info.Field("param_id", "char[17]", 9, 17, description="Name, ended by a zero byte."),
+            info.Field(
+                "param_index", "int16", 26, 2, description="Position in the node's list, where known.",
+            ),
+            info.Field(
+                "param_count", "uint16", 28, 2, description="How many parameters the node has.",
+            ),
+            info.Field(
+                "param_type", "uint8", 30, 1, description="A PARAM_TYPE_* of UavcanParameterRequest.",
+            ),
+            info.Field(
+                "int_value", "int64", 32, 8, description="Holds the value of integer types.",
+            ),
+            info.Field(
+                "real_value", "float32", 40, 4, description="Holds the value of float types.",
+            ),
         ),
         constants=(),
         cls=cls,

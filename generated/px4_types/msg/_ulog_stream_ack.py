@@ -83,8 +83,10 @@ class UlogStreamAck(_cdr.Message):
         message_version=0,
         topics=("ulog_stream_ack",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("msg_sequence", "uint16", 8, 2),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "msg_sequence", "uint16", 8, 2, description="Number of the confirmed piece.",
+            ),
         ),
         constants=info.constants(cls, "int32 ACK_TIMEOUT ACK_MAX_TRIES"),
         cls=cls,

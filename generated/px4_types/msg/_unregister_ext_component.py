@@ -99,11 +99,18 @@ class UnregisterExtComponent(_cdr.Message):
         message_version=0,
         topics=("unregister_ext_component",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("name", "char[25]", 8, 25),
-            info.Field("arming_check_id", "int8", 33, 1, invalid="-1"),
-            info.Field("mode_id", "int8", 34, 1, invalid="-1"),
-            info.Field("mode_executor_id", "int8", 35, 1, invalid="-1"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "name", "char[25]", 8, 25,
+                description="Name used when registering, of the mode or component.",
+            ),
+            info.Field(
+                "arming_check_id", "int8", 33, 1, invalid="-1", description="Arming check to remove.",
+            ),
+            info.Field("mode_id", "int8", 34, 1, invalid="-1", description="Mode to remove."),
+            info.Field(
+                "mode_executor_id", "int8", 35, 1, invalid="-1", description="Mode executor to remove.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

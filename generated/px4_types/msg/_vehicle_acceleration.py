@@ -82,9 +82,11 @@ class VehicleAcceleration(_cdr.Message):
         message_version=0,
         topics=("vehicle_acceleration",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("xyz", "float32[3]", 16, 12, unit="m/s^2", frame="FRD"),
+            info.Field(
+                "xyz", "float32[3]", 16, 12, unit="m/s^2", frame="FRD", description="Gravity is not removed.",
+            ),
         ),
         constants=(),
         cls=cls,

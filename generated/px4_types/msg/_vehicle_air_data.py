@@ -125,15 +125,25 @@ class VehicleAirData(_cdr.Message):
         message_version=0,
         topics=("vehicle_air_data",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the pressure was taken.",
+            ),
             info.Field("baro_device_id", "uint32", 16, 4),
-            info.Field("baro_alt_meter", "float32", 20, 4, unit="m", frame="MSL"),
+            info.Field(
+                "baro_alt_meter", "float32", 20, 4, unit="m", frame="MSL",
+                description="Standard atmosphere, with sea level pressure from SENS_BARO_QNH.",
+            ),
             info.Field("baro_pressure_pa", "float32", 24, 4, unit="Pa"),
             info.Field("ambient_temperature", "float32", 28, 4, unit="degC"),
-            info.Field("temperature_source", "uint8", 32, 1),
+            info.Field(
+                "temperature_source", "uint8", 32, 1,
+                description="0 is an assumed 15 degC, 1 an external barometer, 2 the airspeed sensor.",
+            ),
             info.Field("rho", "float32", 36, 4, unit="kg/m^3"),
-            info.Field("calibration_count", "uint8", 40, 1),
+            info.Field(
+                "calibration_count", "uint8", 40, 1, description="Goes up with every new calibration.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -99,10 +99,18 @@ class VehicleAngularVelocity(_cdr.Message):
         message_version=0,
         topics=("vehicle_angular_velocity", "vehicle_angular_velocity_groundtruth"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("xyz", "float32[3]", 16, 12, unit="rad/s", frame="FRD"),
-            info.Field("xyz_derivative", "float32[3]", 28, 12, unit="rad/s^2", frame="FRD"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="Time of the gyro sample behind it.",
+            ),
+            info.Field(
+                "xyz", "float32[3]", 16, 12, unit="rad/s", frame="FRD", description="Body axes.",
+            ),
+            info.Field(
+                "xyz_derivative", "float32[3]", 28, 12, unit="rad/s^2", frame="FRD",
+                description="Angular acceleration, low-pass filtered.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

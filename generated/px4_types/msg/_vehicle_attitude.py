@@ -109,11 +109,23 @@ class VehicleAttitude(_cdr.Message):
             "vehicle_attitude", "vehicle_attitude_groundtruth", "external_ins_attitude", "estimator_attitude",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("q", "float32[4]", 16, 16),
-            info.Field("delta_q_reset", "float32[4]", 32, 16),
-            info.Field("quat_reset_counter", "uint8", 48, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="When the IMU data behind the estimate was taken.",
+            ),
+            info.Field(
+                "q", "float32[4]", 16, 16,
+                description="Unit Hamilton quaternion (w, x, y, z) turning body FRD vectors into local NED.",
+            ),
+            info.Field(
+                "delta_q_reset", "float32[4]", 32, 16,
+                description="Rotation (w, x, y, z) by which q jumped at the latest estimator reset.",
+            ),
+            info.Field(
+                "quat_reset_counter", "uint8", 48, 1,
+                description="Increases at each jump of q and wraps around. Compare it to notice resets.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

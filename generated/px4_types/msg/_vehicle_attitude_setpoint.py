@@ -105,10 +105,19 @@ class VehicleAttitudeSetpoint(_cdr.Message):
             "vehicle_attitude_setpoint", "mc_virtual_attitude_setpoint", "fw_virtual_attitude_setpoint",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("yaw_sp_move_rate", "float32", 8, 4, unit="rad/s"),
-            info.Field("q_d", "float32[4]", 12, 16),
-            info.Field("thrust_body", "float32[3]", 28, 12, range="-1, 1", frame="FRD"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "yaw_sp_move_rate", "float32", 8, 4, unit="rad/s",
+                description="Demanded yaw rate, mostly the pilot's, fed forward to the rate controller.",
+            ),
+            info.Field(
+                "q_d", "float32[4]", 12, 16,
+                description="Target attitude as a unit quaternion (w, x, y, z), rotating body FRD to NED.",
+            ),
+            info.Field(
+                "thrust_body", "float32[3]", 28, 12, range="-1, 1", frame="FRD",
+                description="Share of full thrust per axis. Multicopters use -z (up is negative), fixed wings use x.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q4f2dfI3BxHB?")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -83,17 +85,17 @@ class VehicleCommand(_cdr.Message):
     """
 
     VEHICLE_CMD_NAV_TAKEOFF: Final = 22
-    """[@range 0,360] Take off. |Unused (FW_TKO_PITCH_MIN sets the pitch of fixed
-    wings)|Unused|Unused|[deg] Heading from north, ignored without a heading source|[deg] Latitude,
-    WGS84|[deg] Longitude, WGS84|[m] Altitude AMSL to climb to|
+    """Take off. |Unused (FW_TKO_PITCH_MIN sets the pitch of fixed wings)|Unused|Unused|[deg] [@range
+    0,360] Heading from north, ignored without a heading source|[deg] Latitude, WGS84|[deg] Longitude,
+    WGS84|[m] Altitude AMSL to climb to|
     """
 
     VEHICLE_CMD_NAV_PRECLAND: Final = 23
     """Land on a target, such as a beacon, that a sensor tracks."""
 
     VEHICLE_CMD_DO_ORBIT: Final = 34
-    """[@enum ORBIT_YAW_BEHAVIOUR] Circle around a point. |[m] Radius, positive clockwise, negative
-    anticlockwise|[m/s] Speed along the circle| Where the nose points|Unused|Latitude or X of the
+    """Circle around a point. |[m] Radius, positive clockwise, negative anticlockwise|[m/s] Speed along the
+    circle|[@enum ORBIT_YAW_BEHAVIOUR] Where the nose points|Unused|Latitude or X of the
     center|Longitude or Y of the center|Altitude or Z|
     """
 
@@ -104,16 +106,16 @@ class VehicleCommand(_cdr.Message):
     """
 
     VEHICLE_CMD_NAV_ROI: Final = 80
-    """[@enum VEHICLE_ROI] Point the vehicle, gimbal or another sensor at a region of interest; DO_SET_ROI
-    as a navigation item. | What to look at|Mission item index or target id, as the mode needs|Which
+    """Point the vehicle, gimbal or another sensor at a region of interest; DO_SET_ROI as a navigation
+    item. |[@enum VEHICLE_ROI] What to look at|Mission item index or target id, as the mode needs|Which
     region, where a vehicle keeps several|Unused|First coordinate of a fixed location, frame as in
     MAV_FRAME|Second coordinate|Third coordinate|
     """
 
     VEHICLE_CMD_NAV_PATHPLANNING: Final = 81
-    """[@range 0, 360] Configure onboard path planning. |0: local planning off, 1: on, 2: on with an
-    emptied local map; off keeps the map|0: global planning off, 1: on, 2: on with an emptied map, 3: on
-    with a new route in the old map|Unused|[deg] Compass heading at the destination|Latitude or X of the
+    """Configure onboard path planning. |0: local planning off, 1: on, 2: on with an emptied local map; off
+    keeps the map|0: global planning off, 1: on, 2: on with an emptied map, 3: on with a new route in
+    the old map|Unused|[deg] [@range 0, 360] Compass heading at the destination|Latitude or X of the
     destination|Longitude or Y of the destination|Altitude or Z of the destination|
     """
 
@@ -165,7 +167,7 @@ class VehicleCommand(_cdr.Message):
     """
 
     VEHICLE_CMD_CONDITION_YAW: Final = 115
-    """[@range 0,360] Turn to a heading. |[deg] Heading, 0 is north|[deg/s] Turn rate|[@range -1,1] Sense
+    """Turn to a heading. |[deg] [@range 0,360] Heading, 0 is north|[deg/s] Turn rate|[@range -1,1] Sense
     of rotation, positive is clockwise|1: the angle adds to the present heading, 0: it is
     absolute|Unused|Unused|Unused|
     """
@@ -189,7 +191,7 @@ class VehicleCommand(_cdr.Message):
     """
 
     VEHICLE_CMD_DO_CHANGE_SPEED: Final = 178
-    """[@enum SPEED_TYPE] Set the cruising speed or throttle. | Which speed is meant|[m/s] New speed, -1:
+    """Set the cruising speed or throttle. |[@enum SPEED_TYPE] Which speed is meant|[m/s] New speed, -1:
     keep|[%] New throttle, -1: keep|Unused|Unused|Unused|Unused|
     """
 
@@ -229,7 +231,7 @@ class VehicleCommand(_cdr.Message):
     """
 
     VEHICLE_CMD_DO_SET_ACTUATOR: Final = 187
-    """[@range -1, 1] Drive the outputs that are assigned to Peripheral via Actuator Set. | Value of output
+    """Drive the outputs that are assigned to Peripheral via Actuator Set. |[@range -1, 1] Value of output
     1|[@range -1, 1] Value of output 2|[@range -1, 1] Value of output 3|[@range -1, 1] Value of output
     4|[@range -1, 1] Value of output 5|[@range -1, 1] Value of output 6|Which group of six, 0 is the
     first|
@@ -276,7 +278,7 @@ class VehicleCommand(_cdr.Message):
     """
 
     VEHICLE_CMD_DO_SET_ROI: Final = 201
-    """[@enum VEHICLE_ROI] Point the vehicle, gimbal or another sensor at a region of interest. | What to
+    """Point the vehicle, gimbal or another sensor at a region of interest. |[@enum VEHICLE_ROI] What to
     look at|Mission item index or target id, as the mode needs|Which region, where a vehicle keeps
     several|Unused|First coordinate of a fixed location, frame as in MAV_FRAME|Second coordinate|Third
     coordinate|
@@ -286,14 +288,14 @@ class VehicleCommand(_cdr.Message):
     """Operate a simple camera, for example take a picture."""
 
     VEHICLE_CMD_DO_MOUNT_CONFIGURE: Final = 204
-    """[@enum MAV_MOUNT_MODE] Set up a gimbal or antenna mount. | What steers it|1: stabilize roll|1:
+    """Set up a gimbal or antenna mount. |[@enum MAV_MOUNT_MODE] What steers it|1: stabilize roll|1:
     stabilize pitch|1: stabilize yaw|Unused|Unused|Unused|
     """
 
     VEHICLE_CMD_DO_MOUNT_CONTROL: Final = 205
-    """[@enum MAV_MOUNT_MODE] Aim a gimbal or antenna mount. |[deg] Pitch, or latitude in GPS mode|[deg]
-    Roll, or longitude in GPS mode|[deg]/[m] Yaw, or altitude in GPS mode|Unused|Unused|Unused| What
-    steers it|
+    """Aim a gimbal or antenna mount. |[deg] Pitch, or latitude in GPS mode|[deg] Roll, or longitude in GPS
+    mode|[deg]/[m] Yaw, or altitude in GPS mode|Unused|Unused|Unused|[@enum MAV_MOUNT_MODE] What steers
+    it|
     """
 
     VEHICLE_CMD_DO_SET_CAM_TRIGG_DIST: Final = 206
@@ -305,12 +307,12 @@ class VehicleCommand(_cdr.Message):
     """Switch the geofence. |1: on, 0: off|Unused|Unused|Unused|Unused|Unused|Unused|"""
 
     VEHICLE_CMD_DO_PARACHUTE: Final = 208
-    """[@enum PARACHUTE_ACTION] Operate the parachute. | What to
+    """Operate the parachute. |[@enum PARACHUTE_ACTION] What to
     do|Unused|Unused|Unused|Unused|Unused|Unused|
     """
 
     VEHICLE_CMD_DO_MOTOR_TEST: Final = 209
-    """[@range 1, INF] Spin motors on the ground. | First motor|Unit of the throttle,
+    """Spin motors on the ground. |[@range 1, INF] First motor|Unit of the throttle,
     MOTOR_TEST_THROTTLE_TYPE|Throttle|[s] Duration per motor|How many motors|Their order|Unused|
     """
 
@@ -318,7 +320,7 @@ class VehicleCommand(_cdr.Message):
     """Fly upside down or upright. |1: upside down, 0: upright|Unused|Unused|Unused|Unused|Unused|Unused|"""
 
     VEHICLE_CMD_DO_GRIPPER: Final = 211
-    """[@enum GRIPPER_ACTION] Open or close a gripper. |Which gripper| What to do|"""
+    """Open or close a gripper. |Which gripper|[@enum GRIPPER_ACTION] What to do|"""
 
     VEHICLE_CMD_DO_AUTOTUNE_ENABLE: Final = 212
     """Start tuning the controllers in flight. |1: start|Unused|Unused|Unused|Unused|Unused|Unused|"""
@@ -392,12 +394,12 @@ class VehicleCommand(_cdr.Message):
     """
 
     VEHICLE_CMD_ACTUATOR_GROUP_TEST: Final = 309
-    """[@range -1,1] [@enum ACTUATOR_TEST_GROUP] Move all actuators that act together, on the ground. |
-    Which ones| How far|Unused|Unused|Unused|Unused|Unused|
+    """Move all actuators that act together, on the ground. |[@enum ACTUATOR_TEST_GROUP] Which ones|[@range
+    -1,1] How far|Unused|Unused|Unused|Unused|Unused|
     """
 
     VEHICLE_CMD_ACTUATOR_TEST: Final = 310
-    """[@range -1,1] Drive one output while disarmed; PX4 stops it after 3 s at the latest. | Output
+    """Drive one output while disarmed; PX4 stops it after 3 s at the latest. |[@range -1,1] Output
     level|[s] Duration|Unused|Unused|Output function|
     """
 
@@ -412,7 +414,7 @@ class VehicleCommand(_cdr.Message):
     """
 
     VEHICLE_CMD_COMPONENT_ARM_DISARM: Final = 400
-    """[@enum ARMING_ACTION] Arm or disarm. | Which of the two|21196: disarm in flight too; onboard senders
+    """Arm or disarm. |[@enum ARMING_ACTION] Which of the two|21196: disarm in flight too; onboard senders
     also skip the arming checks with it|
     """
 
@@ -420,7 +422,7 @@ class VehicleCommand(_cdr.Message):
     """Repeat the arming checks now and report the results."""
 
     VEHICLE_CMD_INJECT_FAILURE: Final = 420
-    """[@enum FAILURE_UNIT] Simulate a fault, to test how the vehicle reacts. | What fails|[@enum
+    """Simulate a fault, to test how the vehicle reacts. |[@enum FAILURE_UNIT] What fails|[@enum
     FAILURE_TYPE] How it fails|Which instance, 0: all|
     """
 
@@ -701,6 +703,631 @@ class VehicleCommand(_cdr.Message):
     COMPONENT_MODE_EXECUTOR_START: Final = 1000
     """Lowest source_component that denotes a mode executor."""
 
+    class VehicleCmd(_IntEnum):
+        """Values of `command`."""
+
+        CUSTOM_0 = 0
+        """Free for tests."""
+
+        CUSTOM_1 = 1
+        """Free for tests."""
+
+        CUSTOM_2 = 2
+        """Free for tests."""
+
+        NAV_WAYPOINT = 16
+        """Fly to a waypoint. |[s] Time to wait there, multicopter only|[m] Distance at which it counts as
+        reached|[m] 0: fly through, otherwise radius to pass at, positive clockwise, negative
+        anticlockwise|[deg] Heading at the waypoint, multicopter only|[deg] Latitude|[deg] Longitude|[m]
+        Altitude|
+        """
+
+        NAV_LOITER_UNLIM = 17
+        """Loiter at a waypoint until told otherwise. |Unused|Unused|[m] Circle radius, positive clockwise,
+        negative anticlockwise|[deg] Heading|[deg] Latitude|[deg] Longitude|[m] Altitude|
+        """
+
+        NAV_LOITER_TURNS = 18
+        """Loiter at a waypoint for a number of circles. |Number of circles|Unused|[m] Circle radius,
+        positive clockwise, negative anticlockwise|[deg] Heading|[deg] Latitude|[deg] Longitude|[m]
+        Altitude|
+        """
+
+        NAV_LOITER_TIME = 19
+        """Loiter at a waypoint for a period. |[s] How long, fractions allowed|Unused|[m] Circle radius,
+        positive clockwise, negative anticlockwise|[deg] Heading|[deg] Latitude|[deg] Longitude|[m]
+        Altitude|
+        """
+
+        NAV_RETURN_TO_LAUNCH = 20
+        """Switch to Return mode: fly home or to another safe place and land.
+        |Unused|Unused|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        NAV_LAND = 21
+        """Land; outside missions at the present position. |Unused|Unused|Unused|[deg] Heading|[deg]
+        Latitude|[deg] Longitude|[m] Altitude|
+        """
+
+        NAV_TAKEOFF = 22
+        """Take off. |Unused (FW_TKO_PITCH_MIN sets the pitch of fixed wings)|Unused|Unused|[deg] [@range
+        0,360] Heading from north, ignored without a heading source|[deg] Latitude, WGS84|[deg]
+        Longitude, WGS84|[m] Altitude AMSL to climb to|
+        """
+
+        NAV_PRECLAND = 23
+        """Land on a target, such as a beacon, that a sensor tracks."""
+
+        DO_ORBIT = 34
+        """Circle around a point. |[m] Radius, positive clockwise, negative anticlockwise|[m/s] Speed along
+        the circle|[@enum ORBIT_YAW_BEHAVIOUR] Where the nose points|Unused|Latitude or X of the
+        center|Longitude or Y of the center|Altitude or Z|
+        """
+
+        DO_FIGUREEIGHT = 35
+        """Fly lying eights, fixed wing only. |[m] Half length, negative to go anticlockwise|[m] Half
+        width|[m/s] Speed|[rad] Direction of the long axis from true north|Latitude or X of the
+        center|Longitude or Y of the center|Altitude or Z|
+        """
+
+        NAV_ROI = 80
+        """Point the vehicle, gimbal or another sensor at a region of interest; DO_SET_ROI as a navigation
+        item. |[@enum VEHICLE_ROI] What to look at|Mission item index or target id, as the mode
+        needs|Which region, where a vehicle keeps several|Unused|First coordinate of a fixed location,
+        frame as in MAV_FRAME|Second coordinate|Third coordinate|
+        """
+
+        NAV_PATHPLANNING = 81
+        """Configure onboard path planning. |0: local planning off, 1: on, 2: on with an emptied local map;
+        off keeps the map|0: global planning off, 1: on, 2: on with an emptied map, 3: on with a new
+        route in the old map|Unused|[deg] [@range 0, 360] Compass heading at the destination|Latitude or
+        X of the destination|Longitude or Y of the destination|Altitude or Z of the destination|
+        """
+
+        NAV_VTOL_TAKEOFF = 84
+        """Take off in hover, then change to forward flight. |Least pitch with an airspeed sensor, wanted
+        pitch without|Unused|Unused|[deg] Heading, ignored without a magnetometer|[deg] Latitude|[deg]
+        Longitude|[m] Altitude|
+        """
+
+        NAV_VTOL_LAND = 85
+        """Change to hover, then land. |Unused|Unused|Unused|[deg] Heading|[deg] Latitude|[deg]
+        Longitude|[m] Altitude|
+        """
+
+        NAV_GUIDED_LIMITS = 90
+        """Bound what an external controller may do during a mission. |[s] Longest time the controller may
+        stay in charge, 0: no limit|[m] Lowest altitude AMSL allowed, 0: no limit; going below ends the
+        takeover and resumes the mission|[m] Highest altitude allowed, 0: no limit; going above ends the
+        takeover likewise|[m] Farthest horizontal distance from where the command took effect, 0: no
+        limit|Unused|Unused|Unused|
+        """
+
+        NAV_GUIDED_MASTER = 91
+        """Name the external controller in charge. |System id|Component within that
+        system|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        NAV_DELAY = 93
+        """Hold the mission for a period or until a time of day. |[s] Period, -1 to wait for the time of
+        day|[h] UTC hour, -1: any|UTC minute, -1: any|UTC second|Unused|Unused|Unused|
+        """
+
+        NAV_LAST = 95
+        """Not a command: end of the NAV block. |Unused|Unused|Unused|Unused|Unused|Unused|Unused|"""
+
+        CONDITION_DELAY = 112
+        """Hold the mission for a period. |[s] Period, fractions
+        allowed|Unused|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        CONDITION_CHANGE_ALT = 113
+        """Climb or sink, and hold the mission until done. |[m/s] Vertical
+        speed|Unused|Unused|Unused|Unused|Unused|[m] Altitude to reach|
+        """
+
+        CONDITION_DISTANCE = 114
+        """Hold the mission until the next waypoint is near. |[m] Distance to fall
+        below|Unused|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        CONDITION_YAW = 115
+        """Turn to a heading. |[deg] [@range 0,360] Heading, 0 is north|[deg/s] Turn rate|[@range -1,1]
+        Sense of rotation, positive is clockwise|1: the angle adds to the present heading, 0: it is
+        absolute|Unused|Unused|Unused|
+        """
+
+        CONDITION_LAST = 159
+        """Not a command: end of the CONDITION block. |Unused|Unused|Unused|Unused|Unused|Unused|Unused|"""
+
+        CONDITION_GATE = 4501
+        """Hold the mission until the vehicle crosses a line. |0: line is perpendicular to the route|0:
+        altitude does not matter|Unused|Unused|[deg] Latitude|[deg] Longitude|[m] Altitude|
+        """
+
+        DO_SET_MODE = 176
+        """Switch the flight mode; if param1 has MAVLink's custom flag (1), PX4 also reads its main mode
+        from param2, sub mode from param3. |MAV_MODE value|Unused|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_JUMP = 177
+        """Continue the mission at another item, a limited number of times. |Index of that item|How many
+        times|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_CHANGE_SPEED = 178
+        """Set the cruising speed or throttle. |[@enum SPEED_TYPE] Which speed is meant|[m/s] New speed,
+        -1: keep|[%] New throttle, -1: keep|Unused|Unused|Unused|Unused|
+        """
+
+        DO_SET_HOME = 179
+        """Move the home position. |1: to where the vehicle is, 0: to the coordinates
+        given|Unused|Unused|Unused|[deg] New latitude|[deg] New longitude|[m] New altitude|
+        """
+
+        DO_SET_PARAMETER = 180
+        """Set a parameter by its number, which differs between firmware builds. |Number|What to set it
+        to|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_SET_RELAY = 181
+        """Switch a relay. |Which relay|1: on, 0: off, hardware may define
+        more|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_REPEAT_RELAY = 182
+        """Switch a relay on and off periodically. |Which relay|Number of cycles|[s] Duration of a cycle,
+        fractions allowed|Unused|Unused|Unused|Unused|
+        """
+
+        DO_REPEAT_SERVO = 184
+        """Move a servo back and forth between neutral and a given pulse width. |Which servo|[us] Pulse
+        width, usually 1000 to 2000|Number of cycles|[s] Duration of a cycle|Unused|Unused|Unused|
+        """
+
+        DO_FLIGHTTERMINATION = 185
+        """End the flight at once, with failsafe outputs and parachute if fitted; cannot be undone in the
+        air. |Above 0.5: terminate|Unused|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_CHANGE_ALTITUDE = 186
+        """Hold position at another altitude. |[m] Altitude|Its reference as
+        MAV_FRAME|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_SET_ACTUATOR = 187
+        """Drive the outputs that are assigned to Peripheral via Actuator Set. |[@range -1, 1] Value of
+        output 1|[@range -1, 1] Value of output 2|[@range -1, 1] Value of output 3|[@range -1, 1] Value
+        of output 4|[@range -1, 1] Value of output 5|[@range -1, 1] Value of output 6|Which group of
+        six, 0 is the first|
+        """
+
+        DO_LAND_START = 189
+        """In a mission, marks where the landing pattern begins; sent on its own, flies the closest such
+        pattern. |Unused|Unused|Unused|Unused|[deg] Latitude near the pattern meant, 0 if of no
+        interest|[deg] Longitude near the pattern meant, 0 if of no interest|Unused|
+        """
+
+        DO_GO_AROUND = 191
+        """Break off an automatic landing and climb. |[m] Altitude to climb
+        to|Unused|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_REPOSITION = 192
+        """Fly to coordinates and hold there. |[m/s] Ground speed|Flags, bit 0: switch to Hold mode|[m]
+        Circle radius, fixed wing|[deg] Heading|[deg] Latitude|[deg] Longitude|[m] Altitude|
+        """
+
+        DO_PAUSE_CONTINUE = 193
+        """Pause or resume the mission. |0: hold position, 1: continue|"""
+
+        DO_SET_ROI_LOCATION = 195
+        """Keep gimbal or vehicle pointed at a location. |Unused|Unused|Unused|Unused|[deg] Its
+        latitude|[deg] Its longitude|[m] Its altitude|
+        """
+
+        DO_SET_ROI_WPNEXT_OFFSET = 196
+        """Keep gimbal or vehicle pointed at the next waypoint, plus an offset.
+        |Unused|Unused|Unused|Unused|[deg] Pitch to add|[deg] Roll to add|[deg] Yaw to add|
+        """
+
+        DO_SET_ROI_NONE = 197
+        """Stop pointing at a region of interest; gimbal and heading return to normal.
+        |Unused|Unused|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_CONTROL_VIDEO = 200
+        """Control video of an onboard camera. |Camera id, -1: all|Sending: 0: off, 1: compressed, 2:
+        raw|0: stream, above 0: one picture per that many seconds|Recording: 0: off, 1: compressed, 2:
+        raw|Unused|Unused|Unused|
+        """
+
+        DO_SET_ROI = 201
+        """Point the vehicle, gimbal or another sensor at a region of interest. |[@enum VEHICLE_ROI] What
+        to look at|Mission item index or target id, as the mode needs|Which region, where a vehicle
+        keeps several|Unused|First coordinate of a fixed location, frame as in MAV_FRAME|Second
+        coordinate|Third coordinate|
+        """
+
+        DO_DIGICAM_CONTROL = 203
+        """Operate a simple camera, for example take a picture."""
+
+        DO_MOUNT_CONFIGURE = 204
+        """Set up a gimbal or antenna mount. |[@enum MAV_MOUNT_MODE] What steers it|1: stabilize roll|1:
+        stabilize pitch|1: stabilize yaw|Unused|Unused|Unused|
+        """
+
+        DO_MOUNT_CONTROL = 205
+        """Aim a gimbal or antenna mount. |[deg] Pitch, or latitude in GPS mode|[deg] Roll, or longitude in
+        GPS mode|[deg]/[m] Yaw, or altitude in GPS mode|Unused|Unused|Unused|[@enum MAV_MOUNT_MODE] What
+        steers it|
+        """
+
+        DO_SET_CAM_TRIGG_DIST = 206
+        """Take pictures at equal distances along the track. |[m] Distance between pictures|[ms]
+        Exposure|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_FENCE_ENABLE = 207
+        """Switch the geofence. |1: on, 0: off|Unused|Unused|Unused|Unused|Unused|Unused|"""
+
+        DO_PARACHUTE = 208
+        """Operate the parachute. |[@enum PARACHUTE_ACTION] What to
+        do|Unused|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_MOTOR_TEST = 209
+        """Spin motors on the ground. |[@range 1, INF] First motor|Unit of the throttle,
+        MOTOR_TEST_THROTTLE_TYPE|Throttle|[s] Duration per motor|How many motors|Their order|Unused|
+        """
+
+        DO_INVERTED_FLIGHT = 210
+        """Fly upside down or upright. |1: upside down, 0:
+        upright|Unused|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_GRIPPER = 211
+        """Open or close a gripper. |Which gripper|[@enum GRIPPER_ACTION] What to do|"""
+
+        DO_AUTOTUNE_ENABLE = 212
+        """Start tuning the controllers in flight. |1: start|Unused|Unused|Unused|Unused|Unused|Unused|"""
+
+        DO_SET_CAM_TRIGG_INTERVAL = 214
+        """Take pictures at equal intervals. |[m] Declared as a distance, but the camera driver reads
+        milliseconds between pictures|[ms] Exposure|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_MOUNT_CONTROL_QUAT = 220
+        """Aim a gimbal or antenna mount by quaternion. |w, 1 for no rotation|x|y|z|Unused|Unused|Unused|"""
+
+        DO_GUIDED_MASTER = 221
+        """Name the external controller in charge. |System id|Component within that
+        system|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_GUIDED_LIMITS = 222
+        """Bound what an external controller may do. |[s] Longest time the controller may stay in charge,
+        0: no limit|[m] Lowest altitude AMSL allowed, 0: no limit; going below ends the takeover and
+        resumes the mission|[m] Highest altitude allowed, 0: no limit; going above ends the takeover
+        likewise|[m] Farthest horizontal distance from where the command took effect, 0: no
+        limit|Unused|Unused|Unused|
+        """
+
+        DO_LAST = 240
+        """Not a command: end of the DO block. |Unused|Unused|Unused|Unused|Unused|Unused|Unused|"""
+
+        PREFLIGHT_CALIBRATION = 241
+        """Calibrate one sensor, only while disarmed; all other parameters 0. |1: gyroscope, 3: its
+        temperature curve|1: magnetometer|1: barometer|1: RC sticks, 2: RC trim|1: accelerometer, 2:
+        level horizon, 3: temperature curve, 4: quick accelerometer|2: airspeed|1: ESC, 3: temperature
+        curve of the barometer|
+        """
+
+        PREFLIGHT_SET_SENSOR_OFFSETS = 242
+        """Set the offsets of one sensor, only while disarmed. |Gyroscope 0, accelerometer 1, magnetometer
+        2, barometer 3, optical flow 4|Offset in x, in raw units like the following|Offset in y|Offset
+        in z|Fourth offset|Fifth offset|Sixth offset|
+        """
+
+        PREFLIGHT_UAVCAN = 243
+        """Enumerate CAN ESCs: assign numbers and directions. |1: start|"""
+
+        PREFLIGHT_STORAGE = 245
+        """Load or save persistent data, only while disarmed. |Parameters: 0: load from flash, 1: save to
+        flash|Mission: 0: load from flash, 1: save to flash|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        PREFLIGHT_REBOOT_SHUTDOWN = 246
+        """Restart or power off. |Autopilot: 0: leave alone, 1: reboot, 2: power off|Companion computer: 0:
+        leave alone, 1: reboot, 2: power off|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        OBLIQUE_SURVEY = 260
+        """Take pictures at equal distances while the gimbal swings from side to side. |[m] Distance
+        between pictures|[ms] Exposure|[ms] Least time between pictures|Number of gimbal positions|[deg]
+        Roll range|[deg] Pitch|Unused|
+        """
+
+        DO_SET_STANDARD_MODE = 262
+        """Switch to a mode that MAVLink standardizes across autopilots. |MAV_STANDARD_MODE value|"""
+
+        GIMBAL_DEVICE_INFORMATION = 283
+        """Ask a gimbal device to describe itself."""
+
+        MISSION_START = 300
+        """Start the mission, arming if needed. |Index of the item to begin with|Index of the item to stop
+        after|
+        """
+
+        ACTUATOR_GROUP_TEST = 309
+        """Move all actuators that act together, on the ground. |[@enum ACTUATOR_TEST_GROUP] Which
+        ones|[@range -1,1] How far|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        ACTUATOR_TEST = 310
+        """Drive one output while disarmed; PX4 stops it after 3 s at the latest. |[@range -1,1] Output
+        level|[s] Duration|Unused|Unused|Output function|
+        """
+
+        CONFIGURE_ACTUATOR = 311
+        """Change a setting of one output, such as the spin direction of an ESC. |ACTUATOR_CONFIGURATION
+        value|Unused|Unused|Unused|Output function|
+        """
+
+        ESC_REQUEST_EEPROM = 312
+        """Read the settings of an ESC, published as EscEepromRead. |Which ESC|Kind of its
+        firmware|Unused|Unused|Unused|
+        """
+
+        COMPONENT_ARM_DISARM = 400
+        """Arm or disarm. |[@enum ARMING_ACTION] Which of the two|21196: disarm in flight too; onboard
+        senders also skip the arming checks with it|
+        """
+
+        RUN_PREARM_CHECKS = 401
+        """Repeat the arming checks now and report the results."""
+
+        INJECT_FAILURE = 420
+        """Simulate a fault, to test how the vehicle reacts. |[@enum FAILURE_UNIT] What fails|[@enum
+        FAILURE_TYPE] How it fails|Which instance, 0: all|
+        """
+
+        START_RX_PAIR = 500
+        """Bind an RC receiver. |0: Spektrum|0: DSM2, 1: DSMX|"""
+
+        REQUEST_MESSAGE = 512
+        """Ask for one MAVLink message to be sent once. |Message id|"""
+
+        REQUEST_CAMERA_INFORMATION = 521
+        """Ask a camera for CAMERA_INFORMATION. |1: send it, 0: do
+        nothing|Reserved|Reserved|Reserved|Reserved|Reserved|Reserved|
+        """
+
+        SET_CAMERA_MODE = 530
+        """Switch a camera between photo, video and survey operation."""
+
+        SET_CAMERA_ZOOM = 531
+        """Zoom a camera. |CAMERA_ZOOM_TYPE value|Amount, its meaning depends on the type|"""
+
+        SET_CAMERA_FOCUS = 532
+        """Focus a camera. |SET_FOCUS_TYPE value|Amount, its meaning depends on the type|"""
+
+        EXTERNAL_ATTITUDE_ESTIMATE = 620
+        """Tell the estimator an attitude known from elsewhere, as angles in degrees."""
+
+        DO_GIMBAL_MANAGER_PITCHYAW = 1000
+        """Aim a gimbal through its manager. |[deg] Pitch|[deg] Yaw|[deg/s] Pitch rate|[deg/s] Yaw
+        rate|GIMBAL_MANAGER_FLAGS|Unused|Gimbal device id|
+        """
+
+        DO_GIMBAL_MANAGER_CONFIGURE = 1001
+        """Set who controls a gimbal. |System id in primary control|Component id in primary control|System
+        id in secondary control|Component id in secondary control|Unused|Unused|Gimbal device id|
+        """
+
+        IMAGE_START_CAPTURE = 2000
+        """Take one picture or a series."""
+
+        DO_TRIGGER_CONTROL = 2003
+        """Switch automatic camera triggering. |1: on, 0: off, -1: keep|1: restart the picture count|1:
+        pause|
+        """
+
+        VIDEO_START_CAPTURE = 2500
+        """Begin recording video."""
+
+        VIDEO_STOP_CAPTURE = 2501
+        """End the recording."""
+
+        LOGGING_START = 2510
+        """Begin sending the ULog over MAVLink."""
+
+        LOGGING_STOP = 2511
+        """End sending the ULog over MAVLink."""
+
+        CONTROL_HIGH_LATENCY = 2600
+        """Switch telemetry over a slow link, such as a satellite modem. |1: on, 0: off|"""
+
+        DO_VTOL_TRANSITION = 3000
+        """Change between hover and forward flight. |Target as MAV_VTOL_STATE, 3: hover, 4: forward
+        flight|1: at once, without the usual transition|
+        """
+
+        DO_SET_SAFETY_SWITCH_STATE = 5300
+        """Operate the safety switch remotely. |1: safe, 0: actuators may
+        move|Unused|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        ARM_AUTHORIZATION_REQUEST = 3001
+        """Ask an external authority for permission to arm."""
+
+        PAYLOAD_PREPARE_DEPLOY = 30001
+        """Plan the drop of a payload in the mission."""
+
+        PAYLOAD_CONTROL_DEPLOY = 30002
+        """Start or abort a drop that was planned."""
+
+        FIXED_MAG_CAL_YAW = 42006
+        """Calibrate magnetometers without moving, from a known heading and the world magnetic model.
+        |[deg] True heading of the vehicle|Mask of compasses, 0: all|[deg] Latitude|[deg] Longitude;
+        with both 0 the present position is used|
+        """
+
+        DO_WINCH = 42600
+        """Operate a winch. |Which winch|WINCH_ACTIONS value|[m] Line length|[m/s] Line speed|"""
+
+        EXTERNAL_POSITION_ESTIMATE = 43003
+        """Set the estimator's position from outside while it navigates by dead reckoning. |[s] Time of
+        sending, by the clock of the sender|[s] Age of the observation|[m] Accuracy|Unused|[deg]
+        Latitude|[deg] Longitude|[m] Altitude|
+        """
+
+        EXTERNAL_WIND_ESTIMATE = 43004
+        """Set the estimator's wind from outside. |[m/s] Speed|[m/s] Accuracy of the speed|[deg] Direction
+        the wind comes from|[deg] Accuracy of the direction|
+        """
+
+        ESTIMATOR_SENSOR_ENABLE = 43006
+        """Allow or forbid the estimator one of its sources. |Which source, FUSION_SOURCE constants|Which
+        of several, from 0|1: allow, 0: forbid|Which estimator, NaN: not used|Empty|Empty|Empty|
+        """
+
+        PX4_INTERNAL_START = 65537
+        """Not a command: from here on PX4's own, too large for the 16 bits of MAVLink."""
+
+        SET_GPS_GLOBAL_ORIGIN = 100000
+        """Set where on the globe the origin of the local frame lies. |Unused|Unused|Unused|Unused|[deg]
+        Latitude, WGS84|[deg] Longitude, WGS84|[m] Altitude AMSL, up is positive|
+        """
+
+        SET_NAV_STATE = 100001
+        """Switch the flight mode directly; the way for ROS 2 modes. |NAVIGATION_STATE value of
+        VehicleStatus|Unused|Unused|Unused|Unused|Unused|Unused|
+        """
+
+        DO_SET_GLOBAL_ORIGIN = 611
+        """Place the origin of the local frame on the globe; sent as MAVLink's COMMAND_INT in
+        MAV_FRAME_GLOBAL_INT. |Unused|Unused|Unused|Unused|Latitude, WGS84|Longitude, WGS84|[m] Altitude
+        AMSL|
+        """
+
+        GUIDED_CHANGE_HEADING = 43002
+        """Turn to another heading or course. |0: course over ground, 1: heading (HEADING_TYPE)|[deg]
+        Direction from north, 0 to 360|[deg/s] Turn rate limit|Unused|Unused|Unused|Unused|
+        """
+
+    class OrbitYawBehaviour(_IntEnum):
+        """Values of parameters of commands."""
+
+        HOLD_FRONT_TO_CIRCLE_CENTER = 0
+        HOLD_INITIAL_HEADING = 1
+        UNCONTROLLED = 2
+        HOLD_FRONT_TANGENT_TO_CIRCLE = 3
+        RC_CONTROLLED = 4
+        UNCHANGED = 5
+
+    class VehicleRoi(_IntEnum):
+        """Values of parameters of commands."""
+
+        NONE = 0
+        """Nothing."""
+
+        WPNEXT = 1
+        """Next waypoint."""
+
+        WPINDEX = 2
+        """Waypoint with a given index."""
+
+        LOCATION = 3
+        """Fixed coordinates."""
+
+        TARGET = 4
+        """Moving target."""
+
+    class SpeedType(_IntEnum):
+        """Values of parameters of commands."""
+
+        AIRSPEED = 0
+        GROUNDSPEED = 1
+        CLIMB_SPEED = 2
+        DESCEND_SPEED = 3
+
+    class ParachuteAction(_IntEnum):
+        """Values of parameters of commands."""
+
+        DISABLE = 0
+        ENABLE = 1
+        RELEASE = 2
+
+    class GripperAction(_IntEnum):
+        """Values of parameters of commands."""
+
+        RELEASE = 0
+        GRAB = 1
+
+    class ActuatorTestGroup(_IntEnum):
+        """Values of parameters of commands."""
+
+        ROLL_TORQUE = 0
+        PITCH_TORQUE = 1
+        YAW_TORQUE = 2
+        COLLECTIVE_TILT = 3
+        X_THRUST = 4
+        Y_THRUST = 5
+        Z_THRUST = 6
+
+    class ArmingAction(_IntEnum):
+        """Values of parameters of commands."""
+
+        DISARM = 0
+        ARM = 1
+
+    class FailureUnit(_IntEnum):
+        """Values of parameters of commands."""
+
+        SENSOR_GYRO = 0
+        SENSOR_ACCEL = 1
+        SENSOR_MAG = 2
+        SENSOR_BARO = 3
+        SENSOR_GPS = 4
+        SENSOR_OPTICAL_FLOW = 5
+        SENSOR_VIO = 6
+        SENSOR_DISTANCE_SENSOR = 7
+        SENSOR_AIRSPEED = 8
+        SYSTEM_BATTERY = 100
+        SYSTEM_MOTOR = 101
+        SYSTEM_SERVO = 102
+        SYSTEM_AVOIDANCE = 103
+        SYSTEM_RC_SIGNAL = 104
+        SYSTEM_MAVLINK_SIGNAL = 105
+
+    class FailureType(_IntEnum):
+        """Values of parameters of commands."""
+
+        OK = 0
+        """Back to normal."""
+
+        OFF = 1
+        """No output at all."""
+
+        STUCK = 2
+        """Repeats one value."""
+
+        GARBAGE = 3
+        """Random output."""
+
+        WRONG = 4
+        """Steadily false output."""
+
+        SLOW = 5
+        """Too few updates."""
+
+        DELAYED = 6
+        """Late updates."""
+
+        INTERMITTENT = 7
+        """Comes and goes."""
+
     timestamp: int
     """uint64 [us] Time since boot."""
 
@@ -827,21 +1454,59 @@ class VehicleCommand(_cdr.Message):
         message_version=0,
         topics=("vehicle_command", "gimbal_v1_command", "vehicle_command_mode_executor"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("param1", "float32", 8, 4),
-            info.Field("param2", "float32", 12, 4),
-            info.Field("param3", "float32", 16, 4),
-            info.Field("param4", "float32", 20, 4),
-            info.Field("param5", "float64", 24, 8),
-            info.Field("param6", "float64", 32, 8),
-            info.Field("param7", "float32", 40, 4),
-            info.Field("command", "uint32", 44, 4, enum="VEHICLE_CMD"),
-            info.Field("target_system", "uint8", 48, 1),
-            info.Field("target_component", "uint8", 49, 1),
-            info.Field("source_system", "uint8", 50, 1),
-            info.Field("source_component", "uint16", 52, 2),
-            info.Field("confirmation", "uint8", 54, 1),
-            info.Field("from_external", "bool", 55, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "param1", "float32", 8, 4,
+                description="First argument; meaning and unit depend on command, see the list above.",
+            ),
+            info.Field("param2", "float32", 12, 4, description="Second argument of the command."),
+            info.Field("param3", "float32", 16, 4, description="Third argument of the command."),
+            info.Field(
+                "param4", "float32", 20, 4, description="Fourth argument of the command, often a heading.",
+            ),
+            info.Field(
+                "param5", "float64", 24, 8,
+                description="Fifth argument of the command, often a latitude, hence 64 bits.",
+            ),
+            info.Field(
+                "param6", "float64", 32, 8,
+                description="Sixth argument of the command, often a longitude, hence 64 bits.",
+            ),
+            info.Field(
+                "param7", "float32", 40, 4, description="Seventh argument of the command, often an altitude.",
+            ),
+            info.Field(
+                "command", "uint32", 44, 4, enum="VEHICLE_CMD", enum_class="VehicleCmd",
+                description="What to do.",
+            ),
+            info.Field(
+                "target_system", "uint8", 48, 1, description="MAVLink system id of the vehicle addressed.",
+            ),
+            info.Field(
+                "target_component", "uint8", 49, 1,
+                description="MAVLink component id of the part addressed, 0 being every part.",
+            ),
+            info.Field(
+                "source_system", "uint8", 50, 1, description="MAVLink system id of the sender.",
+            ),
+            info.Field(
+                "source_component", "uint16", 52, 2,
+                description=(
+                    "MAVLink component id of the sender, or COMPONENT_MODE_EXECUTOR_START plus the id of a "
+                    "mode executor."
+                ),
+            ),
+            info.Field(
+                "confirmation", "uint8", 54, 1,
+                description="0 when first sent; above, how often the sender has repeated it.",
+            ),
+            info.Field(
+                "from_external", "bool", 55, 1,
+                description=(
+                    "True when the command comes from outside the autopilot, such as a ground station or "
+                    "companion computer."
+                ),
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",

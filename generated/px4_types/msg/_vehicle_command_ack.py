@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QI2B2xiBxH?")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -76,6 +78,39 @@ class VehicleCommandAck(_cdr.Message):
     ARM_AUTH_DENIED_REASON_TIMEOUT: Final = 3
     ARM_AUTH_DENIED_REASON_AIRSPACE_IN_USE: Final = 4
     ARM_AUTH_DENIED_REASON_BAD_WEATHER: Final = 5
+
+    class VehicleCmdResult(_IntEnum):
+        """Values of `result`."""
+
+        ACCEPTED = 0
+        """Valid and carried out or started."""
+
+        TEMPORARILY_REJECTED = 1
+        """Not possible in the present state, worth a later retry."""
+
+        DENIED = 2
+        """Refused, for example for invalid parameters. A retry will not help."""
+
+        UNSUPPORTED = 3
+        """Nobody handles it."""
+
+        FAILED = 4
+        """Valid, but went wrong on execution."""
+
+        IN_PROGRESS = 5
+        """Still running, a final result follows."""
+
+        CANCELLED = 6
+        """Stopped before completion."""
+
+        COMMAND_LONG_ONLY = 7
+        """Send it again as COMMAND_LONG."""
+
+        COMMAND_INT_ONLY = 8
+        """Send it again as COMMAND_INT."""
+
+        UNSUPPORTED_MAV_FRAME = 9
+        """Not in this coordinate frame."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -164,14 +199,38 @@ class VehicleCommandAck(_cdr.Message):
         message_version=1,
         topics=("vehicle_command_ack",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("command", "uint32", 8, 4, unit="-"),
-            info.Field("result", "uint8", 12, 1, enum="VEHICLE_CMD_RESULT"),
-            info.Field("result_param1", "uint8", 13, 1, unit="-"),
-            info.Field("result_param2", "int32", 16, 4),
-            info.Field("target_system", "uint8", 20, 1, unit="-"),
-            info.Field("target_component", "uint16", 22, 2),
-            info.Field("from_external", "bool", 24, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "command", "uint32", 8, 4, unit="-",
+                description="Number of the command answered, a VEHICLE_CMD_* value of VehicleCommand.",
+            ),
+            info.Field(
+                "result", "uint8", 12, 1, enum="VEHICLE_CMD_RESULT", enum_class="VehicleCmdResult",
+                description="Outcome.",
+            ),
+            info.Field(
+                "result_param1", "uint8", 13, 1, unit="-",
+                description=(
+                    "Progress in percent with IN_PROGRESS. When arming is refused by an authorizer, an "
+                    "ARM_AUTH_DENIED_REASON_* value."
+                ),
+            ),
+            info.Field(
+                "result_param2", "int32", 16, 4,
+                description="Detail depending on the command, such as the number of the faulty waypoint.",
+            ),
+            info.Field(
+                "target_system", "uint8", 20, 1, unit="-",
+                description="MAVLink system id of the one who sent the command.",
+            ),
+            info.Field(
+                "target_component", "uint16", 22, 2,
+                description="MAVLink component id of the one who sent it. From 1000 on it denotes a mode executor.",
+            ),
+            info.Field(
+                "from_external", "bool", 24, 1,
+                description="True if the command started outside the autopilot, such as on a MAVLink link.",
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION", "uint8 ORB_QUEUE_LENGTH VEHICLE_CMD_RESULT_ACCEPTED",

@@ -89,10 +89,13 @@ class VehicleConstraints(_cdr.Message):
         message_version=0,
         topics=("vehicle_constraints",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("speed_up", "float32", 8, 4, unit="m/s", invalid="NaN"),
             info.Field("speed_down", "float32", 12, 4, unit="m/s", invalid="NaN"),
-            info.Field("want_takeoff", "bool", 16, 1),
+            info.Field(
+                "want_takeoff", "bool", 16, 1,
+                description="Starts a takeoff from the ground; has no effect in the air.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -165,19 +165,46 @@ class VehicleControlMode(_cdr.Message):
         message_version=0,
         topics=("vehicle_control_mode",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("flag_armed", "bool", 8, 1),
-            info.Field("flag_multicopter_position_control_enabled", "bool", 9, 1),
-            info.Field("flag_control_manual_enabled", "bool", 10, 1),
-            info.Field("flag_control_auto_enabled", "bool", 11, 1),
-            info.Field("flag_control_offboard_enabled", "bool", 12, 1),
-            info.Field("flag_control_position_enabled", "bool", 13, 1),
-            info.Field("flag_control_velocity_enabled", "bool", 14, 1),
-            info.Field("flag_control_altitude_enabled", "bool", 15, 1),
-            info.Field("flag_control_climb_rate_enabled", "bool", 16, 1),
-            info.Field("flag_control_attitude_enabled", "bool", 17, 1),
-            info.Field("flag_control_rates_enabled", "bool", 18, 1),
-            info.Field("flag_control_allocation_enabled", "bool", 19, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("flag_armed", "bool", 8, 1, description="Same as armed in ActuatorArmed."),
+            info.Field(
+                "flag_multicopter_position_control_enabled", "bool", 9, 1,
+                description="The multicopter position controller runs. Never set for planes and rovers.",
+            ),
+            info.Field(
+                "flag_control_manual_enabled", "bool", 10, 1, description="Stick input has an effect.",
+            ),
+            info.Field(
+                "flag_control_auto_enabled", "bool", 11, 1,
+                description="An automatic mode flies, such as mission or return.",
+            ),
+            info.Field(
+                "flag_control_offboard_enabled", "bool", 12, 1,
+                description="Setpoints come from an offboard computer.",
+            ),
+            info.Field(
+                "flag_control_position_enabled", "bool", 13, 1, description="Horizontal position loop runs.",
+            ),
+            info.Field(
+                "flag_control_velocity_enabled", "bool", 14, 1,
+                description="Horizontal velocity loop runs, direction included.",
+            ),
+            info.Field(
+                "flag_control_altitude_enabled", "bool", 15, 1, description="Altitude loop runs.",
+            ),
+            info.Field(
+                "flag_control_climb_rate_enabled", "bool", 16, 1, description="Vertical speed loop runs.",
+            ),
+            info.Field(
+                "flag_control_attitude_enabled", "bool", 17, 1, description="Attitude loop runs.",
+            ),
+            info.Field(
+                "flag_control_rates_enabled", "bool", 18, 1, description="Body rate loop runs.",
+            ),
+            info.Field(
+                "flag_control_allocation_enabled", "bool", 19, 1,
+                description="Thrust and torque are spread to the actuators. False when these are commanded directly.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -187,24 +187,60 @@ class VehicleGlobalPosition(_cdr.Message):
             "estimator_global_position",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("lat", "float64", 16, 8, unit="deg"),
-            info.Field("lon", "float64", 24, 8, unit="deg"),
-            info.Field("alt", "float32", 32, 4, unit="m"),
-            info.Field("alt_ellipsoid", "float32", 36, 4, unit="m"),
-            info.Field("lat_lon_valid", "bool", 40, 1),
-            info.Field("alt_valid", "bool", 41, 1),
-            info.Field("delta_alt", "float32", 44, 4, unit="m"),
-            info.Field("delta_terrain", "float32", 48, 4, unit="m"),
-            info.Field("lat_lon_reset_counter", "uint8", 52, 1),
-            info.Field("alt_reset_counter", "uint8", 53, 1),
-            info.Field("terrain_reset_counter", "uint8", 54, 1),
-            info.Field("eph", "float32", 56, 4, unit="m"),
-            info.Field("epv", "float32", 60, 4, unit="m"),
-            info.Field("terrain_alt", "float32", 64, 4, unit="m", frame="WGS84"),
-            info.Field("terrain_alt_valid", "bool", 68, 1),
-            info.Field("dead_reckoning", "bool", 69, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="Time of the sensor data that the estimate belongs to.",
+            ),
+            info.Field("lat", "float64", 16, 8, unit="deg", description="Latitude, WGS84."),
+            info.Field("lon", "float64", 24, 8, unit="deg", description="Longitude, WGS84."),
+            info.Field(
+                "alt", "float32", 32, 4, unit="m", description="Height above mean sea level.",
+            ),
+            info.Field(
+                "alt_ellipsoid", "float32", 36, 4, unit="m", description="Height above the WGS84 ellipsoid.",
+            ),
+            info.Field(
+                "lat_lon_valid", "bool", 40, 1, description="The horizontal position can be used.",
+            ),
+            info.Field("alt_valid", "bool", 41, 1, description="The altitudes can be used."),
+            info.Field(
+                "delta_alt", "float32", 44, 4, unit="m", description="Jump of alt at its latest reset.",
+            ),
+            info.Field(
+                "delta_terrain", "float32", 48, 4, unit="m",
+                description="Jump of terrain_alt at its latest reset.",
+            ),
+            info.Field(
+                "lat_lon_reset_counter", "uint8", 52, 1,
+                description="Increments when lat and lon jump, e.g. after GNSS returns. Wraps around.",
+            ),
+            info.Field(
+                "alt_reset_counter", "uint8", 53, 1, description="Increments when alt jumps by delta_alt.",
+            ),
+            info.Field(
+                "terrain_reset_counter", "uint8", 54, 1,
+                description="Increments when terrain_alt jumps by delta_terrain.",
+            ),
+            info.Field(
+                "eph", "float32", 56, 4, unit="m",
+                description="Horizontal uncertainty, one standard deviation.",
+            ),
+            info.Field(
+                "epv", "float32", 60, 4, unit="m",
+                description="Vertical uncertainty, one standard deviation.",
+            ),
+            info.Field(
+                "terrain_alt", "float32", 64, 4, unit="m", frame="WGS84",
+                description="Estimated altitude of the ground below the vehicle.",
+            ),
+            info.Field(
+                "terrain_alt_valid", "bool", 68, 1, description="The ground altitude can be used.",
+            ),
+            info.Field(
+                "dead_reckoning", "bool", 69, 1,
+                description="No absolute position source is left, so that the error grows with time.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

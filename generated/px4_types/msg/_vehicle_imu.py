@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("2Q2I6f2I4B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -43,6 +45,13 @@ class VehicleImu(_cdr.Message):
     CLIPPING_Y: Final = 2
     CLIPPING_Z: Final = 4
 
+    class Clipping(_IntFlag):
+        """Flags of `delta_angle_clipping`, `delta_velocity_clipping`."""
+
+        X = 1
+        Y = 2
+        Z = 4
+
     timestamp: int
     """uint64 [us] Time since boot."""
 
@@ -68,10 +77,10 @@ class VehicleImu(_cdr.Message):
     """uint32 [us]"""
 
     delta_angle_clipping: int
-    """uint8 Bitmask of CLIPPING_*, gyro axes that reached their limit."""
+    """uint8 [@enum CLIPPING] Bitmask of gyro axes that reached their limit."""
 
     delta_velocity_clipping: int
-    """uint8 Bitmask of CLIPPING_*, accelerometer axes that reached their limit."""
+    """uint8 [@enum CLIPPING] Bitmask of accelerometer axes that reached their limit."""
 
     accel_calibration_count: int
     """uint8 Goes up with every new calibration."""
@@ -156,18 +165,32 @@ class VehicleImu(_cdr.Message):
         message_version=0,
         topics=("vehicle_imu",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("accel_device_id", "uint32", 16, 4),
-            info.Field("gyro_device_id", "uint32", 20, 4),
+            info.Field(
+                "accel_device_id", "uint32", 16, 4, description="Stays the same across reboots.",
+            ),
+            info.Field(
+                "gyro_device_id", "uint32", 20, 4, description="Stays the same across reboots.",
+            ),
             info.Field("delta_angle", "float32[3]", 24, 12, unit="rad", frame="FRD"),
             info.Field("delta_velocity", "float32[3]", 36, 12, unit="m/s", frame="FRD"),
             info.Field("delta_angle_dt", "uint32", 48, 4, unit="us"),
             info.Field("delta_velocity_dt", "uint32", 52, 4, unit="us"),
-            info.Field("delta_angle_clipping", "uint8", 56, 1),
-            info.Field("delta_velocity_clipping", "uint8", 57, 1),
-            info.Field("accel_calibration_count", "uint8", 58, 1),
-            info.Field("gyro_calibration_count", "uint8", 59, 1),
+            info.Field(
+                "delta_angle_clipping", "uint8", 56, 1, enum="CLIPPING", enum_class="Clipping",
+                description="Bitmask of gyro axes that reached their limit.",
+            ),
+            info.Field(
+                "delta_velocity_clipping", "uint8", 57, 1, enum="CLIPPING", enum_class="Clipping",
+                description="Bitmask of accelerometer axes that reached their limit.",
+            ),
+            info.Field(
+                "accel_calibration_count", "uint8", 58, 1, description="Goes up with every new calibration.",
+            ),
+            info.Field(
+                "gyro_calibration_count", "uint8", 59, 1, description="Goes up with every new calibration.",
+            ),
         ),
         constants=info.constants(cls, "uint8 CLIPPING_X CLIPPING_Y CLIPPING_Z"),
         cls=cls,

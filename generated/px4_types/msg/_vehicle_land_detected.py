@@ -161,19 +161,55 @@ class VehicleLandDetected(_cdr.Message):
         message_version=0,
         topics=("vehicle_land_detected",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("freefall", "bool", 8, 1),
-            info.Field("ground_contact", "bool", 9, 1),
-            info.Field("maybe_landed", "bool", 10, 1),
-            info.Field("landed", "bool", 11, 1),
-            info.Field("in_ground_effect", "bool", 12, 1),
-            info.Field("in_descend", "bool", 13, 1),
-            info.Field("has_low_throttle", "bool", 14, 1),
-            info.Field("vertical_movement", "bool", 15, 1),
-            info.Field("horizontal_movement", "bool", 16, 1),
-            info.Field("rotational_movement", "bool", 17, 1),
-            info.Field("close_to_ground_or_skipped_check", "bool", 18, 1),
-            info.Field("at_rest", "bool", 19, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "freefall", "bool", 8, 1,
+                description="Accelerometers read almost no force: the vehicle drops without lift.",
+            ),
+            info.Field(
+                "ground_contact", "bool", 9, 1,
+                description="Stage 1 of landing: the vehicle stopped sinking although told to descend.",
+            ),
+            info.Field(
+                "maybe_landed", "bool", 10, 1,
+                description="Stage 2 of landing: contact lasts, thrust is minimal and nothing rotates.",
+            ),
+            info.Field(
+                "landed", "bool", 11, 1,
+                description="Stage 3 of landing: the vehicle stands on the ground. Always true while disarmed.",
+            ),
+            info.Field(
+                "in_ground_effect", "bool", 12, 1,
+                description=(
+                    "Air pressure readings may suffer from rotor wash close to the ground, so barometer "
+                    "height is doubtful."
+                ),
+            ),
+            info.Field(
+                "in_descend", "bool", 13, 1, description="The controller currently demands a descent.",
+            ),
+            info.Field(
+                "has_low_throttle", "bool", 14, 1, description="Thrust is clearly below what hovering takes.",
+            ),
+            info.Field(
+                "vertical_movement", "bool", 15, 1,
+                description="Climb or sink rate exceeds the landing threshold, or is unknown.",
+            ),
+            info.Field(
+                "horizontal_movement", "bool", 16, 1,
+                description="Ground speed exceeds the landing threshold.",
+            ),
+            info.Field(
+                "rotational_movement", "bool", 17, 1, description="Turn rate exceeds the landing threshold.",
+            ),
+            info.Field(
+                "close_to_ground_or_skipped_check", "bool", 18, 1,
+                description="Distance to ground is small, or there is no valid measurement of it to check.",
+            ),
+            info.Field(
+                "at_rest", "bool", 19, 1,
+                description="The vehicle is landed and its IMU feels no motion or vibration.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntFlag as _IntFlag
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntFlag = _cdr.IntFlag
 
 _LAYOUT = _cdr.Layout("2Q4?5fB3xfB3x6fB3xfB3x7fB?2xf2?2xQ2df?3x3f2B2x4f?3x5f")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -65,6 +67,17 @@ class VehicleLocalPosition(_cdr.Message):
 
     DIST_BOTTOM_SENSOR_FLOW: Final = 2
     """Optical flow, mostly on planes."""
+
+    class DistBottomSensor(_IntFlag):
+        """Flags of `dist_bottom_sensor_bitfield`."""
+
+        NONE = 0
+
+        RANGE = 1
+        """Distance sensor."""
+
+        FLOW = 2
+        """Optical flow, mostly on planes."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -410,61 +423,186 @@ class VehicleLocalPosition(_cdr.Message):
             "estimator_local_position",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("xy_valid", "bool", 16, 1),
-            info.Field("z_valid", "bool", 17, 1),
-            info.Field("v_xy_valid", "bool", 18, 1),
-            info.Field("v_z_valid", "bool", 19, 1),
-            info.Field("x", "float32", 20, 4, unit="m", frame="NED"),
-            info.Field("y", "float32", 24, 4, unit="m", frame="NED"),
-            info.Field("z", "float32", 28, 4, unit="m", frame="NED"),
-            info.Field("delta_xy", "float32[2]", 32, 8, unit="m", frame="NED"),
-            info.Field("xy_reset_counter", "uint8", 40, 1),
-            info.Field("delta_z", "float32", 44, 4, unit="m", frame="NED"),
-            info.Field("z_reset_counter", "uint8", 48, 1),
-            info.Field("vx", "float32", 52, 4, unit="m/s", frame="NED"),
-            info.Field("vy", "float32", 56, 4, unit="m/s", frame="NED"),
-            info.Field("vz", "float32", 60, 4, unit="m/s", frame="NED"),
-            info.Field("z_deriv", "float32", 64, 4, unit="m/s", frame="NED"),
-            info.Field("delta_vxy", "float32[2]", 68, 8, unit="m/s", frame="NED"),
-            info.Field("vxy_reset_counter", "uint8", 76, 1),
-            info.Field("delta_vz", "float32", 80, 4, unit="m/s", frame="NED"),
-            info.Field("vz_reset_counter", "uint8", 84, 1),
-            info.Field("ax", "float32", 88, 4, unit="m/s^2", frame="NED"),
-            info.Field("ay", "float32", 92, 4, unit="m/s^2", frame="NED"),
-            info.Field("az", "float32", 96, 4, unit="m/s^2", frame="NED"),
-            info.Field("heading", "float32", 100, 4, unit="rad", range="-pi, pi", frame="NED"),
-            info.Field("heading_var", "float32", 104, 4, unit="rad^2"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="Time of the IMU data behind the estimate.",
+            ),
+            info.Field("xy_valid", "bool", 16, 1, description="True if x and y can be used."),
+            info.Field("z_valid", "bool", 17, 1, description="True if z can be used."),
+            info.Field("v_xy_valid", "bool", 18, 1, description="True if vx and vy can be used."),
+            info.Field("v_z_valid", "bool", 19, 1, description="True if vz can be used."),
+            info.Field(
+                "x", "float32", 20, 4, unit="m", frame="NED", description="North of the origin.",
+            ),
+            info.Field(
+                "y", "float32", 24, 4, unit="m", frame="NED", description="East of the origin.",
+            ),
+            info.Field(
+                "z", "float32", 28, 4, unit="m", frame="NED",
+                description="Below the origin, so negative when higher.",
+            ),
+            info.Field(
+                "delta_xy", "float32[2]", 32, 8, unit="m", frame="NED",
+                description="Jump of x and y at the last reset.",
+            ),
+            info.Field(
+                "xy_reset_counter", "uint8", 40, 1, description="Goes up with every reset of x and y.",
+            ),
+            info.Field(
+                "delta_z", "float32", 44, 4, unit="m", frame="NED",
+                description="Jump of z at the last reset.",
+            ),
+            info.Field(
+                "z_reset_counter", "uint8", 48, 1, description="Goes up with every reset of z.",
+            ),
+            info.Field(
+                "vx", "float32", 52, 4, unit="m/s", frame="NED", description="Speed to the north.",
+            ),
+            info.Field(
+                "vy", "float32", 56, 4, unit="m/s", frame="NED", description="Speed to the east.",
+            ),
+            info.Field(
+                "vz", "float32", 60, 4, unit="m/s", frame="NED", description="Speed downwards.",
+            ),
+            info.Field(
+                "z_deriv", "float32", 64, 4, unit="m/s", frame="NED",
+                description="Rate of change of z, fits z better than vz does.",
+            ),
+            info.Field(
+                "delta_vxy", "float32[2]", 68, 8, unit="m/s", frame="NED",
+                description="Jump of vx and vy at the last reset.",
+            ),
+            info.Field(
+                "vxy_reset_counter", "uint8", 76, 1, description="Goes up with every reset of vx and vy.",
+            ),
+            info.Field(
+                "delta_vz", "float32", 80, 4, unit="m/s", frame="NED",
+                description="Jump of vz at the last reset.",
+            ),
+            info.Field(
+                "vz_reset_counter", "uint8", 84, 1, description="Goes up with every reset of vz.",
+            ),
+            info.Field(
+                "ax", "float32", 88, 4, unit="m/s^2", frame="NED", description="Acceleration to the north.",
+            ),
+            info.Field(
+                "ay", "float32", 92, 4, unit="m/s^2", frame="NED", description="Acceleration to the east.",
+            ),
+            info.Field(
+                "az", "float32", 96, 4, unit="m/s^2", frame="NED",
+                description="Acceleration downwards, gravity removed.",
+            ),
+            info.Field(
+                "heading", "float32", 100, 4, unit="rad", range="-pi, pi", frame="NED",
+                description="Yaw of the vehicle, clockwise from north.",
+            ),
+            info.Field(
+                "heading_var", "float32", 104, 4, unit="rad^2", description="Variance of heading.",
+            ),
             info.Field(
                 "unaided_heading", "float32", 108, 4, unit="rad", range="-pi, pi", frame="NED",
+                description="Heading from the corrected gyro alone: drifts slowly, but never jumps.",
             ),
-            info.Field("delta_heading", "float32", 112, 4, unit="rad"),
-            info.Field("heading_reset_counter", "uint8", 116, 1),
-            info.Field("heading_good_for_control", "bool", 117, 1),
-            info.Field("tilt_var", "float32", 120, 4, unit="rad^2"),
-            info.Field("xy_global", "bool", 124, 1),
-            info.Field("z_global", "bool", 125, 1),
-            info.Field("ref_timestamp", "uint64", 128, 8, unit="us"),
-            info.Field("ref_lat", "float64", 136, 8, unit="deg"),
-            info.Field("ref_lon", "float64", 144, 8, unit="deg"),
-            info.Field("ref_alt", "float32", 152, 4, unit="m"),
-            info.Field("dist_bottom_valid", "bool", 156, 1),
-            info.Field("dist_bottom", "float32", 160, 4, unit="m"),
-            info.Field("dist_bottom_var", "float32", 164, 4, unit="m^2"),
-            info.Field("delta_dist_bottom", "float32", 168, 4, unit="m"),
-            info.Field("dist_bottom_reset_counter", "uint8", 172, 1),
-            info.Field("dist_bottom_sensor_bitfield", "uint8", 173, 1, enum="DIST_BOTTOM_SENSOR"),
-            info.Field("eph", "float32", 176, 4, unit="m"),
-            info.Field("epv", "float32", 180, 4, unit="m"),
-            info.Field("evh", "float32", 184, 4, unit="m/s"),
-            info.Field("evv", "float32", 188, 4, unit="m/s"),
-            info.Field("dead_reckoning", "bool", 192, 1),
-            info.Field("vxy_max", "float32", 196, 4, unit="m/s", invalid="INFINITY"),
-            info.Field("vz_max", "float32", 200, 4, unit="m/s", invalid="INFINITY"),
-            info.Field("hagl_min", "float32", 204, 4, unit="m", invalid="INFINITY"),
-            info.Field("hagl_max_z", "float32", 208, 4, unit="m", invalid="INFINITY"),
-            info.Field("hagl_max_xy", "float32", 212, 4, unit="m", invalid="INFINITY"),
+            info.Field(
+                "delta_heading", "float32", 112, 4, unit="rad",
+                description="Jump of heading at the last reset.",
+            ),
+            info.Field(
+                "heading_reset_counter", "uint8", 116, 1, description="Goes up with every reset of heading.",
+            ),
+            info.Field(
+                "heading_good_for_control", "bool", 117, 1,
+                description="Heading is aligned well enough to control position with it.",
+            ),
+            info.Field(
+                "tilt_var", "float32", 120, 4, unit="rad^2",
+                description="Variance of the tilt (roll and pitch) estimate.",
+            ),
+            info.Field(
+                "xy_global", "bool", 124, 1,
+                description="True if ref_lat and ref_lon are valid, so x and y can be turned into latitude and longitude.",
+            ),
+            info.Field(
+                "z_global", "bool", 125, 1,
+                description="True if ref_alt is valid, so z can be turned into an altitude.",
+            ),
+            info.Field(
+                "ref_timestamp", "uint64", 128, 8, unit="us",
+                description="Time since boot at which the reference point was set.",
+            ),
+            info.Field(
+                "ref_lat", "float64", 136, 8, unit="deg", description="Latitude of the origin, WGS84.",
+            ),
+            info.Field(
+                "ref_lon", "float64", 144, 8, unit="deg", description="Longitude of the origin, WGS84.",
+            ),
+            info.Field(
+                "ref_alt", "float32", 152, 4, unit="m",
+                description="Altitude of the origin above mean sea level.",
+            ),
+            info.Field(
+                "dist_bottom_valid", "bool", 156, 1, description="True if dist_bottom can be used.",
+            ),
+            info.Field(
+                "dist_bottom", "float32", 160, 4, unit="m",
+                description="Height of the vehicle above the terrain.",
+            ),
+            info.Field(
+                "dist_bottom_var", "float32", 164, 4, unit="m^2",
+                description="Variance of the terrain height.",
+            ),
+            info.Field(
+                "delta_dist_bottom", "float32", 168, 4, unit="m",
+                description="Jump of dist_bottom at the last reset.",
+            ),
+            info.Field(
+                "dist_bottom_reset_counter", "uint8", 172, 1,
+                description="Goes up with every reset of dist_bottom.",
+            ),
+            info.Field(
+                "dist_bottom_sensor_bitfield", "uint8", 173, 1, enum="DIST_BOTTOM_SENSOR",
+                enum_class="DistBottomSensor", description="Bitmask of the sensors behind dist_bottom.",
+            ),
+            info.Field(
+                "eph", "float32", 176, 4, unit="m", description="Expected error (1 sigma) of x and y.",
+            ),
+            info.Field(
+                "epv", "float32", 180, 4, unit="m", description="Expected error (1 sigma) of z.",
+            ),
+            info.Field(
+                "evh", "float32", 184, 4, unit="m/s", description="Expected error (1 sigma) of vx and vy.",
+            ),
+            info.Field(
+                "evv", "float32", 188, 4, unit="m/s", description="Expected error (1 sigma) of vz.",
+            ),
+            info.Field(
+                "dead_reckoning", "bool", 192, 1,
+                description=(
+                    "No position or velocity aiding over ground: the estimate runs on IMU or wind data and "
+                    "drifts."
+                ),
+            ),
+            info.Field(
+                "vxy_max", "float32", 196, 4, unit="m/s", invalid="INFINITY",
+                description="Horizontal speed the estimator can cope with.",
+            ),
+            info.Field(
+                "vz_max", "float32", 200, 4, unit="m/s", invalid="INFINITY",
+                description="Vertical speed the estimator can cope with.",
+            ),
+            info.Field(
+                "hagl_min", "float32", 204, 4, unit="m", invalid="INFINITY",
+                description="Stay at least this high above ground for the estimate to hold.",
+            ),
+            info.Field(
+                "hagl_max_z", "float32", 208, 4, unit="m", invalid="INFINITY",
+                description="Stay below this height over ground for altitude control to work.",
+            ),
+            info.Field(
+                "hagl_max_xy", "float32", 212, 4, unit="m", invalid="INFINITY",
+                description="Stay below this height over ground for horizontal control to work.",
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",

@@ -136,7 +136,7 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
         message_version=0,
         topics=("vehicle_local_position_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("x", "float32", 8, 4, unit="m", invalid="NaN", frame="NED"),
             info.Field("y", "float32", 12, 4, unit="m", invalid="NaN", frame="NED"),
             info.Field("z", "float32", 16, 4, unit="m", invalid="NaN", frame="NED"),
@@ -146,7 +146,10 @@ class VehicleLocalPositionSetpoint(_cdr.Message):
             info.Field(
                 "acceleration", "float32[3]", 32, 12, unit="m/s^2", invalid="NaN", frame="NED",
             ),
-            info.Field("thrust", "float32[3]", 44, 12, unit="-", invalid="NaN", frame="NED"),
+            info.Field(
+                "thrust", "float32[3]", 44, 12, unit="-", invalid="NaN", frame="NED",
+                description="Normalized.",
+            ),
             info.Field(
                 "yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
             ),

@@ -104,11 +104,15 @@ class VehicleMagnetometer(_cdr.Message):
         message_version=0,
         topics=("vehicle_magnetometer",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("device_id", "uint32", 16, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the sensor was sampled.",
+            ),
+            info.Field("device_id", "uint32", 16, 4, description="Magnetometer in use."),
             info.Field("magnetometer_ga", "float32[3]", 20, 12, unit="Gs", frame="FRD"),
-            info.Field("calibration_count", "uint8", 32, 1),
+            info.Field(
+                "calibration_count", "uint8", 32, 1, description="Goes up with every new calibration.",
+            ),
         ),
         constants=(),
         cls=cls,

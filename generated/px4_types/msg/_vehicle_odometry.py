@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("2QB3x7fB3x15fBb")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -63,6 +65,33 @@ class VehicleOdometry(_cdr.Message):
 
     VELOCITY_FRAME_BODY_FRD: Final = 3
     """Axes of the vehicle: forward, right, down."""
+
+    class PoseFrame(_IntEnum):
+        """Values of `pose_frame`."""
+
+        UNKNOWN = 0
+        """Not stated."""
+
+        NED = 1
+        """North, east, down; north is true north."""
+
+        FRD = 2
+        """Level frame with z down, turned from north by a fixed but arbitrary angle."""
+
+    class VelocityFrame(_IntEnum):
+        """Values of `velocity_frame`."""
+
+        UNKNOWN = 0
+        """Not stated."""
+
+        NED = 1
+        """North, east, down."""
+
+        FRD = 2
+        """Level frame with z down, turned from north by a fixed but arbitrary angle."""
+
+        BODY_FRD = 3
+        """Axes of the vehicle: forward, right, down."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -218,30 +247,61 @@ class VehicleOdometry(_cdr.Message):
             "vehicle_odometry", "vehicle_mocap_odometry", "vehicle_visual_odometry", "estimator_odometry",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("pose_frame", "uint8", 16, 1, enum="POSE_FRAME"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="When the underlying measurement was taken.",
+            ),
+            info.Field(
+                "pose_frame", "uint8", 16, 1, enum="POSE_FRAME", enum_class="PoseFrame",
+                description="Frame that position and q refer to.",
+            ),
             info.Field(
                 "position", "float32[3]", 20, 12, unit="m", invalid="NaN If invalid/unknown",
-                frame="local frame",
+                frame="local frame", description="Offset from the place where the estimate started.",
             ),
             info.Field(
                 "q", "float32[4]", 32, 16, unit="-", invalid="NaN First value if invalid/unknown",
+                description="Rotation from body axes to pose_frame as Hamilton quaternion w, x, y, z.",
             ),
-            info.Field("velocity_frame", "uint8", 48, 1, enum="VELOCITY_FRAME"),
+            info.Field(
+                "velocity_frame", "uint8", 48, 1, enum="VELOCITY_FRAME", enum_class="VelocityFrame",
+                description="Frame that velocity refers to.",
+            ),
             info.Field(
                 "velocity", "float32[3]", 52, 12, unit="m/s", invalid="NaN If invalid/unknown",
-                frame="@velocity_frame",
+                frame="@velocity_frame", description="Speed along the three axes.",
             ),
             info.Field(
                 "angular_velocity", "float32[3]", 64, 12, unit="rad/s", invalid="NaN If invalid/unknown",
-                frame="@VELOCITY_FRAME_BODY_FRD",
+                frame="@VELOCITY_FRAME_BODY_FRD", description="Rate of turn around the body axes.",
             ),
-            info.Field("position_variance", "float32[3]", 76, 12, unit="m^2"),
-            info.Field("orientation_variance", "float32[3]", 88, 12, unit="rad^2"),
-            info.Field("velocity_variance", "float32[3]", 100, 12, unit="m^2/s^2"),
-            info.Field("reset_counter", "uint8", 112, 1, unit="-"),
-            info.Field("quality", "int8", 113, 1, unit="-", invalid="0"),
+            info.Field(
+                "position_variance", "float32[3]", 76, 12, unit="m^2",
+                description="Uncertainty of position, per axis.",
+            ),
+            info.Field(
+                "orientation_variance", "float32[3]", 88, 12, unit="rad^2",
+                description="Uncertainty of the attitude as roll, pitch and yaw about the body axes.",
+            ),
+            info.Field(
+                "velocity_variance", "float32[3]", 100, 12, unit="m^2/s^2",
+                description="Uncertainty of velocity, per axis.",
+            ),
+            info.Field(
+                "reset_counter", "uint8", 112, 1, unit="-",
+                description=(
+                    "Increments when the source jumps, so that the consumer can restart instead of fusing "
+                    "the jump."
+                ),
+            ),
+            info.Field(
+                "quality", "int8", 113, 1, unit="-", invalid="0",
+                description=(
+                    "Confidence in the data, higher is better. EKF2 holds that of visual odometry against "
+                    "EKF2_EV_QMIN."
+                ),
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",

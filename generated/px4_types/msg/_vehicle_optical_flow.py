@@ -141,19 +141,35 @@ class VehicleOpticalFlow(_cdr.Message):
         message_version=0,
         topics=("vehicle_optical_flow",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("device_id", "uint32", 16, 4),
-            info.Field("pixel_flow", "float32[2]", 20, 8, unit="rad", frame="Body"),
+            info.Field("device_id", "uint32", 16, 4, description="Stays the same across reboots."),
+            info.Field(
+                "pixel_flow", "float32[2]", 20, 8, unit="rad", frame="Body",
+                description="Right-handed rotation about the axis counts positive.",
+            ),
             info.Field(
                 "delta_angle", "float32[3]", 28, 12, unit="rad", invalid="NaN", frame="Body",
+                description="Rotation from the gyro over the same time.",
             ),
-            info.Field("distance_m", "float32", 40, 4, unit="m", invalid="NaN"),
+            info.Field(
+                "distance_m", "float32", 40, 4, unit="m", invalid="NaN",
+                description="Range to the middle of the picture.",
+            ),
             info.Field("integration_timespan_us", "uint32", 44, 4, unit="us"),
-            info.Field("quality", "uint8", 48, 1, range="0, 255"),
-            info.Field("max_flow_rate", "float32", 52, 4, unit="rad/s"),
-            info.Field("min_ground_distance", "float32", 56, 4, unit="m"),
-            info.Field("max_ground_distance", "float32", 60, 4, unit="m"),
+            info.Field("quality", "uint8", 48, 1, range="0, 255", description="Higher is better."),
+            info.Field(
+                "max_flow_rate", "float32", 52, 4, unit="rad/s",
+                description="Fastest flow the sensor can be trusted with.",
+            ),
+            info.Field(
+                "min_ground_distance", "float32", 56, 4, unit="m",
+                description="The sensor is not reliable below.",
+            ),
+            info.Field(
+                "max_ground_distance", "float32", 60, 4, unit="m",
+                description="The sensor is not reliable above.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -168,17 +168,39 @@ class VehicleOpticalFlowVel(_cdr.Message):
         message_version=0,
         topics=("estimator_optical_flow_vel", "vehicle_optical_flow_vel"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("vel_body", "float32[2]", 16, 8, unit="m/s", frame="FRD"),
-            info.Field("vel_ne", "float32[2]", 24, 8, unit="m/s", frame="NED"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the sensor was sampled.",
+            ),
+            info.Field(
+                "vel_body", "float32[2]", 16, 8, unit="m/s", frame="FRD",
+                description="Forward and right, with the rotation taken out.",
+            ),
+            info.Field(
+                "vel_ne", "float32[2]", 24, 8, unit="m/s", frame="NED",
+                description="The same as north and east.",
+            ),
             info.Field("vel_body_filtered", "float32[2]", 32, 8, unit="m/s", frame="FRD"),
             info.Field("vel_ne_filtered", "float32[2]", 40, 8, unit="m/s", frame="NED"),
-            info.Field("flow_rate_uncompensated", "float32[2]", 48, 8, unit="rad/s"),
-            info.Field("flow_rate_compensated", "float32[2]", 56, 8, unit="rad/s"),
-            info.Field("gyro_rate", "float32[3]", 64, 12, unit="rad/s"),
-            info.Field("gyro_bias", "float32[3]", 76, 12, unit="rad/s"),
-            info.Field("ref_gyro", "float32[3]", 88, 12, unit="rad/s"),
+            info.Field(
+                "flow_rate_uncompensated", "float32[2]", 48, 8, unit="rad/s", description="Flow as measured.",
+            ),
+            info.Field(
+                "flow_rate_compensated", "float32[2]", 56, 8, unit="rad/s",
+                description="Flow without the share of the vehicle's rotation.",
+            ),
+            info.Field(
+                "gyro_rate", "float32[3]", 64, 12, unit="rad/s",
+                description="Over the same interval as the flow.",
+            ),
+            info.Field(
+                "gyro_bias", "float32[3]", 76, 12, unit="rad/s",
+                description="Bias of the gyro in the flow sensor.",
+            ),
+            info.Field(
+                "ref_gyro", "float32[3]", 88, 12, unit="rad/s",
+                description="Rate of the IMU to compare it with.",
+            ),
         ),
         constants=(),
         cls=cls,

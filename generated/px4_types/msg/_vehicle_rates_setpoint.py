@@ -113,12 +113,27 @@ class VehicleRatesSetpoint(_cdr.Message):
         message_version=0,
         topics=("vehicle_rates_setpoint",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("roll", "float32", 8, 4, unit="rad/s", frame="FRD"),
-            info.Field("pitch", "float32", 12, 4, unit="rad/s", frame="FRD"),
-            info.Field("yaw", "float32", 16, 4, unit="rad/s", frame="FRD"),
-            info.Field("thrust_body", "float32[3]", 20, 12, unit="-", range="-1, 1", frame="FRD"),
-            info.Field("reset_integral", "bool", 32, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "roll", "float32", 8, 4, unit="rad/s", frame="FRD",
+                description="Wanted rate about the forward axis, positive lowers the right side.",
+            ),
+            info.Field(
+                "pitch", "float32", 12, 4, unit="rad/s", frame="FRD",
+                description="Wanted rate about the right axis, positive raises the nose.",
+            ),
+            info.Field(
+                "yaw", "float32", 16, 4, unit="rad/s", frame="FRD",
+                description="Wanted rate about the down axis, positive turns right.",
+            ),
+            info.Field(
+                "thrust_body", "float32[3]", 20, 12, unit="-", range="-1, 1", frame="FRD",
+                description="Share of full thrust per body axis: multicopters use negative z, fixed wings positive x.",
+            ),
+            info.Field(
+                "reset_integral", "bool", 32, 1,
+                description="Clears the integrators of the rate controller, for instance when the flight mode changes.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB7x2d4f", xcdr2="QB3x2Q4I")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -49,6 +51,23 @@ class VehicleRoi(_cdr.Message):
     """A tracked object."""
 
     ROI_ENUM_END: Final = 5
+
+    class Roi(_IntEnum):
+        """Values of `mode`."""
+
+        NONE = 0
+
+        WPNEXT = 1
+        """Next mission waypoint, plus the offsets below."""
+
+        WPINDEX = 2
+        """A certain mission waypoint."""
+
+        LOCATION = 3
+        """The coordinates below."""
+
+        TARGET = 4
+        """A tracked object."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -132,14 +151,18 @@ class VehicleRoi(_cdr.Message):
         message_version=0,
         topics=("vehicle_roi",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("mode", "uint8", 8, 1, enum="ROI"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field("mode", "uint8", 8, 1, enum="ROI", enum_class="Roi"),
             info.Field("lat", "float64", 16, 8, unit="deg"),
             info.Field("lon", "float64", 24, 8, unit="deg"),
-            info.Field("alt", "float32", 32, 4, unit="m"),
-            info.Field("roll_offset", "float32", 36, 4, unit="rad"),
-            info.Field("pitch_offset", "float32", 40, 4, unit="rad"),
-            info.Field("yaw_offset", "float32", 44, 4, unit="rad"),
+            info.Field("alt", "float32", 32, 4, unit="m", description="Above mean sea level."),
+            info.Field(
+                "roll_offset", "float32", 36, 4, unit="rad", description="ROI_WPNEXT only.",
+            ),
+            info.Field(
+                "pitch_offset", "float32", 40, 4, unit="rad", description="ROI_WPNEXT only.",
+            ),
+            info.Field("yaw_offset", "float32", 44, 4, unit="rad", description="ROI_WPNEXT only."),
         ),
         constants=info.constants(
             cls, "uint8 ROI_NONE ROI_WPNEXT ROI_WPINDEX ROI_LOCATION ROI_TARGET ROI_ENUM_END",

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("3Q3B5xQ4B?3x2I2B2?B?B5?3B12?", xcdr2="3Q3BxQ5B3x2I27B")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -159,6 +161,121 @@ class VehicleStatus(_cdr.Message):
 
     FAILSAFE_DEFER_STATE_WOULD_FAILSAFE: Final = 2
     """A failsafe is being held back."""
+
+    class ArmingState(_IntEnum):
+        """Values of `arming_state`."""
+
+        DISARMED = 1
+        ARMED = 2
+
+    class ArmDisarmReason(_IntEnum):
+        """Values of `latest_arming_reason`, `latest_disarming_reason`."""
+
+        STICK_GESTURE = 1
+        RC_SWITCH = 2
+        COMMAND_INTERNAL = 3
+        COMMAND_EXTERNAL = 4
+        MISSION_START = 5
+        LANDING = 6
+        PREFLIGHT_INACTION = 7
+        KILL_SWITCH = 8
+        RC_BUTTON = 13
+        FAILSAFE = 14
+
+    class NavigationState(_IntEnum):
+        """Values of `nav_state_user_intention`, `nav_state`, `nav_state_display`."""
+
+        MANUAL = 0
+
+        ALTCTL = 1
+        """Altitude: pilot flies, height is held."""
+
+        POSCTL = 2
+        """Position: pilot flies, position is held with sticks centered."""
+
+        AUTO_MISSION = 3
+
+        AUTO_LOITER = 4
+        """Hold."""
+
+        AUTO_RTL = 5
+        """Return."""
+
+        POSITION_SLOW = 6
+        """Position with reduced speed limits."""
+
+        GUIDED_COURSE = 7
+        """Fixed wing holds course, altitude and speed as told."""
+
+        ALTITUDE_CRUISE = 8
+        FREE3 = 9
+
+        ACRO = 10
+        """Pilot commands angular rates."""
+
+        FREE2 = 11
+
+        DESCEND = 12
+        """Sinks under attitude control when position is unknown."""
+
+        TERMINATION = 13
+        """Ends the flight, controllers are off."""
+
+        OFFBOARD = 14
+        """Follows setpoints of a companion computer."""
+
+        STAB = 15
+        """Pilot commands attitude and throttle."""
+
+        FREE1 = 16
+        AUTO_TAKEOFF = 17
+        AUTO_LAND = 18
+        AUTO_FOLLOW_TARGET = 19
+
+        AUTO_PRECLAND = 20
+        """Lands on a detected target."""
+
+        ORBIT = 21
+        """Circles a point."""
+
+        AUTO_VTOL_TAKEOFF = 22
+        """Takes off hovering, changes to forward flight and loiters."""
+
+        EXTERNAL1 = 23
+        """First of eight places for modes registered from outside."""
+
+        EXTERNAL2 = 24
+        EXTERNAL3 = 25
+        EXTERNAL4 = 26
+        EXTERNAL5 = 27
+        EXTERNAL6 = 28
+        EXTERNAL7 = 29
+        EXTERNAL8 = 30
+
+    class HilState(_IntEnum):
+        """Values of `hil_state`."""
+
+        OFF = 0
+        ON = 1
+
+    class VehicleType(_IntEnum):
+        """Values of `vehicle_type`."""
+
+        UNSPECIFIED = 0
+        ROTARY_WING = 1
+        FIXED_WING = 2
+        ROVER = 3
+
+    class FailsafeDeferState(_IntEnum):
+        """Values of `failsafe_defer_state`."""
+
+        DISABLED = 0
+
+        ENABLED = 1
+        """Allowed, none pending."""
+
+        WOULD_FAILSAFE = 2
+        """A failsafe is being held back."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -451,47 +568,167 @@ class VehicleStatus(_cdr.Message):
         message_version=4,
         topics=("vehicle_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("armed_time", "uint64", 8, 8, unit="us"),
-            info.Field("takeoff_time", "uint64", 16, 8, unit="us"),
-            info.Field("arming_state", "uint8", 24, 1, enum="ARMING_STATE"),
-            info.Field("latest_arming_reason", "uint8", 25, 1, enum="ARM_DISARM_REASON"),
-            info.Field("latest_disarming_reason", "uint8", 26, 1, enum="ARM_DISARM_REASON"),
-            info.Field("nav_state_timestamp", "uint64", 32, 8, unit="us"),
-            info.Field("nav_state_user_intention", "uint8", 40, 1, enum="NAVIGATION_STATE"),
-            info.Field("nav_state", "uint8", 41, 1, enum="NAVIGATION_STATE"),
-            info.Field("executor_in_charge", "uint8", 42, 1),
-            info.Field("nav_state_display", "uint8", 43, 1, enum="NAVIGATION_STATE"),
-            info.Field("accepts_offboard_setpoints", "bool", 44, 1),
-            info.Field("valid_nav_states_mask", "uint32", 48, 4),
-            info.Field("can_set_nav_states_mask", "uint32", 52, 4),
-            info.Field("hil_state", "uint8", 56, 1, enum="HIL_STATE"),
-            info.Field("vehicle_type", "uint8", 57, 1, enum="VEHICLE_TYPE"),
-            info.Field("failsafe", "bool", 58, 1),
-            info.Field("failsafe_and_user_took_over", "bool", 59, 1),
-            info.Field("failsafe_defer_state", "uint8", 60, 1, enum="FAILSAFE_DEFER_STATE"),
-            info.Field("gcs_connection_lost", "bool", 61, 1),
-            info.Field("gcs_connection_lost_counter", "uint8", 62, 1),
-            info.Field("high_latency_data_link_lost", "bool", 63, 1),
-            info.Field("is_vtol", "bool", 64, 1),
-            info.Field("is_vtol_tailsitter", "bool", 65, 1),
-            info.Field("in_transition_mode", "bool", 66, 1),
-            info.Field("in_transition_to_fw", "bool", 67, 1),
-            info.Field("system_type", "uint8", 68, 1),
-            info.Field("system_id", "uint8", 69, 1),
-            info.Field("component_id", "uint8", 70, 1),
-            info.Field("safety_button_available", "bool", 71, 1),
-            info.Field("safety_off", "bool", 72, 1),
-            info.Field("power_input_valid", "bool", 73, 1),
-            info.Field("usb_connected", "bool", 74, 1),
-            info.Field("open_drone_id_system_present", "bool", 75, 1),
-            info.Field("open_drone_id_system_healthy", "bool", 76, 1),
-            info.Field("parachute_system_present", "bool", 77, 1),
-            info.Field("parachute_system_healthy", "bool", 78, 1),
-            info.Field("traffic_avoidance_system_present", "bool", 79, 1),
-            info.Field("rc_calibration_in_progress", "bool", 80, 1),
-            info.Field("calibration_enabled", "bool", 81, 1),
-            info.Field("pre_flight_checks_pass", "bool", 82, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "armed_time", "uint64", 8, 8, unit="us",
+                description="When the vehicle armed, 0 while disarmed.",
+            ),
+            info.Field(
+                "takeoff_time", "uint64", 16, 8, unit="us",
+                description="When the vehicle left the ground, 0 before that and after disarming.",
+            ),
+            info.Field(
+                "arming_state", "uint8", 24, 1, enum="ARMING_STATE", enum_class="ArmingState",
+                description="Whether motors may run.",
+            ),
+            info.Field(
+                "latest_arming_reason", "uint8", 25, 1, enum="ARM_DISARM_REASON",
+                enum_class="ArmDisarmReason", description="What armed the vehicle last.",
+            ),
+            info.Field(
+                "latest_disarming_reason", "uint8", 26, 1, enum="ARM_DISARM_REASON",
+                enum_class="ArmDisarmReason", description="What disarmed the vehicle last.",
+            ),
+            info.Field(
+                "nav_state_timestamp", "uint64", 32, 8, unit="us", description="When nav_state last changed.",
+            ),
+            info.Field(
+                "nav_state_user_intention", "uint8", 40, 1, enum="NAVIGATION_STATE",
+                enum_class="NavigationState",
+                description="Mode chosen by pilot or program. A failsafe can make nav_state differ.",
+            ),
+            info.Field(
+                "nav_state", "uint8", 41, 1, enum="NAVIGATION_STATE", enum_class="NavigationState",
+                description="Mode being flown.",
+            ),
+            info.Field(
+                "executor_in_charge", "uint8", 42, 1,
+                description="Mode executor that may switch modes now. 0 is the autopilot with its pilot.",
+            ),
+            info.Field(
+                "nav_state_display", "uint8", 43, 1, enum="NAVIGATION_STATE", enum_class="NavigationState",
+                description="Mode to show to users: that of the executor in charge, else nav_state.",
+            ),
+            info.Field(
+                "accepts_offboard_setpoints", "bool", 44, 1,
+                description="True if the mode follows setpoints that arrive over MAVLink.",
+            ),
+            info.Field(
+                "valid_nav_states_mask", "uint32", 48, 4,
+                description=(
+                    "Bit n is set if NAVIGATION_STATE n exists on this vehicle. Places for external modes "
+                    "always count."
+                ),
+            ),
+            info.Field(
+                "can_set_nav_states_mask", "uint32", 52, 4,
+                description="Bit n is set if NAVIGATION_STATE n is offered for selection.",
+            ),
+            info.Field(
+                "hil_state", "uint8", 56, 1, enum="HIL_STATE", enum_class="HilState",
+                description="Whether sensors are simulated (hardware in the loop). Outputs are then locked.",
+            ),
+            info.Field(
+                "vehicle_type", "uint8", 57, 1, enum="VEHICLE_TYPE", enum_class="VehicleType",
+                description="How the vehicle moves right now. Changes on a VTOL with each transition.",
+            ),
+            info.Field(
+                "failsafe", "bool", 58, 1,
+                description="True while a failsafe decides what to fly, such as Return or Land.",
+            ),
+            info.Field(
+                "failsafe_and_user_took_over", "bool", 59, 1,
+                description="True if the pilot has overridden an ongoing failsafe.",
+            ),
+            info.Field(
+                "failsafe_defer_state", "uint8", 60, 1, enum="FAILSAFE_DEFER_STATE",
+                enum_class="FailsafeDeferState",
+                description="Whether the active mode or executor holds back failsafes.",
+            ),
+            info.Field(
+                "gcs_connection_lost", "bool", 61, 1,
+                description="True if heartbeats of the ground station have stopped.",
+            ),
+            info.Field(
+                "gcs_connection_lost_counter", "uint8", 62, 1,
+                description="Times the ground station was lost since boot.",
+            ),
+            info.Field(
+                "high_latency_data_link_lost", "bool", 63, 1,
+                description="True if the satellite link (Iridium) is down.",
+            ),
+            info.Field(
+                "is_vtol", "bool", 64, 1, description="True if the vehicle can both hover and fly on wings.",
+            ),
+            info.Field(
+                "is_vtol_tailsitter", "bool", 65, 1,
+                description="True for a VTOL that tips its whole body forward for wing-borne flight.",
+            ),
+            info.Field(
+                "in_transition_mode", "bool", 66, 1,
+                description="True while changing between hover and forward flight, either way.",
+            ),
+            info.Field(
+                "in_transition_to_fw", "bool", 67, 1,
+                description="True while changing from hover to forward flight.",
+            ),
+            info.Field(
+                "system_type", "uint8", 68, 1, description="MAVLink MAV_TYPE, from parameter MAV_TYPE.",
+            ),
+            info.Field(
+                "system_id", "uint8", 69, 1, description="MAVLink system id, from parameter MAV_SYS_ID.",
+            ),
+            info.Field(
+                "component_id", "uint8", 70, 1,
+                description="MAVLink component id, from parameter MAV_COMP_ID.",
+            ),
+            info.Field(
+                "safety_button_available", "bool", 71, 1,
+                description="True if the vehicle has a safety button.",
+            ),
+            info.Field(
+                "safety_off", "bool", 72, 1, description="True if the safety button does not block arming.",
+            ),
+            info.Field(
+                "power_input_valid", "bool", 73, 1,
+                description="False if the board is fed by the servo rail alone.",
+            ),
+            info.Field(
+                "usb_connected", "bool", 74, 1,
+                description="True once a MAVLink link over USB was seen. Stays true until reboot.",
+            ),
+            info.Field(
+                "open_drone_id_system_present", "bool", 75, 1,
+                description="True if a Remote ID transmitter reports in.",
+            ),
+            info.Field(
+                "open_drone_id_system_healthy", "bool", 76, 1,
+                description="True if that transmitter is ready to broadcast.",
+            ),
+            info.Field(
+                "parachute_system_present", "bool", 77, 1,
+                description="True if a parachute reports in over MAVLink.",
+            ),
+            info.Field(
+                "parachute_system_healthy", "bool", 78, 1,
+                description="True if that parachute is ready to deploy.",
+            ),
+            info.Field(
+                "traffic_avoidance_system_present", "bool", 79, 1,
+                description="True if a receiver for other aircraft, such as ADS-B or FLARM, reports in.",
+            ),
+            info.Field(
+                "rc_calibration_in_progress", "bool", 80, 1,
+                description="True during radio calibration, when stick input is ignored.",
+            ),
+            info.Field(
+                "calibration_enabled", "bool", 81, 1,
+                description="True while a sensor is being calibrated. Arming is blocked meanwhile.",
+            ),
+            info.Field(
+                "pre_flight_checks_pass", "bool", 82, 1,
+                description="True if nothing stands in the way of arming in the current mode.",
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",

@@ -87,9 +87,15 @@ class VehicleThrustSetpoint(_cdr.Message):
             "vehicle_thrust_setpoint_virtual_mc",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("xyz", "float32[3]", 16, 12, unit="-", range="-1, 1", frame="FRD"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="When the sensor data behind the setpoint was taken.",
+            ),
+            info.Field(
+                "xyz", "float32[3]", 16, 12, unit="-", range="-1, 1", frame="FRD",
+                description="Forward, right and down. Hover thrust is negative Z.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -87,9 +87,15 @@ class VehicleTorqueSetpoint(_cdr.Message):
             "vehicle_torque_setpoint_virtual_mc",
         ),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("xyz", "float32[3]", 16, 12, unit="-", frame="FRD"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="Time since boot of the gyro data behind this output.",
+            ),
+            info.Field(
+                "xyz", "float32[3]", 16, 12, unit="-", frame="FRD",
+                description="Roll, pitch and yaw torque, where 1 is full authority about the axis.",
+            ),
         ),
         constants=(),
         cls=cls,

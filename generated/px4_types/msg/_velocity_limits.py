@@ -87,10 +87,19 @@ class VelocityLimits(_cdr.Message):
         message_version=0,
         topics=("velocity_limits",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("horizontal_velocity", "float32", 8, 4, unit="m/s", invalid="NaN"),
-            info.Field("vertical_velocity", "float32", 12, 4, unit="m/s", invalid="NaN"),
-            info.Field("yaw_rate", "float32", 16, 4, unit="rad/s", invalid="NaN"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "horizontal_velocity", "float32", 8, 4, unit="m/s", invalid="NaN",
+                description="NaN leaves the configured limit.",
+            ),
+            info.Field(
+                "vertical_velocity", "float32", 12, 4, unit="m/s", invalid="NaN",
+                description="NaN leaves the configured limit.",
+            ),
+            info.Field(
+                "yaw_rate", "float32", 16, 4, unit="rad/s", invalid="NaN",
+                description="NaN leaves the configured limit.",
+            ),
         ),
         constants=(),
         cls=cls,

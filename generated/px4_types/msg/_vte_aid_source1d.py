@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("3Q5fB3xfB")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -66,6 +68,36 @@ class VteAidSource1d(_cdr.Message):
 
     STATUS_REJECT_EMPTY: Final = 8
     """There is no history yet."""
+
+    class VteFusionStatus(_IntEnum):
+        """Values of `fusion_status`."""
+
+        IDLE = 0
+        """Nothing arrived yet."""
+
+        FUSED_CURRENT = 1
+        """Taken at once."""
+
+        FUSED_OOSM = 2
+        """Taken late, by replaying the filter's history (out of sequence)."""
+
+        REJECT_NIS = 3
+        """test_ratio is too high."""
+
+        REJECT_COV = 4
+        """A variance is not finite, or the arithmetic failed."""
+
+        REJECT_TOO_OLD = 5
+        """Older than the history reaches."""
+
+        REJECT_TOO_NEW = 6
+        """Its time lies too far ahead."""
+
+        REJECT_STALE = 7
+        """The history was dropped after a gap."""
+
+        REJECT_EMPTY = 8
+        """There is no history yet."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -168,17 +200,42 @@ class VteAidSource1d(_cdr.Message):
         message_version=0,
         topics=("vte_aid_ev_yaw",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("time_last_predict", "uint64", 16, 8, unit="us"),
-            info.Field("observation", "float32", 24, 4, unit="-"),
-            info.Field("observation_variance", "float32", 28, 4, unit="-"),
-            info.Field("innovation", "float32", 32, 4, unit="-"),
-            info.Field("innovation_variance", "float32", 36, 4, unit="-"),
-            info.Field("test_ratio", "float32", 40, 4, unit="-"),
-            info.Field("fusion_status", "uint8", 44, 1, enum="VTE_FUSION_STATUS"),
-            info.Field("time_since_meas_ms", "float32", 48, 4, unit="ms"),
-            info.Field("history_steps", "uint8", 52, 1, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the measurement was taken.",
+            ),
+            info.Field(
+                "time_last_predict", "uint64", 16, 8, unit="us",
+                description="When the filter last predicted.",
+            ),
+            info.Field("observation", "float32", 24, 4, unit="-", description="Measured value."),
+            info.Field(
+                "observation_variance", "float32", 28, 4, unit="-",
+                description="Variance of the measured value.",
+            ),
+            info.Field(
+                "innovation", "float32", 32, 4, unit="-", description="Measured less predicted value.",
+            ),
+            info.Field(
+                "innovation_variance", "float32", 36, 4, unit="-",
+                description="Variance expected for the innovation.",
+            ),
+            info.Field(
+                "test_ratio", "float32", 40, 4, unit="-",
+                description="Square of the innovation over its variance.",
+            ),
+            info.Field(
+                "fusion_status", "uint8", 44, 1, enum="VTE_FUSION_STATUS", enum_class="VteFusionStatus",
+                description="What became of the measurement.",
+            ),
+            info.Field(
+                "time_since_meas_ms", "float32", 48, 4, unit="ms",
+                description="Age of the measurement when it was processed.",
+            ),
+            info.Field(
+                "history_steps", "uint8", 52, 1, unit="-",
+                description="Filter steps that were replayed, 0 if none.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 STATUS_IDLE STATUS_FUSED_CURRENT STATUS_FUSED_OOSM STATUS_REJECT_NIS",

@@ -95,10 +95,19 @@ class VteBiasInitStatus(_cdr.Message):
         message_version=0,
         topics=("vte_bias_init_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("raw_bias", "float32[3]", 8, 12, unit="m", frame="NED"),
-            info.Field("filtered_bias", "float32[3]", 20, 12, unit="m", frame="NED"),
-            info.Field("delta_norm", "float32", 32, 4, unit="m"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "raw_bias", "float32[3]", 8, 12, unit="m", frame="NED",
+                description="Offset by the latest pair of measurements.",
+            ),
+            info.Field(
+                "filtered_bias", "float32[3]", 20, 12, unit="m", frame="NED",
+                description="Offset after the low-pass filter.",
+            ),
+            info.Field(
+                "delta_norm", "float32", 32, 4, unit="m",
+                description="Length of the step from the previous raw_bias to this one.",
+            ),
         ),
         constants=(),
         cls=cls,

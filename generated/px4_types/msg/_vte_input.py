@@ -101,11 +101,22 @@ class VteInput(_cdr.Message):
         message_version=0,
         topics=("vte_input",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("acc_xyz", "float32[3]", 16, 12, unit="m/s^2", frame="NED"),
-            info.Field("q_att", "float32[4]", 28, 16, unit="-"),
-            info.Field("acc_sample_count", "uint32", 44, 4, unit="-"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us", description="When the motion was measured.",
+            ),
+            info.Field(
+                "acc_xyz", "float32[3]", 16, 12, unit="m/s^2", frame="NED",
+                description="Acceleration without sensor bias, gravity included, averaged over the cycle.",
+            ),
+            info.Field(
+                "q_att", "float32[4]", 28, 16, unit="-",
+                description="Attitude: quaternion that rotates body FRD into NED.",
+            ),
+            info.Field(
+                "acc_sample_count", "uint32", 44, 4, unit="-",
+                description="Samples behind the average in acc_xyz.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -102,12 +102,24 @@ class VteOrientation(_cdr.Message):
         message_version=0,
         topics=("vte_orientation",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("orientation_valid", "bool", 8, 1, unit="-"),
-            info.Field("yaw", "float32", 12, 4, unit="rad", frame="NED"),
-            info.Field("cov_yaw", "float32", 16, 4, unit="rad^2"),
-            info.Field("yaw_rate", "float32", 20, 4, unit="rad/s", frame="NED"),
-            info.Field("cov_yaw_rate", "float32", 24, 4, unit="(rad/s)^2"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "orientation_valid", "bool", 8, 1, unit="-", description="True if yaw can be used.",
+            ),
+            info.Field(
+                "yaw", "float32", 12, 4, unit="rad", frame="NED",
+                description="Heading of the target from north.",
+            ),
+            info.Field(
+                "cov_yaw", "float32", 16, 4, unit="rad^2", description="Variance of the heading.",
+            ),
+            info.Field(
+                "yaw_rate", "float32", 20, 4, unit="rad/s", frame="NED",
+                description="How fast the target turns.",
+            ),
+            info.Field(
+                "cov_yaw_rate", "float32", 24, 4, unit="(rad/s)^2", description="Variance of the turn rate.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -184,19 +184,53 @@ class VtePosition(_cdr.Message):
         message_version=0,
         topics=("vte_position",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("rel_pos_valid", "bool", 8, 1, unit="-"),
-            info.Field("rel_vel_valid", "bool", 9, 1, unit="-"),
-            info.Field("rel_pos", "float32[3]", 12, 12, unit="m", frame="NED"),
-            info.Field("vel_uav", "float32[3]", 24, 12, unit="m/s", frame="NED"),
-            info.Field("vel_target", "float32[3]", 36, 12, unit="m/s", frame="NED"),
-            info.Field("bias", "float32[3]", 48, 12, unit="m", frame="NED"),
-            info.Field("acc_target", "float32[3]", 60, 12, unit="m/s^2", frame="NED"),
-            info.Field("cov_rel_pos", "float32[3]", 72, 12, unit="m^2", frame="NED"),
-            info.Field("cov_vel_uav", "float32[3]", 84, 12, unit="(m/s)^2", frame="NED"),
-            info.Field("cov_bias", "float32[3]", 96, 12, unit="m^2", frame="NED"),
-            info.Field("cov_vel_target", "float32[3]", 108, 12, unit="(m/s)^2", frame="NED"),
-            info.Field("cov_acc_target", "float32[3]", 120, 12, unit="(m/s^2)^2", frame="NED"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "rel_pos_valid", "bool", 8, 1, unit="-", description="True if rel_pos can be used.",
+            ),
+            info.Field(
+                "rel_vel_valid", "bool", 9, 1, unit="-", description="True if the velocities can be used.",
+            ),
+            info.Field(
+                "rel_pos", "float32[3]", 12, 12, unit="m", frame="NED",
+                description="Vector from the vehicle to the target.",
+            ),
+            info.Field(
+                "vel_uav", "float32[3]", 24, 12, unit="m/s", frame="NED",
+                description="Velocity of the vehicle.",
+            ),
+            info.Field(
+                "vel_target", "float32[3]", 36, 12, unit="m/s", frame="NED",
+                description="Velocity of the target.",
+            ),
+            info.Field(
+                "bias", "float32[3]", 48, 12, unit="m", frame="NED",
+                description="Offset between the GNSS positions of vehicle and target.",
+            ),
+            info.Field(
+                "acc_target", "float32[3]", 60, 12, unit="m/s^2", frame="NED",
+                description="Acceleration of the target.",
+            ),
+            info.Field(
+                "cov_rel_pos", "float32[3]", 72, 12, unit="m^2", frame="NED",
+                description="Variance of rel_pos per axis.",
+            ),
+            info.Field(
+                "cov_vel_uav", "float32[3]", 84, 12, unit="(m/s)^2", frame="NED",
+                description="Variance of vel_uav per axis.",
+            ),
+            info.Field(
+                "cov_bias", "float32[3]", 96, 12, unit="m^2", frame="NED",
+                description="Variance of the bias per axis.",
+            ),
+            info.Field(
+                "cov_vel_target", "float32[3]", 108, 12, unit="(m/s)^2", frame="NED",
+                description="Variance of vel_target per axis.",
+            ),
+            info.Field(
+                "cov_acc_target", "float32[3]", 120, 12, unit="(m/s^2)^2", frame="NED",
+                description="Variance of acc_target per axis.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("QB?")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -44,6 +46,23 @@ class VtolVehicleStatus(_cdr.Message):
 
     VEHICLE_VTOL_STATE_FW: Final = 4
     """Flying on its wings."""
+
+    class VehicleVtolState(_IntEnum):
+        """Values of `vehicle_vtol_state`."""
+
+        UNDEFINED = 0
+
+        TRANSITION_TO_FW = 1
+        """Accelerating for forward flight."""
+
+        TRANSITION_TO_MC = 2
+        """Slowing down for hover."""
+
+        MC = 3
+        """Hovering as a multicopter."""
+
+        FW = 4
+        """Flying on its wings."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -107,9 +126,18 @@ class VtolVehicleStatus(_cdr.Message):
         message_version=0,
         topics=("vtol_vehicle_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("vehicle_vtol_state", "uint8", 8, 1, enum="VEHICLE_VTOL_STATE"),
-            info.Field("fixed_wing_system_failure", "bool", 9, 1),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "vehicle_vtol_state", "uint8", 8, 1, enum="VEHICLE_VTOL_STATE", enum_class="VehicleVtolState",
+                description="Present flight configuration or running transition, numbered as MAVLink's MAV_VTOL_STATE.",
+            ),
+            info.Field(
+                "fixed_wing_system_failure", "bool", 9, 1,
+                description=(
+                    "A quad-chute saved the vehicle by falling back to hover. Cleared by the next "
+                    "transition to forward flight."
+                ),
+            ),
         ),
         constants=info.constants(
             cls, "uint32 MESSAGE_VERSION",

@@ -6,11 +6,13 @@ from .. import cdr as _cdr
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
+    from enum import IntEnum as _IntEnum
     from typing import ClassVar
     from typing import Final
 else:
     ClassVar = _cdr.ClassVar
     Final = _cdr.Final
+    _IntEnum = _cdr.IntEnum
 
 _LAYOUT = _cdr.Layout("Q3B2bxHB12sb4s")
 _pack, _unpack = _LAYOUT.pack, _LAYOUT.unpack
@@ -59,6 +61,33 @@ class Vtx(_cdr.Message):
 
     MODE_PIT: Final = 1
     """Pit mode: least power, or none."""
+
+    class Protocol(_IntEnum):
+        """Values of `protocol`."""
+
+        NONE = 0
+        """Nothing answers on the wire."""
+
+        SMART_AUDIO_V1 = 10
+        SMART_AUDIO_V2 = 20
+        SMART_AUDIO_V2_1 = 21
+        TRAMP = 100
+
+    class Device(_IntEnum):
+        """Values of `device`."""
+
+        UNKNOWN = 0
+        PEAK_THOR_T67 = 20
+        RUSH_MAX_SOLO = 40
+
+    class Mode(_IntEnum):
+        """Values of `mode`."""
+
+        NORMAL = 0
+        """Transmits with the chosen power."""
+
+        PIT = 1
+        """Pit mode: least power, or none."""
 
     timestamp: int
     """uint64 [us] Time since boot."""
@@ -163,17 +192,45 @@ class Vtx(_cdr.Message):
         message_version=0,
         topics=("vtx",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("protocol", "uint8", 8, 1, enum="PROTOCOL"),
-            info.Field("device", "uint8", 9, 1, enum="DEVICE"),
-            info.Field("mode", "uint8", 10, 1, enum="MODE"),
-            info.Field("band", "int8", 11, 1, range="0, 23"),
-            info.Field("channel", "int8", 12, 1, range="0, 15"),
-            info.Field("frequency", "uint16", 14, 2, unit="MHz", invalid="0"),
-            info.Field("band_letter", "uint8", 16, 1),
-            info.Field("band_name", "uint8[12]", 17, 12),
-            info.Field("power_level", "int8", 29, 1, range="0, 15"),
-            info.Field("power_label", "uint8[4]", 30, 4),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "protocol", "uint8", 8, 1, enum="PROTOCOL", enum_class="Protocol",
+                description="How the driver talks to the transmitter.",
+            ),
+            info.Field(
+                "device", "uint8", 9, 1, enum="DEVICE", enum_class="Device",
+                description="Make of the transmitter.",
+            ),
+            info.Field(
+                "mode", "uint8", 10, 1, enum="MODE", enum_class="Mode",
+                description="Whether the transmitter is in pit mode.",
+            ),
+            info.Field(
+                "band", "int8", 11, 1, range="0, 23",
+                description="Band from 0. Negative if a frequency was chosen instead.",
+            ),
+            info.Field(
+                "channel", "int8", 12, 1, range="0, 15",
+                description="Channel within the band from 0. Negative if a frequency was chosen instead.",
+            ),
+            info.Field(
+                "frequency", "uint16", 14, 2, unit="MHz", invalid="0", description="Carrier frequency.",
+            ),
+            info.Field(
+                "band_letter", "uint8", 16, 1, description="Short name of the band, one ASCII character.",
+            ),
+            info.Field(
+                "band_name", "uint8[12]", 17, 12,
+                description="Name of the band in ASCII, no zero has to end it.",
+            ),
+            info.Field(
+                "power_level", "int8", 29, 1, range="0, 15",
+                description="Power step from 0. Negative if not known.",
+            ),
+            info.Field(
+                "power_label", "uint8[4]", 30, 4,
+                description="Name of the power step in ASCII, no zero has to end it.",
+            ),
         ),
         constants=info.constants(
             cls, "uint8 BAND_NAME_LENGTH POWER_LABEL_LENGTH PROTOCOL_NONE PROTOCOL_SMART_AUDIO_V1",

@@ -88,9 +88,11 @@ class WheelEncoders(_cdr.Message):
         message_version=0,
         topics=("wheel_encoders",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field("wheel_speed", "float32[2]", 8, 8, unit="rad/s"),
-            info.Field("wheel_angle", "float32[2]", 16, 8, unit="rad"),
+            info.Field(
+                "wheel_angle", "float32[2]", 16, 8, unit="rad", description="Adds up over full turns.",
+            ),
         ),
         constants=(),
         cls=cls,

@@ -133,20 +133,43 @@ class Wind(_cdr.Message):
         message_version=0,
         topics=("wind", "estimator_wind"),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("windspeed_north", "float32", 16, 4, unit="m/s"),
-            info.Field("windspeed_east", "float32", 20, 4, unit="m/s"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="Time of the sensor data that the estimate belongs to.",
+            ),
+            info.Field(
+                "windspeed_north", "float32", 16, 4, unit="m/s",
+                description="Motion of the air towards north; a south wind is positive.",
+            ),
+            info.Field(
+                "windspeed_east", "float32", 20, 4, unit="m/s",
+                description="Motion of the air towards east; a west wind is positive.",
+            ),
             info.Field(
                 "variance_north", "float32", 24, 4, unit="(m/s)^2", invalid="0 if not estimated",
+                description="Uncertainty of windspeed_north.",
             ),
             info.Field(
                 "variance_east", "float32", 28, 4, unit="(m/s)^2", invalid="0 if not estimated",
+                description="Uncertainty of windspeed_east.",
             ),
-            info.Field("tas_innov", "float32", 32, 4, unit="m/s"),
-            info.Field("tas_innov_var", "float32", 36, 4, unit="(m/s)^2"),
-            info.Field("beta_innov", "float32", 40, 4, unit="rad"),
-            info.Field("beta_innov_var", "float32", 44, 4, unit="rad^2"),
+            info.Field(
+                "tas_innov", "float32", 32, 4, unit="m/s",
+                description="Difference between predicted and measured true airspeed.",
+            ),
+            info.Field(
+                "tas_innov_var", "float32", 36, 4, unit="(m/s)^2",
+                description="Expected variance of tas_innov.",
+            ),
+            info.Field(
+                "beta_innov", "float32", 40, 4, unit="rad",
+                description="Difference between the predicted sideslip angle and the zero that the filter assumes.",
+            ),
+            info.Field(
+                "beta_innov_var", "float32", 44, 4, unit="rad^2",
+                description="Expected variance of beta_innov.",
+            ),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),
         cls=cls,

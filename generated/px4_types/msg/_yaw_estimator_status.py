@@ -140,15 +140,29 @@ class YawEstimatorStatus(_cdr.Message):
         message_version=0,
         topics=("yaw_estimator_status",),
         fields=(
-            info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("yaw_composite", "float32", 16, 4, unit="rad"),
+            info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
+            info.Field(
+                "timestamp_sample", "uint64", 8, 8, unit="us",
+                description="Time of the IMU sample behind it.",
+            ),
+            info.Field(
+                "yaw_composite", "float32", 16, 4, unit="rad", description="Weighted mean of the filters.",
+            ),
             info.Field("yaw_variance", "float32", 20, 4, unit="rad^2"),
             info.Field("yaw_composite_valid", "bool", 24, 1),
-            info.Field("yaw", "float32[5]", 28, 20, unit="rad"),
-            info.Field("innov_vn", "float32[5]", 48, 20, unit="m/s"),
-            info.Field("innov_ve", "float32[5]", 68, 20, unit="m/s"),
-            info.Field("weight", "float32[5]", 88, 20, unit="-", range="0, 1"),
+            info.Field(
+                "yaw", "float32[5]", 28, 20, unit="rad", description="One per filter, like the arrays below.",
+            ),
+            info.Field(
+                "innov_vn", "float32[5]", 48, 20, unit="m/s", description="Innovation of the north velocity.",
+            ),
+            info.Field(
+                "innov_ve", "float32[5]", 68, 20, unit="m/s", description="Innovation of the east velocity.",
+            ),
+            info.Field(
+                "weight", "float32[5]", 88, 20, unit="-", range="0, 1",
+                description="Share of each filter in the mean.",
+            ),
         ),
         constants=(),
         cls=cls,

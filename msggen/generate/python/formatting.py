@@ -34,6 +34,17 @@ def literal(value: object) -> str:
     return repr(value)
 
 
+def long_literal(text: str, indent: int) -> str:
+    """Return text as a literal, or as several literals in brackets, one on each line, if it is longer than a line."""
+    whole = literal(text)
+    if len(whole) + indent <= WIDTH:
+        return whole
+    margin = "\n" + " " * indent
+    *lines, last = _fill(text.split(" "), " ", WIDTH - indent - 8)
+    parts = [*(literal(f"{line} ") for line in lines), literal(last)]
+    return f"({''.join(f'{margin}    {part}' for part in parts)}{margin})"
+
+
 def documentation(text: str, indent: int, *, closed: bool = False) -> str:
     r"""Return `text` as the content of a docstring, wrapped and indented; quotes are escaped.
 

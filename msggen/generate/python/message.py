@@ -8,9 +8,10 @@ from operator import attrgetter
 from textwrap import wrap
 from typing import NamedTuple
 
-from msggen.generate.python.formatting import documentation, literal, wrapped
+from msggen.enumeration import Enumeration, enumerations
+from msggen.generate.python.formatting import documentation, literal, long_literal, wrapped
 from msggen.generate.python.kind import Kind, kind_of
-from msggen.generate.python.names import attribute_names, class_name, module_name
+from msggen.generate.python.names import attribute_names, class_name, enum_names, member_names, module_name
 from msggen.generate.python.static_codec import Codec, as_tuple
 from msggen.generate.python.stream_codec import Function, functions_of
 from msggen.generate.python.versions import AdjacentVersion, adjacent_versions
@@ -38,6 +39,24 @@ class ClassConstant(NamedTuple):
     spaced: bool
 
 
+class EnumMember(NamedTuple):
+    """A member of an enum. `spaced` puts a blank line before it."""
+
+    name: str
+    value: str
+    documentation: str
+    spaced: bool
+
+
+class EnumClass(NamedTuple):
+    """An enum in a class."""
+
+    name: str
+    base: str
+    documentation: str
+    members: tuple[EnumMember, ...]
+
+
 class Attribute(NamedTuple):
     """An attribute of a class. `name` is the name of the field in the definition."""
 
@@ -52,6 +71,8 @@ class Attribute(NamedTuple):
     """The parameter of `__init__` with its annotation and default."""
     initial: str
     """The expression that `__init__` assigns."""
+    enum_class: str
+    """The enum of the values, a class in this class; "" for none."""
 
     @property
     def documentation(self) -> str:
@@ -66,6 +87,9 @@ class Attribute(NamedTuple):
         given += [] if self.attribute == self.name else [f"attribute={literal(self.attribute)}"]
         origins = "".join(f'("{tag.name}", "{tag.origin}"), ' for tag in self.comment.inferred)
         given += [f"inferred=({origins.strip()})"] if origins else []
+        given += [f"enum_class={literal(self.enum_class)}"] if self.enum_class else []
+        text = " ".join(self.comment.text.split())
+        given += [f"description={long_literal(text, 16)}"] if text else []
         items = (literal(self.name), literal(str(self.type)), str(self.offset), str(self.size), *given)
         return f"info.Field({wrapped(items, 16)})"
 
@@ -94,6 +118,7 @@ class MessageClass(NamedTuple):
     topic_names: tuple[str, ...]
     """The uORB topics of the message, empty for halves of services and for messages of other packages."""
     constants: tuple[ClassConstant, ...]
+    enums: tuple[EnumClass, ...]
     fields: tuple[Attribute, ...]
     codec: Codec | None
     """The codec of a static layout. If it is None, `functions` is not empty."""
@@ -174,6 +199,11 @@ class MessageClass(NamedTuple):
         return "_" if names & {"ClassVar", "Final"} else ""
 
     @property
+    def enum_bases(self) -> list[str]:
+        """The base classes of the enums."""
+        return sorted({enum.base for enum in self.enums})
+
+    @property
     def documentation(self) -> str:
         """The comment of the definition about the message, or its ROS type."""
         return self.message.comment or f"{self.message.ros_type}."
@@ -208,6 +238,9 @@ def message_class(catalog: Catalog, message: Message) -> MessageClass:
     prefix = "" if _SHADOWING.isdisjoint(attributes.values()) else "builtins."
     is_own = message.released_as[0] == catalog.package
     layout = lay_out(catalog, message) if is_static(catalog, message) else None
+    enums = enumerations(message)
+    enum_classes = enum_names(enums, {*attributes.values(), *names.values()})
+    classes_of_fields = {field: enum_classes[enum] for enum in enums for field in enum.fields}
 
     def class_of(nested: Message) -> str:
         return names[nested.key]
@@ -218,8 +251,11 @@ def message_class(catalog: Catalog, message: Message) -> MessageClass:
         root=".." if is_own else "...",
         topic_names=message.topic_names if is_own and message.folder == "msg" else (),
         constants=tuple(_constants(message, attributes)),
+        enums=tuple(_enum_class(enum, enum_classes[enum], attributes) for enum in enums),
         fields=tuple(
-            _attribute(field, _renamed(message, field, names, attributes), extents.get(field.name, _NO_EXTENT), prefix)
+            _attribute(
+                field, _renamed(message, field, names, attributes), extents.get(field.name, _NO_EXTENT), prefix
+            )._replace(enum_class=classes_of_fields.get(field.name, ""))
             for field in message.fields
         ),
         codec=Codec.of(catalog, message, class_of) if layout else None,
@@ -264,6 +300,27 @@ def _constants(message: Message, attributes: Mapping[str, str]) -> Iterator[Clas
         apart = bool(text)
 
 
+def _enum_class(enum: Enumeration, name: str, attributes: Mapping[str, str]) -> EnumClass:
+    """Return the class of an enum. Its members have the documentation of their constants."""
+    users = [f"`{attributes[field]}`" for field in enum.fields]
+    values = "Flags" if enum.is_flags else "Values"
+    text = f"{values} of {', '.join(users)}." if users else f"{values} of parameters of commands."
+    if enum.has_bit_numbers:
+        text += f" The constants {' and '.join(f'{prefix}_*' for prefix in enum.prefixes)} are bit numbers."
+    base = "IntFlag" if enum.is_flags else "IntEnum"
+    return EnumClass(name, base, documentation(text, 8), tuple(_enum_members(enum)))
+
+
+def _enum_members(enum: Enumeration) -> Iterator[EnumMember]:
+    """Yield the members. Those with documentation are separated by blank lines."""
+    apart = True
+    names = member_names([member.name for member in enum.members])
+    for member in enum.members:
+        text = documentation(str(member.constant.comment), 8, closed=True)
+        yield EnumMember(names[member.name], str(member.value), text, apart or bool(text))
+        apart = bool(text)
+
+
 def _class_names(catalog: Catalog, message: Message) -> dict[str, str]:
     """Return the class names of `message` and its nested messages in its module, by key.
 
@@ -304,7 +361,7 @@ def _attribute(field: Field, named: Field, extent: tuple[int | None, int | None]
     annotation = _annotation(named.type, prefix)
     default, initial = _initial(named, prefix)
     parameter = f"{named.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
-    return Attribute(field.name, named.name, field.type, *extent, field.comment, annotation, parameter, initial)
+    return Attribute(field.name, named.name, field.type, *extent, field.comment, annotation, parameter, initial, "")
 
 
 def _annotation(type_: FieldType, prefix: str) -> str:

@@ -13,6 +13,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from types import ModuleType
 
 from msggen.disk.resources import template_path
+from msggen.enumeration import Enumeration
 from msggen.identity import Endpoint
 from msggen.model import Message, Service, snake_case
 
@@ -91,12 +92,20 @@ def attribute_names(message: Message, classes: Collection[str] = ()) -> Mapping[
     return found
 
 
-def member_names(topics: Collection[str]) -> Mapping[str, str]:
-    """Return the member of ORB_ID for each of `topics`, by name."""
-    found = {topic: topic for topic in topics}
-    for topic in topics:
-        if topic in _OF_ENUMS or topic[0] == topic[-1] == "_":
-            found[topic] = _free(topic, {*topics, *found.values(), *_OF_ENUMS})
+def enum_names(enums: Sequence[Enumeration], taken: Collection[str]) -> Mapping[Enumeration, str]:
+    """Return the class of each of `enums` in the class of their message; `taken` are the other names there."""
+    found: dict[Enumeration, str] = {}
+    for enum in enums:
+        found[enum] = _free(enum.name, {*taken, *found.values(), *reserved_attributes()})
+    return found
+
+
+def member_names(names: Collection[str]) -> Mapping[str, str]:
+    """Return the name of the member of an IntEnum or IntFlag for each of `names`."""
+    found = {name: name for name in names}
+    for name in names:
+        if name in _OF_ENUMS or name[0] == name[-1] == "_":
+            found[name] = _free(name, {*names, *found.values(), *_OF_ENUMS})
     return found
 
 

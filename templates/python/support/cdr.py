@@ -122,6 +122,38 @@ _lock = RLock()
 """Held while a descriptor builds its value, so that all threads get the same object."""
 
 
+class _Enum:
+    """A descriptor that makes an IntEnum or IntFlag on first access: importing `enum` takes longer than a message.
+
+    `IntEnum` and `IntFlag` below are instances. A class statement with one of them as its base makes an instance that
+    holds the members.
+    """
+
+    __slots__ = ("name", "bases", "members", "home")
+
+    def __init__(self, name: str, bases: tuple[_Enum, ...] = (), members: dict[str, Any] | None = None) -> None:
+        self.name, self.bases, self.members = name, bases, members or {}
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.home = owner
+
+    def __get__(self, instance: object, owner: type) -> Any:
+        import enum
+
+        with _lock:
+            if vars(self.home)[self.name] is self:
+                base: Any = getattr(enum, self.bases[0].name)
+                members = {name: value for name, value in self.members.items() if not name.startswith("__")}
+                place = {name: self.members[f"__{name}__"] for name in ("module", "qualname")}
+                made = base(self.name, members, **place)
+                made.__doc__ = self.members.get("__doc__")
+                setattr(self.home, self.name, made)
+        return vars(self.home)[self.name]
+
+
+IntEnum, IntFlag = _Enum("IntEnum"), _Enum("IntFlag")
+
+
 class _Described:
     """A descriptor that builds the MessageInfo on first access: few programs need it, and building it takes time."""
 
@@ -214,11 +246,12 @@ class _FromDataclass:
         """Set the attributes of a dataclass in the class `home`."""
         zero = home()
         specifications: list[tuple[str, Any, Any]] = []
+        metadata = {field.attribute: field.metadata for field in home.__msg__.fields}
         for name in home.__match_args__:
             value = getattr(zero, name)
             default = {"default_factory": _Fresh(home, name)} if _is_mutable(value) else {"default": value}
             annotation = home.__annotations__.get(name, "object")
-            specifications.append((name, annotation, dataclasses.field(**default)))
+            specifications.append((name, annotation, dataclasses.field(**default, metadata=metadata[name])))
         made: Any = dataclasses.make_dataclass(home.__name__, specifications)
         for name in ("__dataclass_params__", "__dataclass_fields__"):
             setattr(home, name, getattr(made, name))
