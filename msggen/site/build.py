@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from hashlib import sha256
 from typing import NamedTuple
 
-from msggen.diagnostics import Diagnostic, Level, counted
+from msggen.diagnostics import Diagnostic, Level, counted, input_error
 from msggen.disk.fingerprint import Fingerprint, digest_record, read_fingerprint, write_fingerprint
+from msggen.disk.names import too_long
 from msggen.disk.output import OutputPlan, locked_output, plan_output, write_output
 from msggen.disk.reading import read_bytes
 from msggen.disk.record import read_record
@@ -59,6 +60,8 @@ class SiteBuild:
 
         check_apart(self.folder, self.sources, "--output")
         files, summary, notices = self._render()
+        for _, text in too_long(self.folder, ["", *files]):
+            raise input_error("--output", "S125", f"{text}: choose a shorter --output", 0)
         if not write:
             plan = plan_output(self.folder, files, self.record)
         else:
@@ -78,7 +81,11 @@ class SiteBuild:
         from msggen.site.site import Project, Site
 
         catalog = read_catalog(self.sources, self.contents)
-        changes = changes_since(self.against, title_of(self.against), self.sources, catalog) if self.against else None
+        changes = (
+            changes_since(self.against, title_of_previous(self.against), self.sources, catalog)
+            if self.against
+            else None
+        )
         project = Project(self.project, read_documents(self.project)) if self.project else None
         complete = with_inferred(catalog, self.sources)
         site = Site(complete, title_of(self.sources), self.format, changes, project)
@@ -100,7 +107,7 @@ class SiteBuild:
                 before.update(b"%d\0" % len(contents[file.path]) + contents[file.path])
         for path in self._project_files():
             before.update(os.fsencode(path) + b"\0" + read_bytes(path))
-        named = (title_of(self.sources), title_of(self.against) if self.against else "", self.project or "")
+        named = (title_of(self.sources), title_of_previous(self.against) if self.against else "", self.project or "")
         return digest_inputs(self.sources, self.contents, (self.format, *named, before.hexdigest()), _FOLDERS, "site")
 
     def _project_files(self) -> Iterator[str]:
@@ -114,10 +121,15 @@ class SiteBuild:
 
 
 def title_of(sources: Sources) -> str:
-    """Return a name of definitions that is the same on every machine."""
-    if sources.embedded:
+    """Return a name of the definitions, without the folders that they are in: `PX4 v1.18` or `PX4-Autopilot`."""
+    if sources.embedded or not sources.root:
         return f"PX4 {sources.embedded}"
-    return os.path.basename(os.path.normpath(sources.label)) if sources.label else sources.package
+    return os.path.basename(os.path.abspath(sources.root.path))
+
+
+def title_of_previous(sources: Sources) -> str:
+    """Return a name of previous definitions: as `title_of`, or the revision."""
+    return title_of(sources) if sources.embedded else os.path.basename(os.path.normpath(sources.label))
 
 
 _FOLDERS = ("compare", "disk", "firmware", "parse", "render", "site", "text")

@@ -67,7 +67,7 @@ def read_documents(folder: str) -> tuple[Document, ...]:
     names = sorted(os.listdir(docs)) if os.path.isdir(docs) else []
     paths = ["README.md", *(f"docs/{name}" for name in names if re.fullmatch(r"\w+\.md", name))]
     found = [path for path in paths if os.path.isfile(os.path.join(folder, path))]
-    return tuple(Document(_name(path), path, read_text(os.path.join(folder, path))) for path in found)
+    return tuple(Document(_name(path), path, read_text(os.path.join(folder, path), "replace")) for path in found)
 
 
 def _name(path: str) -> str:

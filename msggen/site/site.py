@@ -112,7 +112,7 @@ class Site:
         taken: set[str] = set()
         found = []
         for page in self._pages():
-            stem = page.stem
+            stem = re.sub(r"[^\w./]", "_", page.stem, flags=re.ASCII)
             while stem.casefold() in taken:
                 stem += "_"
             taken.add(stem.casefold())

@@ -130,6 +130,25 @@ def test_no_page_names_the_machine(here: Path) -> None:
     assert not [name for name, page in one.items() if str(here).encode() in page]
 
 
+def test_the_tree_in_the_current_folder_gives_the_same_site(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    docs()
+    monkeypatch.chdir(here / "px4")
+    assert run(["docs", "-o", "../site", "--check"]).code == 0
+
+
+def test_a_name_that_is_too_long_for_the_disk_is_an_error() -> None:
+    name = "L" + "o" * 248 + "ng"
+    Path(f"px4/msg/{name}.msg").write_text("uint64 timestamp\n")
+    assert "--output: S125" in docs(code=2)
+
+
+def test_letters_that_no_file_of_msggen_has_are_replaced() -> None:
+    Path("px4/msg/Wheel.msg").write_text("uint64 timestamp\nuint8 a  # [@enum É A]\nuint8 A_B = 1\n")
+    docs()
+    assert "up to date" in docs()
+    assert [path.name for path in Path("site/enum").iterdir()] == ["Wheel._A.html"]
+
+
 # --- The pages of a project
 
 
