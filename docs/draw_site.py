@@ -27,7 +27,7 @@ def take(folder: Path) -> None:
         options.add_argument(argument)
     driver = webdriver.Chrome(options, webdriver.ChromeService(shutil.which("chromedriver")))
     try:
-        driver.set_window_size(1100, 800)
+        driver.set_window_size(1100, 960)
         driver.implicitly_wait(10)
         for name, (page, theme, words) in PICTURES.items():
             driver.get(f"{folder.as_uri()}/{page}")

@@ -13,7 +13,6 @@ from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from markdown_it import MarkdownIt
 from markupsafe import Markup, escape
 
 from msggen.disk.reading import read_bytes, read_text
@@ -145,6 +144,8 @@ class _Renderer:
         self.root = root
 
     def render(self) -> Prose:
+        from markdown_it import MarkdownIt  # only a project needs it
+
         markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
         tokens = markdown.parse(self.document.text)
         headings = tuple(_headings(tokens))
