@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 _MENTION = re.compile(r"`([^`\n]+)`|(?<![\w/])(/\w+(?:/\w+)+|[A-Z]\w+)")
 """Code in backticks, or a word that may be the name of a message or a topic."""
 
+_ENUM = re.compile(r"\[@enum ([^\]]*)\] ?")
 _UNUSED = ("", "unused", "empty", "reserved")
 
 _BREAK, _PARAGRAPH = Markup("<br>"), Markup("<p>{}</p>")
@@ -78,7 +79,7 @@ def parameters(comment: str) -> tuple[str, ...]:
     found = comment.split("|")[1:-1]
     while found and found[-1].strip().casefold() in _UNUSED:
         found.pop()
-    return tuple(text.strip() for text in found)
+    return tuple(_ENUM.sub(r"\1: ", text).strip() for text in found)
 
 
 def before_parameters(comment: str) -> str:

@@ -179,6 +179,7 @@ def test_the_parameters_of_a_command_are_a_list(files: Mapping[str, str]) -> Non
         .partition("</tr>")[0]
     )
     assert "<li>" not in row, "no list of unused parameters"
+    assert "<li>VEHICLE_ROI: What to look at</li>" in files["msg/VehicleCommand.html"]
 
 
 # --- The graph
