@@ -32,8 +32,7 @@ class Views:
 
     def message(self, message: Message) -> MessageView:
         """Return the view of `message`."""
-        known = self._messages.get(message.ros_type)
-        return known or self._messages.setdefault(message.ros_type, MessageView(message, self))
+        return self._messages.setdefault(message.ros_type, MessageView(message, self))
 
 
 class _View:
