@@ -32,6 +32,7 @@ _MODULES = {
     "breaking": "breaking",
     "bump": "bump",
     "render": "render",
+    "docs": "docs",
     "px4-generate": "px4_generate",
     "releases": "releases",
     "rules": "rules",

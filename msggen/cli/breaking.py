@@ -69,7 +69,7 @@ def _breaking(options: argparse.Namespace) -> int:
     current = sources_of(options, settings)
     if current.label == os.curdir:
         current = current._replace(label="the working tree")
-    report = breaking(_previous(options, settings), current, rules, ignored, topics_only=options.topics_only)
+    report = breaking(previous_sources(options, settings), current, rules, ignored, topics_only=options.topics_only)
     given = shell_options({"--px4": named, "--against": options.against})
     has_versions = isinstance(current.root, Folder) and current.root.is_folder(VERSIONED)
     report = with_remedies(report, lambda found: f"{found.remedy}{given}" if found.remedy and has_versions else "")
@@ -77,7 +77,7 @@ def _breaking(options: argparse.Namespace) -> int:
     return FINDINGS if report.fails else DONE
 
 
-def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
+def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources:
     """Return the sources at the revision --against. Folders outside of that repository are read as they are."""
     from msggen.firmware.revision import kept_or_revised, revised, split_revision
 

@@ -108,7 +108,8 @@ def test_the_help_lists_each_command_in_a_line(
     assert listed == [*COMMANDS]
 
 
-PAGES = {"build": "build", "sync": "sync", "check": "check", "bump": "bump", "render": "render", "breaking": "check"}
+PAGES = {command: command for command in ("build", "sync", "check", "bump", "render")}
+PAGES |= {"breaking": "check", "docs": "site"}
 
 
 @pytest.mark.parametrize("command", PAGES)
@@ -129,6 +130,7 @@ MESSAGE = "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\n"
 ARGUMENTS = {
     "build": ["--px4", "px4", "-o", "out", "--depfile", "out.d"],
     "bump": ["Lamp", "--px4", "px4", "--against", "old"],
+    "docs": ["--px4", "px4", "-o", "out", "--against", "old"],
     "render": ["--template", "names.txt.j2", "--px4", "px4", "-o", "out", "--depfile", "out.d"],
     "sync": ["--px4", "px4", "--create", "px4_msgs"],
 }

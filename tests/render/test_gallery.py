@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import shlex
 import shutil
@@ -31,6 +30,7 @@ from msggen.location import Location
 from msggen.model import ArrayKind, Catalog, Message, snake_case
 from support.capture import capture
 from support.catalogs import write_definitions
+from support.programs import required
 from support.reference import HEADERS, Values, deserialize, serialize
 from support.repository import NAMES, ROOT, VECTORS, every_message
 
@@ -39,14 +39,6 @@ PAGE = (ROOT / "docs" / "render.md").read_text(encoding="utf-8")
 HELPERS = Path(__file__).resolve().parent / "gallery"
 USUAL = ("little", 1)
 REFUSED = "refused"
-
-
-def required(name: str, *, is_there: bool) -> None:
-    """Skip the test if a tool is missing, or fail it in CI, which has all tools."""
-    if not is_there and os.environ.get("MSGGEN_CI"):
-        pytest.fail(f"CI must have {name}: .ci/run installs it")
-    if not is_there:
-        pytest.skip(f"needs {name}")
 
 
 def run(*command: str | Path, given: str = "", cwd: Path | None = None) -> str:
