@@ -46,6 +46,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "M304": Level.ERROR,
         "M305": Level.ERROR,
         "M306": Level.ERROR,
+        "M307": Level.ERROR,
         "M401": Level.ERROR,
         "M402": Level.ERROR,
         "M403": Level.ERROR,

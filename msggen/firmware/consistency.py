@@ -135,6 +135,15 @@ def check_fixed_sizes(messages: Iterable[Message], everything: Iterable[Message]
                 yield Diagnostic(field.location, "M306", text)
 
 
+def check_no_defaults(messages: Iterable[Message]) -> Iterator[Diagnostic]:
+    """Check that no field has a default value, which the firmware's generator does not read."""
+    for message in messages:
+        for field in message.fields:
+            if field.default is not None:
+                text = f"the firmware cannot be built with a default value: expected '{field.type} {field.name}'"
+                yield Diagnostic(field.location, "M307", text)
+
+
 def _differs_in_size(outer: Message, field: Field, known: Mapping[str, Message]) -> bool:
     inner = None if field.type.is_primitive else known.get(outer.key_of(field.type))
     return not field.type.is_fixed_size or (
