@@ -65,6 +65,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "Y107": Level.WARNING,
         "Y108": Level.WARNING,
         "Y109": Level.WARNING,
+        "Y110": Level.WARNING,
         "Y201": Level.ERROR,
         "Y202": Level.ERROR,
         "Y203": Level.ERROR,

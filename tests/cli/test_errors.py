@@ -160,7 +160,12 @@ ERRORS = [
     bridge("Y104", "4:16", "the key 'max_instances' beside 'route_field'", f"{MULTI}  route_field: id\n"),
     bridge("Y205", "2:10", "no field 'ids' to route by, did you mean 'id'?", f"{ROUTED}  route_field: ids\n"),
     bridge("Y205", "2:10", "expected an integer, found float32", f"{ROUTED}  route_field: x\n"),
-    bridge("Y201", "3:9", "no message defines the type 'my_msgs::msg::Foo'", ENTRY.replace("px4_msgs", "my_msgs")),
+    bridge(
+        "Y201",
+        "3:9",
+        "no message defines the type 'my_msgs::msg::Fox'",
+        ENTRY.replace("px4_msgs::msg::Foo", "my_msgs::msg::Fox"),
+    ),
     # files and folders
     Case("S101", "nothing.yaml", "No such file", {FOO: STAMP}, (*TREE, "--topics", "nothing.yaml")),
     Case("S101", FOO, "Is a directory", {f"{FOO}/note.txt": ""}),
@@ -181,6 +186,7 @@ ERRORS = [
 ]
 
 DOUBTS = [
+    doubt("Y110", "3:9", "write 'px4_msgs::msg::Foo' for 'px4_msgs'", ENTRY.replace("px4_msgs", "my_msgs")),
     in_lists(
         "M409",
         "in/msg/CMakeLists.txt:3:25",

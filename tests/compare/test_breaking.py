@@ -930,6 +930,12 @@ def test_a_topic_that_carries_another_message_is_retyped(capsys: Capture) -> Non
     assert broken(capsys, "--px4", "firmware", "--against", "HEAD") == {("TOPIC_RETYPED", "/fmu/out/shared")}
 
 
+def test_a_topic_of_another_package_is_retyped(capsys: Capture) -> None:
+    bridge(ENTRY)
+    edit(YAML, "px4_msgs::msg::Rpm", "acme_msgs::msg::Rpm")
+    assert broken(capsys, "--px4", "firmware", "--against", "HEAD") == {("TOPIC_RETYPED", "/fmu/out/rpm")}
+
+
 def test_without_a_bridge_on_both_sides_topics_are_not_asked_for(capsys: Capture) -> None:
     shutil.copytree("firmware", "old")
     shutil.rmtree("old/src")
