@@ -70,7 +70,7 @@ def _breaking(options: argparse.Namespace) -> int:
     current = sources_of(options, settings)
     if current.label == os.curdir:
         current = current._replace(label="the working tree")
-    report = breaking(_previous(options, settings), current, rules, ignored, topics_only=options.topics_only)
+    report = breaking(_previous(options, settings), current, rules, ignored, topics_only=bool(options.topics_only))
     given = shell_options({"--px4": named, "--against": options.against})
     has_versions = isinstance(current.root, Folder) and current.root.is_folder(VERSIONED)
     report = with_remedies(report, lambda found: f"{found.remedy}{given}" if found.remedy and has_versions else "")

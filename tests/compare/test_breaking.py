@@ -873,7 +873,7 @@ def test_a_warning_is_shown_and_fails_nothing(capsys: Capture) -> None:
         "RATE_LIMIT_CHANGED warning: '/fmu/out/rpm' is sent with at most 5 Hz, but with at most 250 Hz in HEAD"
         in finding
     )
-    assert last.endswith("does not break HEAD: 8 messages, 1 service, 1 warning")
+    assert last.endswith("does not break HEAD with 1 warning: 8 messages, 1 service")
 
 
 @pytest.mark.slow

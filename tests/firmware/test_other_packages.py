@@ -556,7 +556,7 @@ def test_a_new_package_depends_on_what_its_messages_nest(capsys: Capture) -> Non
     assert "${definitions} DEPENDENCIES geometry_msgs)\n" in cmake
     assert "ament_export_dependencies(rosidl_default_runtime geometry_msgs)\n" in cmake
     readme = (PACKAGE / "README.md").read_text()
-    assert "msggen sync --px4 PX4-Autopilot --msg-dir geometry_msgs=geometry_msgs px4_msgs" in readme
+    assert "msggen sync --px4 path/to/firmware --msg-dir geometry_msgs=path/to/geometry_msgs ." in readme
     assert "Further definitions" not in readme
     assert sync("--px4", "firmware", *options, "--dry-run", PACKAGE) == DONE
     assert "is up to date with" in capsys.readouterr().out
