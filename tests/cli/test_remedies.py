@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -269,6 +270,27 @@ def test_bump_is_not_named_where_it_cannot_help(tree: Path, capsys: pytest.Captu
     found = report(capsys, "breaking", "--px4", f"{tree}@HEAD", "--against", "HEAD~1")
     assert found
     assert {each["remedy"] for each in found} == {None}
+
+
+@pytest.mark.tools("git")
+@pytest.mark.parametrize("output_format", ["full", "concise", "github"])
+def test_an_intended_change_of_a_package_can_be_accepted(
+    output_format: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy("firmware/src/modules/uxrce_dds_client/dds_topics.yaml", package())
+    committed(Path("px4_msgs"))
+    edit_firmware()
+    assert main(["sync", "-q", "--px4", "firmware", "px4_msgs"]) == DONE
+    yaml = Path("px4_msgs/dds_topics.yaml")
+    yaml.write_text(yaml.read_text().replace("/fmu/out/vehicle", "/other/vehicle"))
+    arguments = ["breaking", "--px4", "px4_msgs", "--against", "HEAD"]
+    assert main([*arguments, "--output-format", output_format]) == FINDINGS
+    advice = capsys.readouterr().out.splitlines()[-2]
+    rows = re.findall(r'(?:\w+|"[\w/]+") = \[[^\]]*\]', advice)
+    assert rows == ['"/other/vehicle_status" = ["TOPIC_MOVED"]', 'Rpm = ["FIELD_ADDED"]']
+    Path("pyproject.toml").write_text("\n".join(["[tool.msggen.per-message-ignores]", *rows]))
+    assert main(arguments) == DONE
+    assert "accept" not in capsys.readouterr().out
 
 
 @pytest.mark.tools("git")
