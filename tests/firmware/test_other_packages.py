@@ -176,7 +176,7 @@ class Wrong(NamedTuple):
         Wrong("std__msgs=std_msgs", "--msg-dir: S103 'std__msgs' is not a ROS package name"),
         Wrong("std_msgs=", "--msg-dir: S101 'std_msgs=' names no folder"),
         Wrong("std_msgs=std_mgs", "std_mgs: S101 no such folder, did you mean 'std_msgs'?"),
-        Wrong("std_msgs=empty", "empty: S102 no .msg file here"),
+        Wrong("std_msgs=empty", "empty: S102 empty folder: a submodule"),
         Wrong("geometry_msgs=std_msgs", "std_msgs/package.xml: S106 the package is named 'std_msgs', found"),
         Wrong("class=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 the name of the ROS package"),
         Wrong("topics=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 the name of the ROS package"),
