@@ -13,7 +13,7 @@ from msggen.compare.finding import Category, Finding, Report, Rule, Severity
 from msggen.compare.renaming import nearest_message
 from msggen.compare.rules import BREAKING, CHECKED, find
 from msggen.diagnostics import OF_BOARDS, Diagnostic, InputError, counted
-from msggen.disk.record import RECORD_NAME, parse_record
+from msggen.disk.record import NO_RECORD, RECORD_NAME, Record, parse_record
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
 from msggen.firmware.inferred import Inference
@@ -127,11 +127,16 @@ def _place(sources: Sources) -> str:
     return sources.root.path if sources.root else sources.label
 
 
+def record_of(sources: Sources) -> Record:
+    """Return the record of the files that `sync` wrote into a package, empty if there is none."""
+    if not sources.root or not sources.root.is_file(RECORD_NAME):
+        return NO_RECORD
+    return parse_record(sources.root.read(RECORD_NAME))
+
+
 def _own_files(sources: Sources) -> set[str] | None:
     """Return the files that `sync` wrote, if it maintains the package; None if all files of the source count."""
-    if not sources.root or not sources.root.is_file(RECORD_NAME):
-        return None
-    return {name.rpartition("/")[2] for name in parse_record(sources.root.read(RECORD_NAME)).files} or None
+    return {name.rpartition("/")[2] for name in record_of(sources).files} or None
 
 
 def _extra(sources: Sources, files: Collection[str]) -> Iterator[Extra]:
@@ -186,9 +191,12 @@ def _report(
         else f"{counted(len(messages), 'message')}, {counted(len(services), 'service')}",
         *_count(sum(finding.is_silent for finding in failing), "silent"),
         *_count(sum(finding.is_handled for finding in findings), "handled"),
-        *_count(warned, "warning" if warned == 1 else "warnings"),
     ]
-    summary = f"{current.label} {verdicts[bool(failing)]} {previous.label}: {', '.join(counts)}"
+    warnings = counted(warned, "warning")
+    if warned and failing:
+        counts.append(warnings)
+    caveat = f" with {warnings}" if warned and not failing else ""
+    summary = f"{current.label} {verdicts[bool(failing)]} {previous.label}{caveat}: {', '.join(counts)}"
     ordered = sorted(findings, key=lambda finding: (finding.change.subject, finding.change.location))
     return Report(
         previous=previous.label,

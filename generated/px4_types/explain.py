@@ -50,7 +50,8 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
             problem = _number_problem(field, number, path, "bytes")
             pads = field.length is not None and number < field.length
             return f'{problem}: pad it with .ljust({field.length}, b"\\0")' if pads else problem
-        return f"{path}: expected {_expected(field, 'bytes')}, got {given(value)}"
+        remedy = ": use bytes([...])" if isinstance(value, (list, tuple)) else ""
+        return f"{path}: expected {_expected(field, 'bytes')}, got {given(value)}{remedy}"
     most = field.length if field.length is not None else field.most
     try:
         items = listed(value, sys.maxsize if most is None else most)

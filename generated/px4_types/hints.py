@@ -9,7 +9,11 @@ TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["UnknownName", "alike", "check_name", "hint", "nearest", "not_bridged"]
+__all__ = ["NO_ENDPOINTS", "UnknownName", "alike", "check_name", "hint", "nearest", "not_bridged"]
+
+
+NO_ENDPOINTS = ": the package has no endpoints, because it was built without a dds_topics.yaml: name one with --topics"
+"""The end of an error about a name in a package that has no endpoints."""
 
 
 class UnknownName(KeyError):  # noqa: N818

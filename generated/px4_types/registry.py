@@ -239,8 +239,10 @@ class Direction:
             return self._endpoints[name]
 
     def _hint(self, name: str) -> str:
-        from .hints import alike, hint, nearest, not_bridged
+        from .hints import NO_ENDPOINTS, alike, hint, nearest, not_bridged
 
+        if not any(self._directions.values()):
+            return NO_ENDPOINTS
         for direction in (self._name, *self._directions):
             for attribute, endpoint in self._directions[direction].items():
                 if alike(name) in (alike(attribute), alike(endpoint.uorb_topic)):

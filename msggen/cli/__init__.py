@@ -219,6 +219,9 @@ class _Parser(argparse.ArgumentParser):
             firmware = next(filter(_is_firmware, [*given, wrong]), None) if names else wrong
             if firmware:
                 return f": name the firmware with --px4 {firmware}"
+        owners = "" if self._subparsers else ", ".join(_commands_with(wrong))
+        if owners:
+            return f": an option of {owners}"
         near = suggestion(wrong, [name for name, action in known.items() if action.help is not argparse.SUPPRESS])
         if near or not names:
             return near
@@ -237,6 +240,14 @@ class _Parser(argparse.ArgumentParser):
             choices = list(map(str, action.choices))
             hint = suggestion(str(value), choices)
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
+
+
+def _commands_with(option: str) -> list[str]:
+    """Return the names of the commands that have an option, and list it in their help."""
+    parser: Any = parser_for(())
+    commands = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction))  # noqa: SLF001
+    found = ((name, command._option_string_actions.get(option)) for name, command in commands.choices.items())  # noqa: SLF001
+    return [name for name, action in found if action and action.help is not argparse.SUPPRESS]
 
 
 class _PrintCMakeFolder(argparse.Action):

@@ -98,7 +98,8 @@ class Report:
     """The result of a comparison: the names of both sides, the rules that were applied, and their findings.
 
     `summary` is one line for people. `compared` is the number of messages and services that both sides have.
-    `notices` are the warnings and notes about the sources; they are not findings.
+    `notices` are the warnings and notes about the sources; they are not findings. `advice` is a line on what to do
+    about the whole report, "" if the findings say it.
     """
 
     previous: str
@@ -108,6 +109,7 @@ class Report:
     compared: int
     summary: str
     notices: tuple[Diagnostic, ...] = ()
+    advice: str = ""
 
     @property
     def fails(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -266,8 +267,8 @@ RULES = (
         _DRIFT,
         drift.find_added_definitions,
         fix=(
-            "Move your own definitions to a package of your own. Delete a definition that the firmware no longer has, "
-            "or add it to the firmware."
+            "Move your own definitions to a package of your own, or add them to the firmware. `msggen sync` removes "
+            "definitions of the firmware that it no longer has."
         ),
     ),
     Rule(
@@ -320,9 +321,14 @@ def with_remedies(report: Report, command: Callable[[Finding], str]) -> Report:
     return replace(report, findings=tuple(replace(each, remedy=command(each)) for each in report.findings))
 
 
-def is_synced(rule: Rule) -> bool:
-    """Whether `msggen sync` mends a finding of `rule` in a package, which has no dds_topics.yaml of its own."""
-    return rule.category not in (_TOPIC, _VERSION) and rule.id != "DEFINITION_ADDED"
+def is_synced(finding: Finding, owned: Collection[str]) -> bool:
+    """Whether `msggen sync` mends a finding in a package, which has no dds_topics.yaml of its own.
+
+    `owned` has the names of the definitions that it may remove.
+    """
+    if finding.rule.id == "DEFINITION_ADDED":
+        return "/".join(finding.change.location.path.replace(os.sep, "/").split("/")[-2:]) in owned
+    return finding.rule.category not in (_TOPIC, _VERSION)
 
 
 def find(comparison: Comparison, rules: Sequence[Rule]) -> Iterator[Finding]:

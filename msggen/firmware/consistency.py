@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -135,6 +135,15 @@ def check_fixed_sizes(messages: Iterable[Message], everything: Iterable[Message]
                 yield Diagnostic(field.location, "M306", text)
 
 
+def check_no_defaults(messages: Iterable[Message]) -> Iterator[Diagnostic]:
+    """Check that no field has a default value, which the firmware's generator does not read."""
+    for message in messages:
+        for field in message.fields:
+            if field.default is not None:
+                text = f"the firmware cannot be built with a default value: expected '{field.type} {field.name}'"
+                yield Diagnostic(field.location, "M307", text)
+
+
 def _differs_in_size(outer: Message, field: Field, known: Mapping[str, Message]) -> bool:
     inner = None if field.type.is_primitive else known.get(outer.key_of(field.type))
     return not field.type.is_fixed_size or (
@@ -150,17 +159,21 @@ def check_bridge(
 ) -> Iterator[Diagnostic]:
     """Check that every entry names an existing message of the package `uorb` and a topic that this message declares.
 
-    `unbuilt` has, by name, the reasons why messages are not built.
+    The firmware's script reads only the name of the message, so another package is a warning. `unbuilt` has, by name,
+    the reasons why messages are not built.
     """
+    messages = list(messages)
+    names = {message.name: message for message in messages if message.package == uorb}
     packages = {entry.package for entry in entries}
-    if len(entries) > 1 and len(packages) == 1 and uorb not in packages:
+    is_known = any(entry.message_name in names for entry in entries)
+    if len(entries) > 1 and len(packages) == 1 and uorb not in packages and not is_known:
         first = entries[0]
         text = f"the file names types of '{first.package}', but the package of the firmware's messages is '{uorb}'"
         yield Diagnostic(first.type_location, "Y201", text)
         return
     others = {f"{message.package}::msg::{message.name}" for message in messages if message.package != uorb}
-    names = {message.name: message for message in messages if message.package == uorb}
     owners = {topic: message for message in names.values() for topic in message.topic_names}
+    yield from _foreign_types(entries, names, uorb)
     seen: dict[tuple[str, int | None], BridgeEntry] = {}
     for entry in entries:
         other = seen.setdefault((entry.topic, entry.instance), entry)
@@ -168,7 +181,7 @@ def check_bridge(
             text = f"'{entry.topic}' is already bridged on line {other.location.line}"
             yield Diagnostic(entry.location, "Y204", text)
         name, topic = entry.message_name, entry.uorb_topic
-        if name not in names or entry.package != names[name].package:
+        if name not in names:
             types = [f"{uorb}::msg::{known}" for known in names]
             hint = unbuilt.get(name) or suggestion(entry.type_name, types)
             text = f"no message defines the type '{entry.type_name}'{hint}"
@@ -184,6 +197,19 @@ def check_bridge(
             yield Diagnostic(entry.type_location, "Y203", text)
         elif entry.route_field:
             yield from _check_route(entry, names[name])
+
+
+def _foreign_types(entries: Sequence[BridgeEntry], names: Collection[str], uorb: str) -> Iterator[Diagnostic]:
+    """Yield a warning for each other package under which entries bridge messages of the firmware."""
+    foreign: dict[str, list[BridgeEntry]] = {}
+    for entry in entries:
+        if entry.package != uorb and entry.message_name in names:
+            foreign.setdefault(entry.package, []).append(entry)
+    for package, found in foreign.items():
+        named = few([*dict.fromkeys(entry.message_name for entry in found)])
+        text = f"messages of the firmware cross the bridge as types of '{package}' ({named})"
+        text += f": ROS nodes need that package; write '{uorb}::msg::{found[0].message_name}' for '{uorb}'"
+        yield Diagnostic(found[0].type_location, "Y110", text)
 
 
 def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:

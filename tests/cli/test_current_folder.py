@@ -85,8 +85,8 @@ def test_check_and_sync_compare_with_the_tree_but_not_with_a_package(
     assert capsys.readouterr().out == told
     assert main(["sync", "../px4_msgs"]) == DONE
     monkeypatch.chdir("../px4_msgs")
-    assert main(["check", "."]) == 1
-    assert "the embedded PX4 v1.18" in capsys.readouterr().out
+    assert main(["check", "."]) == 2
+    assert "another source than the embedded PX4 v1.18" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

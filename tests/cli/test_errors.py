@@ -85,6 +85,16 @@ def in_lists(code: str, place: str, fragment: str, lists: str) -> Case:
 ERRORS = [
     # text of a definition
     line("M101", 3, "found 'uint8 = 5'", "  uint8 = 5"),
+    *(
+        line("M101", 1, f"a constant needs '=': expected 'uint8 STATE_OK = 0', found '{text}'", text)
+        for text in ("uint8 STATE_OK 0", "uint8 STATE_OK: 0", "uint8 STATE_OK:0")
+    ),
+    line("M101", 1, "a constant needs a type and '=': expected 'uint8 STATE_OK = 0'", "STATE_OK: 0"),
+    *(
+        line("M101", 1, f"a type has no spaces: expected 'float32[8] x', found '{text}'", text)
+        for text in ("float32[ 8 ] x", "float32 [8] x", "float32[8 ] x")
+    ),
+    line("M101", 1, "the length of an array follows its type: expected 'float32[8] x'", "float32 x[ 8 ]"),
     Case("M102", f"{FOO}:1:1", "byte order mark", {FOO: b"\xef\xbb\xbf" + STAMP.encode()}),
     Case("Y101", f"{YAML}:1:3", "byte 0xe4 is not UTF-8", {FOO: STAMP, YAML: b"# \xe4\n"}),
     Case("M103", f"{FOO}:1:1", "'Foo' is empty", {FOO: ""}),
@@ -126,6 +136,7 @@ ERRORS = [
     line("M305", 15, "expected values with commas between them", 'string[<=2] x ["a" "b"]'),
     in_a_tree("M306", "as 'uint8[32]', found 'uint8[] x'", "uint8[] x"),
     in_a_tree("M306", "as 'float32[32]', found 'float32[<=3] x'", "float32[<=3] x"),
+    in_a_tree("M307", "cannot be built with a default value: expected 'float32 x'", "float32 x 1.0"),
     Case(
         "M306",
         f"{FOO}:2:1",
@@ -149,7 +160,12 @@ ERRORS = [
     bridge("Y104", "4:16", "the key 'max_instances' beside 'route_field'", f"{MULTI}  route_field: id\n"),
     bridge("Y205", "2:10", "no field 'ids' to route by, did you mean 'id'?", f"{ROUTED}  route_field: ids\n"),
     bridge("Y205", "2:10", "expected an integer, found float32", f"{ROUTED}  route_field: x\n"),
-    bridge("Y201", "3:9", "no message defines the type 'my_msgs::msg::Foo'", ENTRY.replace("px4_msgs", "my_msgs")),
+    bridge(
+        "Y201",
+        "3:9",
+        "no message defines the type 'my_msgs::msg::Fox'",
+        ENTRY.replace("px4_msgs::msg::Foo", "my_msgs::msg::Fox"),
+    ),
     # files and folders
     Case("S101", "nothing.yaml", "No such file", {FOO: STAMP}, (*TREE, "--topics", "nothing.yaml")),
     Case("S101", FOO, "Is a directory", {f"{FOO}/note.txt": ""}),
@@ -170,6 +186,7 @@ ERRORS = [
 ]
 
 DOUBTS = [
+    doubt("Y110", "3:9", "write 'px4_msgs::msg::Foo' for 'px4_msgs'", ENTRY.replace("px4_msgs", "my_msgs")),
     in_lists(
         "M409",
         "in/msg/CMakeLists.txt:3:25",
@@ -310,6 +327,20 @@ def test_all_errors_of_all_files_come_in_one_run_in_order(
         f"{SERVICE}:3:7: M201",
     ]
     assert last == "10 errors, nothing written"
+
+
+@pytest.mark.parametrize(
+    ("text", "codes"),
+    [
+        ("uint8\nfloat32[0] x\n", ["M101", "M303", "M401"]),
+        ("uint8 STATE_OK 0  # timestamp\n", ["M101", "M401"]),
+        ("uint64[0] timestamp\n", ["M303"]),
+        ("uint64 timestamp 0x\n", ["M305"]),
+    ],
+)
+def test_a_missing_timestamp_is_told_in_the_first_run(text: str, codes: list[str]) -> None:
+    """If a line with errors names the timestamp, only these errors are told."""
+    assert sorted(error.code for error in errors_in(text.encode())) == codes
 
 
 def test_both_missing_keys_of_an_entry_are_told() -> None:

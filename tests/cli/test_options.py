@@ -262,7 +262,7 @@ def test_the_setting_of_the_ros_package_is_not_that_of_the_python_package() -> N
 def test_build_does_not_know_the_option_of_sync(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["build", "--ros-package", "my_msgs"])
-    assert "unknown argument '--ros-package', did you mean '--package'?" in capsys.readouterr().err
+    assert "unknown argument '--ros-package': an option of sync\n" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("here")

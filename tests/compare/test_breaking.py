@@ -873,7 +873,7 @@ def test_a_warning_is_shown_and_fails_nothing(capsys: Capture) -> None:
         "RATE_LIMIT_CHANGED warning: '/fmu/out/rpm' is sent with at most 5 Hz, but with at most 250 Hz in HEAD"
         in finding
     )
-    assert last.endswith("does not break HEAD: 8 messages, 1 service, 1 warning")
+    assert last.endswith("does not break HEAD with 1 warning: 8 messages, 1 service")
 
 
 @pytest.mark.slow
@@ -928,6 +928,12 @@ def test_a_topic_that_carries_another_message_is_retyped(capsys: Capture) -> Non
     edit("msg/EscStatus.msg", STAMP[:-1], f"# TOPICS esc_status shared\n{STAMP[:-1]}")
     edit(YAML, "::Rpm", "::EscStatus")
     assert broken(capsys, "--px4", "firmware", "--against", "HEAD") == {("TOPIC_RETYPED", "/fmu/out/shared")}
+
+
+def test_a_topic_of_another_package_is_retyped(capsys: Capture) -> None:
+    bridge(ENTRY)
+    edit(YAML, "px4_msgs::msg::Rpm", "acme_msgs::msg::Rpm")
+    assert broken(capsys, "--px4", "firmware", "--against", "HEAD") == {("TOPIC_RETYPED", "/fmu/out/rpm")}
 
 
 def test_without_a_bridge_on_both_sides_topics_are_not_asked_for(capsys: Capture) -> None:

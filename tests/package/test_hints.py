@@ -41,6 +41,14 @@ def test_a_wrong_attribute_names_the_right_one(direction: str, name: str, hint: 
     assert refused(AttributeError, getattr, side, name) == f"no endpoint '{direction}.{name}'{hint}"
 
 
+def test_a_package_without_endpoints_says_why(tmp_path: Path) -> None:
+    types = import_package(catalog_of(tmp_path, {"Rpm.msg": "uint64 timestamp\n"}), tmp_path)
+    why = ": the package has no endpoints, because it was built without a dds_topics.yaml: name one with --topics"
+    for name in ("rpm", "Rpm", "zzzz"):
+        assert refused(AttributeError, getattr, types.topics.out, name) == f"no endpoint 'out.{name}'{why}"
+        assert refused(KeyError, types.topics.endpoint, f"/fmu/out/{name}") == f"no endpoint '/fmu/out/{name}'{why}"
+
+
 @pytest.mark.parametrize(
     ("name", "hint"),
     [

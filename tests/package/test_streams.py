@@ -198,7 +198,7 @@ def test_a_value_that_cannot_be_is_named(scan: Any, cdr: Any, changes: dict[str,
     ("changes", "text"),
     [
         ({"raw": b"four"}, "Status.raw: expected up to 3 bytes, got 4"),
-        ({"raw": [1]}, "Status.raw: expected up to 3 bytes, got a list of 1"),
+        ({"raw": [1]}, "Status.raw: expected up to 3 bytes, got a list of 1: use bytes([...])"),
         ({"flags": iter([True])}, None),
         ({"flags": [1.0]}, "Status.flags[0]: expected a bool, got 1.0"),
         ({"name": Ellipsis}, "Status.name: expected a str, got Ellipsis"),

@@ -477,7 +477,7 @@ def test_explain_lists_the_rules_of_a_category(capsys: pytest.CaptureFixture[str
     ("wrong", "said"),
     [
         ("WIRES", "unknown rule 'WIRES', did you mean 'WIRE'?"),
-        ("m399", "unknown code 'm399', did you mean 'M306'?"),
+        ("m399", "unknown code 'm399', did you mean 'M307'?"),
         ("M3011", "unknown rule 'M3011', did you mean 'M301'?"),
         ("X301", "unknown rule 'X301', did you mean 'M301'?"),
     ],

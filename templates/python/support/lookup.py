@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from importlib import import_module
 
-from .hints import UnknownName, alike, check_name, hint, nearest, not_bridged
+from .hints import NO_ENDPOINTS, UnknownName, alike, check_name, hint, nearest, not_bridged
 from .registry import NAMESPACE, Endpoint, in_namespace, renamed
 
 TYPE_CHECKING: bool = False
@@ -67,6 +67,8 @@ def _endpoint_hint(endpoints: Sequence[Endpoint], names: Iterable[str], uorb: It
 
     A hint has the namespace of the wrong name.
     """
+    if not endpoints:
+        return NO_ENDPOINTS
     dds, plain = ("rt", wrong[2:]) if wrong.startswith("rt/") else ("", wrong)
     front, rest = _split_namespace(endpoints, plain)
     last = alike(_unversioned(rest.rpartition("/")[2]))
