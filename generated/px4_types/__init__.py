@@ -281,8 +281,9 @@ if TYPE_CHECKING:
     from .msg import YawEstimatorStatus as YawEstimatorStatus
 
 _MODULES = (
-    "arrays", "batch", "cdr", "encapsulation", "explain", "hints", "info", "lazy", "lookup", "msg", "orb_id",
-    "places", "primitives", "records", "registry", "srv", "topics",
+    "arrays", "batch", "cdr", "clock", "covariances", "encapsulation", "explain", "frames", "hints", "info",
+    "lazy", "lookup", "msg", "orb_id", "places", "primitives", "quantities", "records", "registry",
+    "rotations", "srv", "topics",
 )
 _AttributeError = AttributeError  # a message may have this name
 _ERRORS = {"DecodeError", "EncodeError"}

@@ -36,13 +36,13 @@ class FixedWingLateralSetpoint(_cdr.Message):
     """uint64 [us] Time since boot."""
 
     course: float
-    """float32 [rad] [@range -pi, pi] [@invalid NaN] Direction over ground to fly, clockwise from true
-    north.
+    """float32 [rad] [@range -pi, pi] [@invalid NaN] [@frame NED] Direction over ground to fly, clockwise
+    from true north.
     """
 
     airspeed_direction: float
-    """float32 [rad] [@range -pi, pi] [@invalid NaN] Direction through the air, from true north. If set,
-    course is ignored.
+    """float32 [rad] [@range -pi, pi] [@invalid NaN] [@frame NED] Direction through the air, from true
+    north. If set, course is ignored.
     """
 
     lateral_acceleration: float
@@ -100,9 +100,12 @@ class FixedWingLateralSetpoint(_cdr.Message):
         topics=("fixed_wing_lateral_setpoint",),
         fields=(
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
-            info.Field("course", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN"),
+            info.Field(
+                "course", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
+            ),
             info.Field(
                 "airspeed_direction", "float32", 12, 4, unit="rad", range="-pi, pi", invalid="NaN",
+                frame="NED",
             ),
             info.Field(
                 "lateral_acceleration", "float32", 16, 4, unit="m/s^2", invalid="NaN", frame="FRD",

@@ -51,8 +51,8 @@ class GotoSetpoint(_cdr.Message):
     """bool True to turn to heading as well. Otherwise the heading is left free."""
 
     heading: float
-    """float32 [rad] [@range -pi, pi] Target heading, 0 is north, clockwise positive. Read only with
-    flag_control_heading.
+    """float32 [rad] [@range -pi, pi] [@frame NED] Target heading, 0 is north, clockwise positive. Read
+    only with flag_control_heading.
     """
 
     flag_set_max_horizontal_speed: bool
@@ -151,7 +151,7 @@ class GotoSetpoint(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("position", "float32[3]", 8, 12, unit="m", frame="NED"),
             info.Field("flag_control_heading", "bool", 20, 1),
-            info.Field("heading", "float32", 24, 4, unit="rad", range="-pi, pi"),
+            info.Field("heading", "float32", 24, 4, unit="rad", range="-pi, pi", frame="NED"),
             info.Field("flag_set_max_horizontal_speed", "bool", 28, 1),
             info.Field("max_horizontal_speed", "float32", 32, 4, unit="m/s"),
             info.Field("flag_set_max_vertical_speed", "bool", 36, 1),

@@ -54,7 +54,9 @@ class TrajectorySetpoint(_cdr.Message):
     """float32[3] [m/s^3] [@invalid NaN] [@frame NED] Recorded in the log, has no effect on control."""
 
     yaw: float
-    """float32 [rad] [@range -pi, pi] [@invalid NaN] Heading to hold, 0 is north, clockwise positive."""
+    """float32 [rad] [@range -pi, pi] [@invalid NaN] [@frame NED] Heading to hold, 0 is north, clockwise
+    positive.
+    """
 
     yawspeed: float
     """float32 [rad/s] [@invalid NaN] [@frame NED] Turn rate about the down axis, clockwise positive seen
@@ -139,7 +141,9 @@ class TrajectorySetpoint(_cdr.Message):
                 "acceleration", "float32[3]", 32, 12, unit="m/s^2", invalid="NaN", frame="NED",
             ),
             info.Field("jerk", "float32[3]", 44, 12, unit="m/s^3", invalid="NaN", frame="NED"),
-            info.Field("yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN"),
+            info.Field(
+                "yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
+            ),
             info.Field("yawspeed", "float32", 60, 4, unit="rad/s", invalid="NaN", frame="NED"),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),

@@ -40,7 +40,9 @@ class VehicleAttitude(_cdr.Message):
     """uint64 [us] When the IMU data behind the estimate was taken."""
 
     q: tuple[float, float, float, float]
-    """float32[4] Unit Hamilton quaternion (w, x, y, z) turning body FRD vectors into local NED."""
+    """float32[4] [@frame NED] Unit Hamilton quaternion (w, x, y, z) turning body FRD vectors into local
+    NED.
+    """
 
     delta_q_reset: tuple[float, float, float, float]
     """float32[4] Rotation (w, x, y, z) by which q jumped at the latest estimator reset."""
@@ -111,7 +113,7 @@ class VehicleAttitude(_cdr.Message):
         fields=(
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
-            info.Field("q", "float32[4]", 16, 16),
+            info.Field("q", "float32[4]", 16, 16, frame="NED"),
             info.Field("delta_q_reset", "float32[4]", 32, 16),
             info.Field("quat_reset_counter", "uint8", 48, 1),
         ),

@@ -40,7 +40,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
     """float32 [rad/s] Demanded yaw rate, mostly the pilot's, fed forward to the rate controller."""
 
     q_d: tuple[float, float, float, float]
-    """float32[4] Target attitude as a unit quaternion (w, x, y, z), rotating body FRD to NED."""
+    """float32[4] [@frame NED] Target attitude as a unit quaternion (w, x, y, z), rotating body FRD to NED."""
 
     thrust_body: tuple[float, float, float]
     """float32[3] [@range -1, 1] [@frame FRD] Share of full thrust per axis. Multicopters use -z (up is
@@ -107,7 +107,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
         fields=(
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("yaw_sp_move_rate", "float32", 8, 4, unit="rad/s"),
-            info.Field("q_d", "float32[4]", 12, 16),
+            info.Field("q_d", "float32[4]", 12, 16, frame="NED"),
             info.Field("thrust_body", "float32[3]", 28, 12, range="-1, 1", frame="FRD"),
         ),
         constants=info.constants(cls, "uint32 MESSAGE_VERSION"),

@@ -79,8 +79,8 @@ class VehicleOdometry(_cdr.Message):
     """
 
     q: tuple[float, float, float, float]
-    """float32[4] [-] [@invalid NaN First value if invalid/unknown] Rotation from body axes to pose_frame
-    as Hamilton quaternion w, x, y, z.
+    """float32[4] [-] [@invalid NaN First value if invalid/unknown] [@frame @pose_frame] Rotation from body
+    axes to pose_frame as Hamilton quaternion w, x, y, z.
     """
 
     velocity_frame: int
@@ -97,13 +97,15 @@ class VehicleOdometry(_cdr.Message):
     """
 
     position_variance: tuple[float, float, float]
-    """float32[3] [m^2] Uncertainty of position, per axis."""
+    """float32[3] [m^2] [@frame @pose_frame] Uncertainty of position, per axis."""
 
     orientation_variance: tuple[float, float, float]
-    """float32[3] [rad^2] Uncertainty of the attitude as roll, pitch and yaw about the body axes."""
+    """float32[3] [rad^2] [@frame @VELOCITY_FRAME_BODY_FRD] Uncertainty of the attitude as roll, pitch and
+    yaw about the body axes.
+    """
 
     velocity_variance: tuple[float, float, float]
-    """float32[3] [m^2/s^2] Uncertainty of velocity, per axis."""
+    """float32[3] [m^2/s^2] [@frame @velocity_frame] Uncertainty of velocity, per axis."""
 
     reset_counter: int
     """uint8 [-] Increments when the source jumps, so that the consumer can restart instead of fusing the
@@ -227,6 +229,7 @@ class VehicleOdometry(_cdr.Message):
             ),
             info.Field(
                 "q", "float32[4]", 32, 16, unit="-", invalid="NaN First value if invalid/unknown",
+                frame="@pose_frame",
             ),
             info.Field("velocity_frame", "uint8", 48, 1, enum="VELOCITY_FRAME"),
             info.Field(
@@ -237,9 +240,13 @@ class VehicleOdometry(_cdr.Message):
                 "angular_velocity", "float32[3]", 64, 12, unit="rad/s", invalid="NaN If invalid/unknown",
                 frame="@VELOCITY_FRAME_BODY_FRD",
             ),
-            info.Field("position_variance", "float32[3]", 76, 12, unit="m^2"),
-            info.Field("orientation_variance", "float32[3]", 88, 12, unit="rad^2"),
-            info.Field("velocity_variance", "float32[3]", 100, 12, unit="m^2/s^2"),
+            info.Field("position_variance", "float32[3]", 76, 12, unit="m^2", frame="@pose_frame"),
+            info.Field(
+                "orientation_variance", "float32[3]", 88, 12, unit="rad^2", frame="@VELOCITY_FRAME_BODY_FRD",
+            ),
+            info.Field(
+                "velocity_variance", "float32[3]", 100, 12, unit="m^2/s^2", frame="@velocity_frame",
+            ),
             info.Field("reset_counter", "uint8", 112, 1, unit="-"),
             info.Field("quality", "int8", 113, 1, unit="-", invalid="0"),
         ),

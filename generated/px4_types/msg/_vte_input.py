@@ -38,7 +38,7 @@ class VteInput(_cdr.Message):
     """
 
     q_att: tuple[float, float, float, float]
-    """float32[4] [-] Attitude: quaternion that rotates body FRD into NED."""
+    """float32[4] [-] [@frame NED] Attitude: quaternion that rotates body FRD into NED."""
 
     acc_sample_count: int
     """uint32 [-] Samples behind the average in acc_xyz."""
@@ -104,7 +104,7 @@ class VteInput(_cdr.Message):
             info.Field("timestamp", "uint64", 0, 8, unit="us"),
             info.Field("timestamp_sample", "uint64", 8, 8, unit="us"),
             info.Field("acc_xyz", "float32[3]", 16, 12, unit="m/s^2", frame="NED"),
-            info.Field("q_att", "float32[4]", 28, 16, unit="-"),
+            info.Field("q_att", "float32[4]", 28, 16, unit="-", frame="NED"),
             info.Field("acc_sample_count", "uint32", 44, 4, unit="-"),
         ),
         constants=(),
