@@ -283,7 +283,7 @@ if TYPE_CHECKING:
 _MODULES = (
     "arrays", "batch", "cdr", "clock", "covariances", "encapsulation", "explain", "frames", "hints", "info",
     "lazy", "lookup", "msg", "orb_id", "places", "primitives", "quantities", "records", "registry",
-    "rotations", "srv", "topics",
+    "rotations", "srv", "timesync", "topics",
 )
 _AttributeError = AttributeError  # a message may have this name
 _ERRORS = {"DecodeError", "EncodeError"}

@@ -35,6 +35,7 @@ from .rotations import ned_to_enu as ned_to_enu
 from .rotations import ned_to_enu_heading as ned_to_enu_heading
 from .rotations import ned_to_enu_orientation as ned_to_enu_orientation
 from .rotations import ned_to_enu_variances as ned_to_enu_variances
+from .rotations import numbers_of, shown
 from .rotations import px4_to_ros_orientation as px4_to_ros_orientation
 from .rotations import ros_to_px4_orientation as ros_to_px4_orientation
 
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
 
     from .cdr import Message
     from .info import Field
+    from .quantities import Part
 
     MessageType = TypeVar("MessageType", bound=Message)
 
@@ -82,12 +84,13 @@ class Quantity(Frozen):
 
 
 class Converted(dict[str, Quantity]):
-    """The quantities of a message in frames of ROS, by name. Other fields are in `refused`, with the reason.
+    """The quantities of a message in frames of ROS, by name.
 
-    A name that is not in it raises FrameError with the reason, or KeyError if the message has no such field.
+    The name of another field raises FrameError with the reason, and an unknown name raises KeyError.
     """
 
     refused: dict[str, str]
+    """The fields that have a frame, or look like a vector, but cannot be converted, with the reason."""
 
     def __init__(self, parts: Parts) -> None:
         super().__init__()
@@ -113,8 +116,19 @@ def to_ros(message: Message, name: str | None = None) -> Converted | Quantity:
     name, can be converted: its frame is not declared, or unknown in this message, or its value is no rotation. Raises
     KeyError if there is no such field.
     """
-    found = _converted(message.__class__, lambda field: getattr(message, field.attribute), _together)
-    return found if name is None else found[name]
+    cls = message.__class__
+
+    def value_of(field: Field) -> Any:
+        return getattr(message, field.attribute)
+
+    if name is None:
+        return _converted(cls, value_of, _together)
+    parts = parts_of(cls)
+    part = parts.known.get(name) or parts.refuse(name)
+    try:
+        return _quantity(cls, part, value_of, _together)
+    except FrameError as error:
+        parts.refuse(name, str(error))
 
 
 def batch_to_ros(cls: type[Message], array: NDArray[void]) -> Converted:
@@ -163,18 +177,23 @@ def _converted(cls: type[Message], value_of: Callable[[Field], Any], join: Calla
     found = Converted(parts)
     for name, part in parts.known.items():
         try:
-            frame = frame_of(cls, part, lambda field: _common(field, value_of(field)))
-            value = _CONVERSIONS[part.kind, frame.axes](join([value_of(field) for field in part.fields]))
+            found[name] = _quantity(cls, part, value_of, join)
         except FrameError as error:
             found.refused[name] = str(error)
-        else:
-            found[name] = Quantity(value, frame.ros, part.kind)
     if not found:
-        first = next((name for name in parts.known if name in found.refused), None)
-        if first is None:
-            raise FrameError(f"{cls.__msg__.name}: no field has a frame that can be converted")
-        parts.refuse(first, found.refused[first])
+        for name, reason in found.refused.items():
+            parts.refuse(name, reason)
+        raise FrameError(f"{cls.__msg__.name}: no field has a frame")
     return found
+
+
+def _quantity(
+    cls: type[Message], part: Part, value_of: Callable[[Field], Any], join: Callable[[list[Any]], Any]
+) -> Quantity:
+    """Return a quantity of a message or a batch. Raises FrameError with the reason."""
+    frame = frame_of(cls, part, lambda field: _common(field, value_of(field)))
+    value = join([value_of(field) for field in part.fields])
+    return Quantity(_CONVERSIONS[part.kind, frame.axes](value), frame.ros, part.kind)
 
 
 def _common(field: Field, values: Any) -> Any:
@@ -198,12 +217,28 @@ def _stacked(values: list[Any]) -> Any:
     return values[0] if len(values) == 1 else numpy.stack(values, axis=-1)
 
 
-def _same(value: Any) -> Any:
-    return value if hasattr(value, "dtype") or not hasattr(value, "__len__") else tuple(value)
+def _same(vector: Any) -> Any:
+    values = numbers_of(vector, 3)
+    return values if hasattr(values, "dtype") else tuple(values)
+
+
+def _same_orientation(quaternion: Any) -> Any:
+    return local_frd_to_flu_orientation(local_frd_to_flu_orientation(quaternion))
+
+
+def _same_number(number: Any) -> Any:
+    """Return a number, or an array of numbers in a batch. Raises FrameError for anything else."""
+    if not hasattr(number, "__float__") and not hasattr(number, "dtype"):
+        raise FrameError(f"expected one number, got {shown(number)}")
+    return number
+
+
+def _heading(heading: Any) -> Any:
+    return ned_to_enu_heading(_same_number(heading))
 
 
 def _opposite(rate: Any) -> Any:
-    return 0.0 - rate
+    return 0.0 - _same_number(rate)
 
 
 _CONVERSIONS: dict[tuple[str, str], Callable[[Any], Any]] = {
@@ -213,9 +248,13 @@ _CONVERSIONS: dict[tuple[str, str], Callable[[Any], Any]] = {
     (VARIANCES, "FRD"): _same,
     (ORIENTATION, "NED"): px4_to_ros_orientation,
     (ORIENTATION, "FRD"): local_frd_to_flu_orientation,
-    (HEADING, "NED"): ned_to_enu_heading,
+    (HEADING, "NED"): _heading,
     (YAW_RATE, "NED"): _opposite,
-    **{(kind, ""): _same for kind in (VECTOR, VARIANCES, ORIENTATION, HEADING, YAW_RATE)},
+    (VECTOR, ""): _same,
+    (VARIANCES, ""): _same,
+    (ORIENTATION, ""): _same_orientation,
+    (HEADING, ""): _same_number,
+    (YAW_RATE, ""): _same_number,
 }
 """The conversions to ROS by kind and axes. Each is its own inverse."""
 

@@ -115,31 +115,37 @@ class Part(Frozen):
 
 
 class Parts:
-    """The quantities of a message class by name, and the reasons why its other fields are none."""
+    """The quantities of a message class by name, and the reasons why other fields are none."""
+
+    cls: type[Message]
+    known: dict[str, Part]
+    refused: dict[str, str]
+    """The reasons of fields that have a frame or look like a vector."""
 
     def __init__(self, cls: type[Message]) -> None:
         self.cls = cls
-        self.known: dict[str, Part] = {}
-        self.refused: dict[str, str] = {}
-        for part in _triples(cls):
-            self.known[part.name] = part
-            for field in part.fields:
-                self.refused[field.name] = f"it is a component of '{part.name}'"
+        self.known = {part.name: part for part in _triples(cls)}
+        self.refused = {}
+        self._others: dict[str, str] = {}
+        for part in self.known.values():
+            self._others.update(dict.fromkeys([field.name for field in part.fields], f"it is a part of '{part.name}'"))
         for field in cls.__msg__.fields:
-            if field.name not in self.refused:
+            if field.name not in self._others:
                 kind, reason = _kind(field)
                 if kind:
                     self.known[field.name] = Part(field.name, (field,), kind, field.frame)
-                else:
+                elif reason:
                     self.refused[field.name] = reason
+                else:
+                    self._others[field.name] = "it has no frame"
 
     def refuse(self, name: str, reason: str = "") -> NoReturn:
         """Raise FrameError with the reason why a field is not converted, or UnknownName if there is no such field."""
         check_name(name, next(iter(self.known), "position"))
-        reason = reason or self.refused.get(name, "")
+        reason = reason or self.refused.get(name) or self._others.get(name, "")
         if reason:
             raise FrameError(f"{self.cls.__msg__.name}.{name}: {reason}")
-        near = nearest(name, [*self.known, *self.refused])
+        near = nearest(name, [*self.known, *self.refused, *self._others])
         raise UnknownName(f"{self.cls.__msg__.name} has no field '{name}'{hint(near)}")
 
 
@@ -214,25 +220,34 @@ def _is_triple(fields: tuple[Field, ...], axes: tuple[str, ...]) -> bool:
 
 
 def _kind(field: Field) -> tuple[str, str]:
-    """Return the kind of a field's quantity, or "" and the reason why it has none."""
-    is_float = field.base in _FLOATS
-    kind, reason = "", "it has no frame"
-    if is_float and field.length == 4 and _QUATERNION.search(field.name):
-        kind = ORIENTATION
-    elif is_float and field.length == 3:
-        kind = VARIANCES if _SPREAD.search(field.name) else VECTOR
-        if kind == VECTOR and field.frame and field.unit in _NO_UNITS and not _has_sign(field):
-            kind, reason = "", "it has no unit, so it may be a vector or a factor for each axis"
-    elif is_float and field.length is None and not field.is_sequence and not _NO_HEADING.search(field.name):
-        if field.unit == "rad" and field.frame and _HEADING.search(field.name):
-            kind = HEADING
-        elif field.unit == "rad/s" and field.frame and _YAW_RATE.search(field.name):
-            kind = YAW_RATE
+    """Return the kind of a field's quantity, or "" and the reason why it is none; "" if it does not look like one."""
+    kind = _kind_of_array(field) if field.length else _kind_of_number(field)
     if kind and not field.frame:
-        return "", "its definition does not say its frame: no [@frame ...] in its comment"
-    if not kind and field.frame and not reason.startswith("it has no unit"):
+        return "", "its definition does not say its frame: its comment has no [@frame ...]"
+    if kind == VECTOR and field.unit in _NO_UNITS and not _has_sign(field):
+        return "", "it has no unit: it can be a vector, or a factor for each axis"
+    if not kind and field.frame:
         return "", _REFUSED.get(field.frame.upper(), f"a value in {field.frame} that is no vector of three components")
-    return kind, reason
+    return kind, ""
+
+
+def _kind_of_array(field: Field) -> str:
+    if field.base not in _FLOATS:
+        return ""
+    if field.length == 4 and _QUATERNION.search(field.name):
+        return ORIENTATION
+    if field.length == 3:
+        return VARIANCES if _SPREAD.search(field.name) else VECTOR
+    return ""
+
+
+def _kind_of_number(field: Field) -> str:
+    """Return the kind of a number: a number without a frame is no heading, because it can be any other angle."""
+    if field.type not in _FLOATS or not field.frame or _NO_HEADING.search(field.name):
+        return ""
+    if field.unit == "rad" and _HEADING.search(field.name):
+        return HEADING
+    return YAW_RATE if field.unit == "rad/s" and _YAW_RATE.search(field.name) else ""
 
 
 def _has_sign(field: Field) -> bool:

@@ -253,6 +253,7 @@ FILES = (
     _support("registry.py"),
     _support("rotations.py"),
     _support("stream.py", _HAS_STREAMS),
+    _support("timesync.py"),
     _File("topics.py", _topics),
     _File(
         "translations.py",

@@ -97,7 +97,7 @@ def ned_to_enu(vector: Any) -> Any:
     """
     if hasattr(vector, "dtype"):
         return _turned(vector, NED_ENU)
-    x, y, z = _numbers(vector, 3)
+    x, y, z = numbers_of(vector, 3)
     return y, x, 0.0 - z
 
 
@@ -112,7 +112,7 @@ def frd_to_flu(vector: Any) -> Any:
     """Return a vector or angular rate in FLU: (forward, right, down) becomes (forward, left, up). See ned_to_enu."""
     if hasattr(vector, "dtype"):
         return _turned(vector, FRD_FLU)
-    x, y, z = _numbers(vector, 3)
+    x, y, z = numbers_of(vector, 3)
     return x, 0.0 - y, 0.0 - z
 
 
@@ -127,7 +127,7 @@ def ned_to_enu_variances(variances: Any) -> Any:
     """Return the variances, or standard deviations, along the axes of ENU. Those of FRD and FLU are the same."""
     if hasattr(variances, "dtype"):
         return _turned(variances, ((1, 0, 2), (1, 1, 1)))
-    x, y, z = _numbers(variances, 3)
+    x, y, z = numbers_of(variances, 3)
     return y, x, z
 
 
@@ -220,7 +220,7 @@ def enu_to_ned_heading(heading: Any) -> Any:
 # --- Sequences and arrays
 
 
-def _numbers(values: Any, length: int) -> Any:
+def numbers_of(values: Any, length: int) -> Any:
     """Return `values` if it has so many components. Raises FrameError."""
     if length_of(values) != length:
         raise FrameError(f"expected {length} numbers, got {shown(values)}")
@@ -239,6 +239,8 @@ def shape_of(values: Any) -> tuple[int, ...]:
         return tuple(values.shape)
     if not hasattr(values, "__len__") or not hasattr(values, "__getitem__") or isinstance(values, (str, bytes, dict)):
         return ()
+    if not len(values):
+        return (0,)
     inner = {shape_of(value) for value in values}
     return (len(values), *inner.pop()) if len(inner) == 1 else ()
 
@@ -262,7 +264,7 @@ def _turned(array: Any, axes: Axes) -> Any:
     """Return an array with its components in another order and with other signs."""
     import numpy
 
-    values = floats(_numbers(array, 3))
+    values = floats(numbers_of(array, 3))
     result = numpy.empty(values.shape, values.dtype.newbyteorder("="))
     for index, (place, sign) in enumerate(zip(*axes, strict=True)):
         if sign > 0:
@@ -275,12 +277,12 @@ def _turned(array: Any, axes: Axes) -> Any:
 def _combined(quaternion: Any, combine: Callable[..., tuple[Any, Any, Any, Any]]) -> Any:
     """Return the quaternion of four sums of the components of one. Raises FrameError if it is no rotation."""
     if not hasattr(quaternion, "dtype"):
-        w, x, y, z = _numbers(quaternion, 4)
+        w, x, y, z = numbers_of(quaternion, 4)
         _check_norm(sqrt(w * w + x * x + y * y + z * z), [])
         return combine(w, x, y, z)
     import numpy
 
-    values = numpy.asarray(_numbers(quaternion, 4), numpy.float64)
+    values = numpy.asarray(numbers_of(quaternion, 4), numpy.float64)
     components = tuple(values[..., index] for index in range(4))
     norms = numpy.sqrt(numpy.einsum("...i,...i->...", values, values))
     far = ~(numpy.abs(norms - 1.0) <= _NORM) & ~numpy.isnan(norms)
