@@ -98,20 +98,23 @@ _NO_UNITS = ("", "-", "norm")
 class Part(Frozen):
     """A quantity of a message: a field, or three fields that are a vector."""
 
-    __slots__ = ("name", "fields", "kind", "tag")
+    __slots__ = ("name", "fields", "kind", "tag", "decider")
 
     name: str
     """The name of the field; for the fields x, y and z it is `xyz`, and `vxyz` for vx, vy and vz."""
     fields: tuple[Field, ...]
     kind: str
     tag: str
+    decider: Field | None
+    """The field whose value is the frame."""
 
-    def __init__(self, name: str, fields: tuple[Field, ...], kind: str, tag: str) -> None:
+    def __init__(self, name: str, fields: tuple[Field, ...], kind: str, tag: str, decider: Field | None) -> None:
         put = object.__setattr__
         put(self, "name", name)
         put(self, "fields", fields)
         put(self, "kind", kind)
         put(self, "tag", tag)
+        put(self, "decider", decider)
 
 
 class Parts:
@@ -133,7 +136,7 @@ class Parts:
             if field.name not in self._others:
                 kind, reason = _kind(field)
                 if kind:
-                    self.known[field.name] = Part(field.name, (field,), kind, field.frame)
+                    self.known[field.name] = _part(cls, field.name, (field,), kind)
                 elif reason:
                     self.refused[field.name] = reason
                 else:
@@ -159,22 +162,26 @@ def parts_of(cls: type[Message]) -> Parts:
 
 def frame_of(cls: type[Message], part: Part, value_of: Callable[[Field], Any]) -> Frame:
     """Return the frame of a quantity. `value_of` returns the value of a field. Raises FrameError with the reason."""
-    tag = " ".join(part.tag.split())
-    names = [field.name for field in cls.__msg__.fields]
-    if tag.upper() == _LOCAL and _POSE_FRAME in names:
-        tag = f"@{_POSE_FRAME}"
-    if not tag.startswith("@"):
-        frame = _TAGS.get(tag.upper())
-        reason = _REFUSED.get(tag.upper(), f"the frame '{tag}' is not known")
-    elif tag[1:] in names:
-        field = cls.__msg__.field(tag[1:])
-        value = value_of(field)
-        constant = _constant(cls, field, value)
-        frame = _named(constant)
-        reason = f"{field.name} is {constant or value}"
+    value = value_of(part.decider) if part.decider else None
+    key = (cls, part.name, value)
+    return _FRAMES.get(key) or _FRAMES.setdefault(key, _frame(cls, part, value))
+
+
+_FRAMES: dict[tuple[type[Message], str, Any], Frame] = {}
+"""The frames that were found, by class, quantity, and value of the field that decides."""
+
+
+def _frame(cls: type[Message], part: Part, value: Any) -> Frame:
+    """Return the frame of a quantity, where `value` is that of the field that decides. Raises FrameError."""
+    if part.decider:
+        constant = _constant(cls, part.decider, value)
+        frame, reason = _named(constant), f"{part.decider.name} is {constant or value}"
+    elif part.tag.startswith("@"):
+        frame = _named(part.tag[1:])
+        reason = f"the frame '{part.tag}' is neither a field nor a constant of the message"
     else:
-        frame = _named(tag[1:])
-        reason = f"the frame '{tag}' is neither a field nor a constant of the message"
+        tag = " ".join(part.tag.upper().split())
+        frame, reason = _TAGS.get(tag), _REFUSED.get(tag, f"the frame '{part.tag}' is not known")
     if frame is None:
         raise FrameError(reason)
     if part.kind in (ORIENTATION, HEADING, YAW_RATE) and frame in (BODY_FRD, BODY_FLU):
@@ -182,6 +189,13 @@ def frame_of(cls: type[Message], part: Part, value_of: Callable[[Field], Any]) -
     if part.kind in (HEADING, YAW_RATE) and frame.axes == "FRD":
         raise FrameError(f"{part.kind} in {frame.name}: its zero is not known")
     return frame
+
+
+def _part(cls: type[Message], name: str, fields: tuple[Field, ...], kind: str) -> Part:
+    """Return a quantity. Its frame can be the value of a field: that of `@name`, or `pose_frame` for `local frame`."""
+    tag = fields[0].frame.strip()
+    decider = _POSE_FRAME if " ".join(tag.upper().split()) == _LOCAL else tag[1:] if tag.startswith("@") else ""
+    return Part(name, fields, kind, tag, next((field for field in cls.__msg__.fields if field.name == decider), None))
 
 
 def _constant(cls: type[Message], field: Field, value: Any) -> str:
@@ -209,7 +223,7 @@ def _triples(cls: type[Message]) -> Iterator[Part]:
                 if len(found) == 3 and _is_triple(found, axes):
                     joined = "_".join(axes) if len(axes[0]) > 1 else "".join(axes)
                     kind = VARIANCES if _SPREAD.search(name) else VECTOR
-                    yield Part(f"{before}{letter}{joined}{after}", found, kind, found[0].frame)
+                    yield _part(cls, f"{before}{letter}{joined}{after}", found, kind)
 
 
 def _is_triple(fields: tuple[Field, ...], axes: tuple[str, ...]) -> bool:

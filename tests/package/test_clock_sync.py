@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -101,7 +101,8 @@ def test_too_few_samples_have_not_converged(clock: Any, count: int) -> None:
     sync = synchronised(clock, RECORDED[:count])
     assert not sync.is_converged
     assert sync.problem == f"there are {count} of 10 samples"
-    for use in (lambda: sync.offset, lambda: sync.to_vehicle(1), lambda: sync.to_companion(1)):
+    uses: list[Callable[[], Any]] = [lambda: sync.offset, lambda: sync.to_vehicle(1), lambda: sync.to_companion(1)]
+    for use in uses:
         with pytest.raises(clock.NotConverged, match=f"^there are {count} of 10 samples$"):
             use()
     assert math.isnan(sync.error) == (count == 0)

@@ -6,6 +6,7 @@ import copy
 import importlib
 import math
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -169,7 +170,8 @@ def test_an_unknown_frame_is_an_error(px4_types: Any, frames: Any, value: int, s
     assert "position" not in found
     assert found.refused["position"] == f"pose_frame is {shown}"
     assert found["velocity"].value == (5.0, 4.0, 6.0)
-    for convert in (lambda: found["position"], lambda: frames.to_ros(message, "position")):
+    attempts: list[Callable[[], Any]] = [lambda: found["position"], lambda: frames.to_ros(message, "position")]
+    for convert in attempts:
         with pytest.raises(frames.FrameError) as caught:
             convert()
         assert str(caught.value) == text
@@ -214,11 +216,12 @@ def test_a_message_without_frames_is_an_error(px4_types: Any, frames: Any) -> No
 
 def test_an_unknown_name_suggests_the_nearest(px4_types: Any, frames: Any) -> None:
     message = px4_types.VehicleLocalPosition()
-    for convert in (
+    attempts: list[Callable[[], Any]] = [
         lambda: frames.to_ros(message)["vxy"],
         lambda: frames.to_ros(message, "vxy"),
         lambda: frames.from_ros(message, vxy=(1, 2, 3)),
-    ):
+    ]
+    for convert in attempts:
         with pytest.raises(KeyError) as caught:
             convert()
         assert str(caught.value) == "VehicleLocalPosition has no field 'vxy', did you mean 'vxyz'?"

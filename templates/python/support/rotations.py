@@ -16,7 +16,7 @@ from math import pi, sqrt, tau
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from typing import Any, Protocol, TypeAlias, TypeVar, overload
 
     from numpy.typing import NDArray  # type: ignore[import-not-found, unused-ignore]
@@ -80,6 +80,12 @@ FRD_FLU: Axes = (0, 1, 2), (1, -1, -1)
 
 _NORM = 1e-3
 """The largest difference between the norm of a quaternion and 1. That of rounding to float32 is about 1e-7."""
+
+
+_BLOCK = 4096
+"""The number of values of an array that are converted at a time."""
+
+_NUMBERS = frozenset((float, int))
 
 
 class FrameError(ValueError):
@@ -222,7 +228,8 @@ def enu_to_ned_heading(heading: Any) -> Any:
 
 def numbers_of(values: Any, length: int) -> Any:
     """Return `values` if it has so many components. Raises FrameError."""
-    if length_of(values) != length:
+    is_usual = values.__class__ in (tuple, list) and len(values) == length and _NUMBERS.issuperset(map(type, values))
+    if not is_usual and length_of(values) != length:
         raise FrameError(f"expected {length} numbers, got {shown(values)}")
     return values
 
@@ -266,12 +273,22 @@ def _turned(array: Any, axes: Axes) -> Any:
 
     values = floats(numbers_of(array, 3))
     result = numpy.empty(values.shape, values.dtype.newbyteorder("="))
-    for index, (place, sign) in enumerate(zip(*axes, strict=True)):
-        if sign > 0:
-            result[..., index] = values[..., place]
-        else:
-            numpy.subtract(0.0, values[..., place], out=result[..., index])
+    for some, turned in _blocks(values, result):
+        for index, (place, sign) in enumerate(zip(*axes, strict=True)):
+            if sign > 0:
+                turned[..., index] = some[..., place]
+            else:
+                numpy.subtract(0.0, some[..., place], out=turned[..., index])
     return result
+
+
+def _blocks(values: Any, result: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield parts of two arrays that fit into the processor's caches."""
+    if values.ndim < 2:
+        yield values, result
+    else:
+        for start in range(0, len(values), _BLOCK):
+            yield values[start : start + _BLOCK], result[start : start + _BLOCK]
 
 
 def _combined(quaternion: Any, combine: Callable[..., tuple[Any, Any, Any, Any]]) -> Any:
@@ -283,15 +300,15 @@ def _combined(quaternion: Any, combine: Callable[..., tuple[Any, Any, Any, Any]]
     import numpy
 
     values = numpy.asarray(numbers_of(quaternion, 4), numpy.float64)
-    components = tuple(values[..., index] for index in range(4))
     norms = numpy.sqrt(numpy.einsum("...i,...i->...", values, values))
     far = ~(numpy.abs(norms - 1.0) <= _NORM) & ~numpy.isnan(norms)
-    if far.any():
-        where = list(map(int, numpy.argwhere(far)[0]))
+    for where in numpy.argwhere(far)[:1].tolist():
         _check_norm(float(norms[tuple(where)]), where)
     result = numpy.empty_like(values)
-    for index, component in enumerate(combine(*components)):
-        result[..., index] = component
+    for some, combined in _blocks(values, result):
+        parts = combine(*(numpy.ascontiguousarray(some[..., index]) for index in range(4)))
+        for index, component in enumerate(parts):
+            combined[..., index] = component
     return result
 
 
