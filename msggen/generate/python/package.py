@@ -125,6 +125,10 @@ class _Package:
         """Whether it has archived versions of messages."""
         return bool(self.catalog.archived)
 
+    def has_types(self, *types: str) -> bool:
+        """Whether it has these messages of other ROS packages, such as `geometry_msgs/Point`."""
+        return {f"{part.package}/{message.name}" for part in self.parts for message in part.messages}.issuperset(types)
+
     @cached_property
     def topics(self) -> list[dict[str, object]]:
         """The uORB topics in the order of their ids, each with its member of ORB_ID and its arguments of UorbTopic."""
@@ -150,6 +154,14 @@ Condition = Callable[[_Package], bool]
 
 _HAS_STREAMS: Condition = attrgetter("has_streams")
 _HAS_VERSIONS: Condition = attrgetter("has_versions")
+
+
+_GEOMETRY = tuple(f"geometry_msgs/{name}" for name in ("Point", "Pose", "Quaternion", "Vector3"))
+_TIME = "builtin_interfaces/Time"
+
+
+def _has_geometry(package: _Package) -> bool:
+    return package.has_types(*_GEOMETRY)
 
 
 def _always(_: _Package) -> bool:
@@ -204,6 +216,11 @@ def _topics(package: _Package) -> str:
     )
 
 
+def _ros(package: _Package) -> str:
+    has_odometry = package.has_types(_TIME, "nav_msgs/Odometry")
+    return _render("ros", time=package.has_types(_TIME), odometry=has_odometry)
+
+
 class _Direction(NamedTuple):
     """The endpoints of one direction, which are attributes of `topics.out` or `topics.in_`, from the index `start`."""
 
@@ -251,6 +268,7 @@ FILES = (
     _support("quantities.py"),
     _support("records.py"),
     _support("registry.py"),
+    _File("ros.py", _ros, _has_geometry),
     _support("rotations.py"),
     _support("stream.py", _HAS_STREAMS),
     _support("timesync.py"),
