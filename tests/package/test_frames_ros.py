@@ -65,7 +65,7 @@ def odometry(package: Any, random: np.random.Generator, **values: Any) -> Any:
         "orientation_variance",
         "velocity_variance",
     )
-    given = {name: tuple(random.uniform(0.1, 3, 3).tolist()) for name in names}
+    given: dict[str, Any] = {name: tuple(random.uniform(0.1, 3, 3).tolist()) for name in names}
     given |= {"pose_frame": cls.POSE_FRAME_NED, "velocity_frame": cls.VELOCITY_FRAME_NED, "timestamp_sample": SAMPLED}
     return cls(q=tuple(attitude.tolist()), **{**given, **values})
 
