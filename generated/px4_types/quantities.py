@@ -92,7 +92,7 @@ _YAW_RATE = re.compile(r"(?:^|_)yaw(?:_rate|speed)(?:_|$)")
 _NO_HEADING = re.compile(r"(?:^|_)(?:delta|error|max|min|offset|var|variance|accuracy|limit)(?:_|$)")
 _SIGNED = re.compile(r"(?:^|_)(?:thrust|torque|xyz)(?:_|$)")
 _FLOATS = ("float32", "float64")
-_NO_UNITS = ("", "-", "norm")
+_DIMENSIONLESS = ("-", "norm")
 
 
 class Part(Frozen):
@@ -238,8 +238,8 @@ def _kind(field: Field) -> tuple[str, str]:
     kind = _kind_of_array(field) if field.length else _kind_of_number(field)
     if kind and not field.frame:
         return "", "its definition does not say its frame: its comment has no [@frame ...]"
-    if kind == VECTOR and field.unit in _NO_UNITS and not _has_sign(field):
-        return "", "it has no unit: it can be a vector, or a factor for each axis"
+    if kind == VECTOR and field.unit in _DIMENSIONLESS and not _has_sign(field):
+        return "", "it is dimensionless: it can be a vector, or a factor for each axis"
     if not kind and field.frame:
         return "", _REFUSED.get(field.frame.upper(), f"a value in {field.frame} that is no vector of three components")
     return kind, ""
@@ -265,5 +265,5 @@ def _kind_of_number(field: Field) -> str:
 
 
 def _has_sign(field: Field) -> bool:
-    """Whether a field without a unit can be negative along an axis: a thrust, a torque, or a range from below zero."""
+    """Whether a dimensionless field can be negative along an axis: a thrust, a torque, or a range from below zero."""
     return field.range.lstrip().startswith("-") or bool(_SIGNED.search(field.name))

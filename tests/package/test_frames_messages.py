@@ -193,7 +193,7 @@ def test_an_unknown_frame_is_an_error(px4_types: Any, frames: Any, value: int, s
         ("VehicleLocalPosition", "delta_xy", "a value in NED that is no vector of three components"),
         ("VehicleAttitude", "q", "the quaternion is no rotation: its norm is 0, expected 1"),
         ("VehicleAirData", "baro_alt_meter", "an altitude has no axes"),
-        ("GainCompression", "compression_gains", "it has no unit: it can be a vector, or a factor for each axis"),
+        ("GainCompression", "compression_gains", "it is dimensionless: it can be a vector, or a factor for each axis"),
     ],
 )
 def test_what_is_not_declared_is_an_error(px4_types: Any, frames: Any, message: str, name: str, text: str) -> None:
@@ -269,7 +269,7 @@ def test_a_setpoint_in_frames_of_ros(px4_types: Any, frames: Any) -> None:
     )
     assert setpoint == expected
     turning = frames.from_ros(px4_types.TrajectorySetpoint, velocity=np.array([1, 0, 0]), yawspeed=0.5)
-    assert turning.velocity == (0.0, 1.0, 0.0)
+    assert repr(turning.velocity) == "(0.0, 1.0, 0.0)"
     assert turning.yawspeed == -0.5
     assert px4_types.TrajectorySetpoint.decode(turning.encode()) == turning
 
@@ -308,6 +308,16 @@ def test_a_quantity_must_have_the_expected_frame(px4_types: Any, frames: Any) ->
             "VehicleAttitudeSetpoint",
             {"q_d": (2.0, 0, 0, 0)},
             "q_d: the quaternion is no rotation: its norm is 2, expected 1",
+        ),
+        (
+            "TrajectorySetpoint",
+            {"yaw": np.zeros(2)},
+            "yaw: expected the value of one message, got an array of shape (2,)",
+        ),
+        (
+            "TrajectorySetpoint",
+            {"position": np.zeros((2, 3))},
+            "position: expected the value of one message, got an array of shape (2, 3)",
         ),
         ("RaptorInput", {"position": (1.0,)}, "position: expected 3 numbers, got 1"),
         ("VehicleOdometry", {"orientation_variance": ()}, "orientation_variance: expected 3 numbers, got 0"),

@@ -163,6 +163,10 @@ def from_ros(
             value = _CONVERSIONS[part.kind, frame.axes](given.value if isinstance(given, Quantity) else given)
         except FrameError as error:
             parts.refuse(name, str(error))
+        if hasattr(value, "shape"):
+            if len(value.shape) > 1 or (value.shape and part.kind in (HEADING, YAW_RATE)):
+                parts.refuse(name, f"expected the value of one message, got {shown(value)}")
+            value = value.tolist()
         if len(part.fields) == 1:
             setattr(result, part.fields[0].attribute, tuple(value) if hasattr(value, "__len__") else value)
         else:

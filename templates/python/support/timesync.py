@@ -76,8 +76,8 @@ class TimeSync:
     def add(self, sent: int, answered: int, received: int) -> None:
         """Take an exchange: when the companion sent it, the vehicle answered, and the companion received the answer.
 
-        All are in us: `sent` and `received` of the companion's clock, `answered` of the vehicle's. Raises ClockError if
-        it was received before it was sent.
+        All are in us: `sent` and `received` of the companion's clock, `answered` of the vehicle's. Give the exchanges
+        in the order in which they were received. Raises ClockError if one was received before it was sent.
         """
         if received < sent:
             raise ClockError(f"the exchange was received {sent - received} us before it was sent")
