@@ -101,6 +101,16 @@ def ned_to_enu(vector: Any) -> Any:
 
     An array keeps its floating-point type. Raises FrameError if there are not three components.
     """
+    return _ned_enu(vector)
+
+
+@_vectors
+def enu_to_ned(vector: Any) -> Any:
+    """Return a vector or angular rate in NED: (east, north, up) becomes (north, east, down). See ned_to_enu."""
+    return _ned_enu(vector)
+
+
+def _ned_enu(vector: Any) -> Any:
     if hasattr(vector, "dtype"):
         return _turned(vector, NED_ENU)
     x, y, z = numbers_of(vector, 3)
@@ -108,14 +118,18 @@ def ned_to_enu(vector: Any) -> Any:
 
 
 @_vectors
-def enu_to_ned(vector: Any) -> Any:
-    """Return a vector or angular rate in NED: (east, north, up) becomes (north, east, down). See ned_to_enu."""
-    return ned_to_enu(vector)
+def frd_to_flu(vector: Any) -> Any:
+    """Return a vector or angular rate in FLU: (forward, right, down) becomes (forward, left, up). See ned_to_enu."""
+    return _frd_flu(vector)
 
 
 @_vectors
-def frd_to_flu(vector: Any) -> Any:
-    """Return a vector or angular rate in FLU: (forward, right, down) becomes (forward, left, up). See ned_to_enu."""
+def flu_to_frd(vector: Any) -> Any:
+    """Return a vector or angular rate in FRD: (forward, left, up) becomes (forward, right, down). See ned_to_enu."""
+    return _frd_flu(vector)
+
+
+def _frd_flu(vector: Any) -> Any:
     if hasattr(vector, "dtype"):
         return _turned(vector, FRD_FLU)
     x, y, z = numbers_of(vector, 3)
@@ -123,24 +137,22 @@ def frd_to_flu(vector: Any) -> Any:
 
 
 @_vectors
-def flu_to_frd(vector: Any) -> Any:
-    """Return a vector or angular rate in FRD: (forward, left, up) becomes (forward, right, down). See ned_to_enu."""
-    return frd_to_flu(vector)
-
-
-@_vectors
 def ned_to_enu_variances(variances: Any) -> Any:
     """Return the variances, or standard deviations, along the axes of ENU. Those of FRD and FLU are the same."""
-    if hasattr(variances, "dtype"):
-        return _turned(variances, ((1, 0, 2), (1, 1, 1)))
-    x, y, z = numbers_of(variances, 3)
-    return y, x, z
+    return _ned_enu_variances(variances)
 
 
 @_vectors
 def enu_to_ned_variances(variances: Any) -> Any:
     """Return the variances, or standard deviations, along the axes of NED. Those of FLU and FRD are the same."""
-    return ned_to_enu_variances(variances)
+    return _ned_enu_variances(variances)
+
+
+def _ned_enu_variances(variances: Any) -> Any:
+    if hasattr(variances, "dtype"):
+        return _turned(variances, ((1, 0, 2), (1, 1, 1)))
+    x, y, z = numbers_of(variances, 3)
+    return y, x, z
 
 
 # --- Orientations
@@ -152,15 +164,18 @@ def px4_to_ros_orientation(quaternion: Any) -> Any:
 
     An array becomes float64. Raises FrameError if there are not four components, or if the norm is not 1.
     """
-    return _combined(
-        quaternion, lambda w, x, y, z: (_HALF * (w + z), _HALF * (x + y), _HALF * (x - y), _HALF * (w - z))
-    )
+    return _combined(quaternion, _both)
 
 
 @_quaternions
 def ros_to_px4_orientation(quaternion: Any) -> Any:
     """Return the rotation from FRD to NED, for the rotation from FLU to ENU. See px4_to_ros_orientation."""
-    return px4_to_ros_orientation(quaternion)
+    return _combined(quaternion, _both)
+
+
+def _both(w: Any, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any, Any]:
+    """Return the quaternion with both frames exchanged."""
+    return _HALF * (w + z), _HALF * (x + y), _HALF * (x - y), _HALF * (w - z)
 
 
 @_quaternions
@@ -210,17 +225,21 @@ def ned_to_enu_heading(heading: Any) -> Any:
 
     The result is in (-pi, pi]. An array becomes float64. The rate of a heading changes its sign.
     """
-    if hasattr(heading, "dtype"):
-        import numpy
-
-        heading = numpy.asarray(heading, numpy.float64)
-    return pi - (heading + pi / 2) % tau
+    return _heading(heading)
 
 
 @_angles
 def enu_to_ned_heading(heading: Any) -> Any:
     """Return the heading in rad from north, clockwise, for an angle from east, counterclockwise, in (-pi, pi]."""
-    return ned_to_enu_heading(heading)
+    return _heading(heading)
+
+
+def _heading(heading: Any) -> Any:
+    if hasattr(heading, "dtype"):
+        import numpy
+
+        heading = numpy.asarray(heading, numpy.float64)
+    return pi - (heading + pi / 2) % tau
 
 
 # --- Sequences and arrays
@@ -291,7 +310,7 @@ def _blocks(values: Any, result: Any) -> Iterator[tuple[Any, Any]]:
             yield values[start : start + _BLOCK], result[start : start + _BLOCK]
 
 
-def _combined(quaternion: Any, combine: Callable[..., tuple[Any, Any, Any, Any]]) -> Any:
+def _combined(quaternion: Any, combine: Callable[[Any, Any, Any, Any], tuple[Any, Any, Any, Any]]) -> Any:
     """Return the quaternion of four sums of the components of one. Raises FrameError if it is no rotation."""
     if not hasattr(quaternion, "dtype"):
         w, x, y, z = numbers_of(quaternion, 4)

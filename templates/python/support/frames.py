@@ -76,11 +76,10 @@ class Quantity(Frozen):
     def is_valid(self) -> Any:
         """Whether no component is NaN, which PX4 uses for unknown values. In a batch an array of bools."""
         if hasattr(self.value, "dtype"):
-            import numpy
-
-            invalid = numpy.isnan(self.value)
-            return ~(invalid.any(axis=-1) if invalid.ndim > 1 else invalid)
-        return all(number == number for number in (self.value if isinstance(self.value, tuple) else (self.value,)))
+            valid = self.value == self.value  # NaN differs from itself
+            return valid.all(axis=-1) if valid.ndim > 1 else valid
+        numbers: tuple[float, ...] = self.value if hasattr(self.value, "__len__") else (self.value,)
+        return all(number == number for number in numbers)
 
 
 class Converted(dict[str, Quantity]):
@@ -227,7 +226,9 @@ def _same(vector: Any) -> Any:
 
 
 def _same_orientation(quaternion: Any) -> Any:
-    return local_frd_to_flu_orientation(local_frd_to_flu_orientation(quaternion))
+    """Return a quaternion. Raises FrameError if it is no rotation."""
+    convert: Callable[[Any], Any] = local_frd_to_flu_orientation
+    return convert(convert(quaternion))
 
 
 def _same_number(number: Any) -> Any:
@@ -238,7 +239,8 @@ def _same_number(number: Any) -> Any:
 
 
 def _heading(heading: Any) -> Any:
-    return ned_to_enu_heading(_same_number(heading))
+    convert: Callable[[Any], Any] = ned_to_enu_heading
+    return convert(_same_number(heading))
 
 
 def _opposite(rate: Any) -> Any:
