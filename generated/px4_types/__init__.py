@@ -14,6 +14,8 @@ TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from . import batch as batch
     from . import cdr as cdr
+    from . import clock as clock
+    from . import frames as frames
     from . import msg as msg
     from . import srv as srv
     from . import topics as topics

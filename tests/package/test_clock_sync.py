@@ -199,7 +199,7 @@ def test_a_received_answer_was_sent_before(clock: Any) -> None:
 
 
 def test_timesync_status_is_followed(px4_types: Any, clock: Any) -> None:
-    """The firmware's estimate is 40 ms off, as PX4-Autopilot#28519 reports for the minutes after the start."""
+    """The firmware's estimate is 40 ms off, as it can be for minutes after the start."""
     sync = clock.TimeSync()
     for exchange in RECORDED:
         sync.follow(exchange.status(px4_types, TRUTH[0] - 40_000))
