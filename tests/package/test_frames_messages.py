@@ -118,6 +118,77 @@ def test_the_frames_of_tags(tmp_path: Path) -> None:
             assert (quantity.frame, quantity.value) == expected
 
 
+RULES = {
+    "float32[4] q # [@frame FRD]": "orientation with body axes: its local frame is not known",
+    "float32 heading # [rad] [@frame FRD]": "heading with body axes: its local frame is not known",
+    "float32 yaw_rate # [rad/s] [@frame @KEEP_FRAME_FRD]": "yaw rate in local FRD: its zero is not known",
+    "float32 yaw # [rad]": "it has no frame",
+    "float32 yaw # [deg] [@frame NED]": "a value in NED that is no vector of three components",
+    "float32 yaw_error # [rad] [@frame NED]": "a value in NED that is no vector of three components",
+    "float32[2] position # [m] [@frame NED]": "a value in NED that is no vector of three components",
+    "int16[3] position # [m] [@frame NED]": "a value in NED that is no vector of three components",
+    "float32[3] gains # [-] [@frame FRD]": "it is dimensionless: it can be a vector, or a factor for each axis",
+    "float32[3] position # [m]": "its definition does not say its frame: its comment has no [@frame ...]",
+    "float32[3] position # [@frame NED]": "vector",
+    "float64[3] position # [m] [@frame NED]": "vector",
+    "float32[3] torque # [-] [@frame FRD]": "vector",
+    "float32[3] gains # [-] [@range -1, 1] [@frame FRD]": "vector",
+    "float32[3] position_std # [m] [@frame NED]": "variances",
+    "float32[4] attitude # [@frame NED]": "orientation",
+    "float32 course # [rad] [@frame NED]": "heading",
+    "float64 yawspeed # [rad/s] [@frame NED]": "yaw rate",
+}
+
+
+@pytest.fixture(scope="module")
+def by_rule(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("rules")
+    start = "uint64 timestamp\nuint8 KEEP_FRAME_FRD = 1\n"
+    files = {f"msg/Rule{n}.msg": f"{start}{text}\n" for n, text in enumerate(RULES)}
+    return import_package(catalog_of(folder, files), folder)
+
+
+@pytest.mark.parametrize("text", RULES)
+def test_the_rules_of_single_fields(by_rule: Any, text: str) -> None:
+    cls = getattr(by_rule, f"Rule{list(RULES).index(text)}")
+    name = cls.__msg__.fields[1].name
+    values = {"attitude": (1.0, 0.0, 0.0, 0.0), "q": (1.0, 0.0, 0.0, 0.0)}
+    message = cls(**{name: values[name]} if name in values else {})
+    try:
+        found = by_rule.frames.to_ros(message, name).kind
+    except by_rule.frames.FrameError as error:
+        found = str(error).removeprefix(f"{cls.__msg__.name}.{name}: ")
+    assert found == RULES[text]
+
+
+TRIPLES = {
+    "float32 x # [m] [@frame NED]\nfloat32 y # [m] [@frame NED]\nfloat32 z # [m] [@frame NED]": ["xyz"],
+    "float32 vy # [m/s] [@frame NED]\nfloat32 vx # [m/s] [@frame NED]\nfloat32 vz # [m/s] [@frame NED]": ["vxyz"],
+    "float32 x # [m] [@frame NED]\nfloat32 y # [m] [@frame NED]\nfloat32 z # [cm] [@frame NED]": [],
+    "float32 x # [m] [@frame NED]\nfloat32 y # [m] [@frame NED]\nfloat64 z # [m] [@frame NED]": [],
+    "float32 x # [m] [@frame NED]\nfloat32 y # [m] [@frame NED]\nfloat32 z # [m] [@frame ENU]": [],
+    "float32 x # [m] [@frame NED]\nfloat32 y # [m] [@frame NED]": [],
+    "float32 x # [m]\nfloat32 y # [m]\nfloat32 z # [m]": [],
+    "float32 roll # [rad] [@frame FRD]\nfloat32 pitch # [rad] [@frame FRD]\nfloat32 yaw # [rad] [@frame FRD]": [],
+    "float32 var_x # [m^2] [@frame NED]\nfloat32 var_y # [m^2] [@frame NED]\nfloat32 var_z # [m^2] [@frame NED]": [
+        "var_xyz"
+    ],
+}
+
+
+def test_the_rules_of_three_fields(tmp_path: Path) -> None:
+    files = {f"msg/Rule{n}.msg": f"uint64 timestamp\n{text}\n" for n, text in enumerate(TRIPLES)}
+    package = import_package(catalog_of(tmp_path, files), tmp_path)
+    for n, (text, names) in enumerate(TRIPLES.items()):
+        message = getattr(package, f"Rule{n}")()
+        try:
+            found = package.frames.to_ros(message)
+        except package.frames.FrameError:
+            found = {}
+        assert [*found] == names, text
+    assert found["var_xyz"].kind == "variances"
+
+
 # --- to_ros
 
 
