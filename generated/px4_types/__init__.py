@@ -14,6 +14,8 @@ TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from . import batch as batch
     from . import cdr as cdr
+    from . import clock as clock
+    from . import frames as frames
     from . import msg as msg
     from . import srv as srv
     from . import topics as topics
@@ -281,9 +283,9 @@ if TYPE_CHECKING:
     from .msg import YawEstimatorStatus as YawEstimatorStatus
 
 _MODULES = (
-    "arrays", "batch", "cdr", "commands", "encapsulation", "explain", "hints", "info", "lazy", "lookup",
-    "msg", "orb_id", "parameters", "places", "primitives", "records", "registry", "srv", "topics", "unit",
-    "units",
+    "arrays", "batch", "cdr", "clock", "commands", "covariances", "encapsulation", "explain", "frames",
+    "hints", "info", "lazy", "lookup", "msg", "orb_id", "parameters", "places", "primitives", "quantities",
+    "records", "registry", "rotations", "srv", "timesync", "topics", "unit", "units",
 )
 _AttributeError = AttributeError  # a message may have this name
 _ERRORS = {"DecodeError", "EncodeError"}

@@ -134,6 +134,10 @@ class _Package:
         """Whether it has archived versions of messages."""
         return bool(self.catalog.archived)
 
+    def has_types(self, *types: str) -> bool:
+        """Whether it has these messages of other ROS packages, such as `geometry_msgs/Point`."""
+        return {f"{part.package}/{message.name}" for part in self.parts for message in part.messages}.issuperset(types)
+
     @cached_property
     def topics(self) -> list[dict[str, object]]:
         """The uORB topics in the order of their ids, each with its member of ORB_ID and its arguments of UorbTopic."""
@@ -159,6 +163,14 @@ Condition = Callable[[_Package], bool]
 
 _HAS_STREAMS: Condition = attrgetter("has_streams")
 _HAS_VERSIONS: Condition = attrgetter("has_versions")
+
+
+_GEOMETRY = tuple(f"geometry_msgs/{name}" for name in ("Point", "Pose", "Quaternion", "Vector3"))
+_TIME = "builtin_interfaces/Time"
+
+
+def _has_geometry(package: _Package) -> bool:
+    return package.has_types(*_GEOMETRY)
 
 
 def _always(_: _Package) -> bool:
@@ -221,6 +233,11 @@ def _topics(package: _Package) -> str:
     )
 
 
+def _ros(package: _Package) -> str:
+    has_odometry = package.has_types(_TIME, "nav_msgs/Odometry")
+    return _render("ros", time=package.has_types(_TIME), odometry=has_odometry)
+
+
 class _Direction(NamedTuple):
     """The endpoints of one direction, which are attributes of `topics.out` or `topics.in_`, from the index `start`."""
 
@@ -252,9 +269,12 @@ FILES = (
     _support("arrays.py"),
     _support("batch.py"),
     _support("cdr.py"),
+    _support("clock.py"),
+    _support("covariances.py"),
     _File("commands.py", _commands, lambda package: has_commands(package.catalog)),
     _support("encapsulation.py"),
     _support("explain.py"),
+    _support("frames.py"),
     _support("hints.py"),
     _File("info.py", lambda _: _render("info", tags=ATTRIBUTES)),
     _support("lazy.py"),
@@ -264,9 +284,13 @@ FILES = (
     _support("places.py"),
     _support("primitives.py"),
     _File("py.typed", lambda _: ""),
+    _support("quantities.py"),
     _support("records.py"),
     _support("registry.py"),
+    _File("ros.py", _ros, _has_geometry),
+    _support("rotations.py"),
     _support("stream.py", _HAS_STREAMS),
+    _support("timesync.py"),
     _File("topics.py", _topics),
     _File(
         "translations.py",
