@@ -581,6 +581,11 @@ if not TYPE_CHECKING:  # type checkers would accept every name
             raise _AttributeError(name)
         if name in _MODULES:
             return _load(name)
+        if name not in __all__:
+            from .hints import hint, nearest
+
+            text = f"module '{__name__}' has no attribute '{name}'{hint(nearest(name, (*_MODULES, *__all__)))}"
+            raise _AttributeError(text, name=name, obj=None)  # without obj, Python adds no suggestion of its own
         found: object = getattr(_load("cdr" if name in _ERRORS else "msg"), name)
         globals()[name] = found
         return found

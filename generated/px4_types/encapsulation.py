@@ -61,7 +61,9 @@ def encapsulation_of(cls: type[Message], sample: bytes) -> bytes:
         raise DecodeError(f"{name}: expected an encapsulation header of 4 bytes, got {len(sample)} in all")
     if encapsulation not in ENCODINGS:
         given = encapsulation.hex(" ")
-        raise DecodeError(f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {given}")
+        raise DecodeError(
+            f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {given}: no header?"
+        )
     return encapsulation
 
 

@@ -528,13 +528,15 @@ def test_valid_samples_of_any_length_are_a_batch(name: str, vectors: dict[str, S
 
 def test_valid_takes_no_buffer(px4_types: Any) -> None:
     """The elements of a buffer are numbers, so that it would have no valid sample."""
-    with pytest.raises(px4_types.DecodeError, match="^SensorCombined: expected an iterable of samples, got a buffer: "):
+    with pytest.raises(
+        px4_types.DecodeError, match=r"^SensorCombined: expected an iterable of samples, got a buffer: "
+    ):
         batch_of(px4_types.SensorCombined).valid(px4_types.SensorCombined, px4_types.SensorCombined().encode())
 
 
 @pytest.mark.parametrize("padding", [0, 1])
 def test_a_recording_that_stopped_early_is_cut(padding: int, px4_types: Any) -> None:
-    """The error names the size of the samples, which tells whether they are rounded up; the code of the page cuts them."""
+    """The error names the size of the samples, which tells whether they are rounded up."""
     cls = px4_types.EscStatus
     recording = b"".join(cls(timestamp=number).encode() + bytes(padding) for number in range(5))
     size = 495 + padding
@@ -543,7 +545,9 @@ def test_a_recording_that_stopped_early_is_cut(padding: int, px4_types: Any) -> 
         with pytest.raises(px4_types.DecodeError, match=f"^{text}$"):
             cls.decode_batch(recording[: 4 * size + rest])
     if padding:  # cut to a multiple of the size without the padding
-        with pytest.raises(px4_types.DecodeError, match="^EscStatus: expected a multiple of 496 bytes, got 1980, 492 too"):
+        with pytest.raises(
+            px4_types.DecodeError, match=r"^EscStatus: expected a multiple of 496 bytes, got 1980, 492 "
+        ):
             cls.decode_batch(recording[: 4 * 495])
 
 
