@@ -282,7 +282,7 @@ if TYPE_CHECKING:
 
 _MODULES = (
     "arrays", "batch", "cdr", "encapsulation", "explain", "hints", "info", "lazy", "lookup", "msg", "orb_id",
-    "places", "primitives", "records", "registry", "srv", "topics",
+    "places", "primitives", "recordings", "records", "registry", "srv", "topics",
 )
 _AttributeError = AttributeError  # a message may have this name
 _ERRORS = {"DecodeError", "EncodeError"}

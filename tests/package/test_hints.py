@@ -13,6 +13,9 @@ from support.catalogs import catalog_of, import_package
 NOT_BRIDGED = ": 'esc_status' is a uORB topic that does not cross the bridge: it is not in dds_topics.yaml"
 
 
+OTHER = "another definition? If so, build a package of it: msggen's docs/package.md, Recordings"
+
+
 def refused(error: type[Exception], function: Any, *arguments: object) -> str:
     """Return the text of the error that a call raises."""
     with pytest.raises(error) as caught:
@@ -200,7 +203,7 @@ def test_text_that_is_too_short_is_told_how_to_pad(text: Any, problem: str, px4_
 def test_a_sample_of_another_size_may_be_of_another_definition(px4_types: Any) -> None:
     data = px4_types.EscStatus().encode()
     short = refused(px4_types.DecodeError, px4_types.EscStatus.decode, data[:335])
-    expected = "EscStatus.esc: expected 491 bytes after the header, got 331: truncated, or of another definition?"
+    expected = "EscStatus.esc: expected 491 bytes after the header, got 331: truncated, or of " + OTHER
     assert short == expected
     assert refused(px4_types.DecodeError, px4_types.EscStatus.decode_batch, [data[:335]]) == f"sample 0: {expected}"
-    assert refused(px4_types.DecodeError, px4_types.EscStatus.decode, data + bytes(9)).endswith(": another definition?")
+    assert refused(px4_types.DecodeError, px4_types.EscStatus.decode, data + bytes(9)).endswith(f": {OTHER}")

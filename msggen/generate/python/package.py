@@ -245,6 +245,7 @@ FILES = (
     _support("places.py"),
     _support("primitives.py"),
     _File("py.typed", lambda _: ""),
+    _support("recordings.py"),
     _support("records.py"),
     _support("registry.py"),
     _support("stream.py", _HAS_STREAMS),
