@@ -86,7 +86,7 @@ class Inference:
 
     def _fields(self, release: str, message: Message) -> Mapping[tuple[str, str], str]:
         """Return the tags in an embedded definition by type and name of the field."""
-        key = (release, message.name)
+        key = (release, message.released_as[1])
         if key not in self._known:
             text = self._text(*key, message.folder)
             self._known[key] = {(type_, name): tags for type_, name, tags in _FIELD.findall(text)}
@@ -101,11 +101,12 @@ class Inference:
 
     @cached_property
     def _own(self) -> frozenset[str]:
-        """The paths of the firmware's definitions that are not embedded."""
+        """The paths of the definitions that are not embedded, and of archived versions, which have no tags."""
         sources = self._sources
         embedded = sources.root if sources.embedded else None
-        files = (*sources.messages, *sources.services, *sources.archived)
-        return frozenset(file.path for file in files if not file.package and file.tree is not embedded)
+        files = (*sources.messages, *sources.services)
+        own = {file.path for file in files if not file.package and file.tree is not embedded}
+        return frozenset(own.union(file.path for file in sources.archived))
 
     @cached_property
     def _order(self) -> tuple[str, ...]:
