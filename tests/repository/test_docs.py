@@ -45,7 +45,7 @@ def test_the_tour_prints_what_the_readme_shows() -> None:
     assert done.stdout in README
 
 
-@pytest.mark.parametrize("name", ["package.md", "batches.md", "wire.md"])
+@pytest.mark.parametrize("name", ["package.md", "batches.md", "connect.md", "wire.md"])
 def test_the_interactive_examples_are_real(name: str) -> None:
     page = ROOT / "docs" / name
     sys.path.insert(0, str(ROOT / "generated"))
