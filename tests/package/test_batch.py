@@ -551,6 +551,16 @@ def test_a_recording_that_stopped_early_is_cut(padding: int, px4_types: Any) -> 
             cls.decode_batch(recording[: 4 * 495])
 
 
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_a_buffer_with_another_encoding_in_it_is_not_cut_otherwise(count: int, px4_types: Any) -> None:
+    """The samples of EscStatus have 495 bytes, so that a single one could also be one of 496 bytes."""
+    usual = px4_types.EscStatus().encode()
+    with pytest.raises(
+        px4_types.DecodeError, match=rf"^sample {count}: EscStatus: expected the header 00 01 of sample 0"
+    ):
+        px4_types.EscStatus.decode_batch(usual * count + b"\0\0" + usual[2:])
+
+
 @pytest.mark.parametrize("wrong", ["released", "dates"])
 def test_a_sample_that_cannot_be_read_is_named(wrong: str, px4_types: Any) -> None:
     released = memoryview(b"x")

@@ -270,10 +270,11 @@ def _cut(record: Record, buffer: memoryview) -> Octets:
         raise DecodeError(f"{record.name}: samples of {both} bytes fit, pass them as a list")
     if found:
         return found[0]
-    if fitting and not alike:
+    sure = [rows for rows in alike if len(rows) > 1]
+    if fitting and not sure:
         number = _first_other_header(fitting[0]) or 0
         _refuse(record, number, fitting[0][number].tobytes(), data[: len(HEADER)].tobytes())
-    expected = sorted([rows.shape[1] for rows in alike] or lengths)
+    expected = sorted([rows.shape[1] for rows in sure] or lengths)
     rest = f", {data.size % expected[0]} too many" if len(expected) == 1 else ""
     text = " or ".join(str(length) for length in expected)
     raise DecodeError(f"{record.name}: expected a multiple of {text} bytes, got {data.size}{rest}")
