@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from . import cdr as cdr
     from . import msg as msg
     from . import srv as srv
+    from . import recordings as recordings
     from . import topics as topics
     from .cdr import DecodeError as DecodeError
     from .cdr import EncodeError as EncodeError

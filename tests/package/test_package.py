@@ -625,7 +625,7 @@ def test_an_unknown_header_is_an_error(header: bytes, px4_types: Any) -> None:
         px4_types.SensorCombined.decode(header + bytes(50))
     text = str(caught.value)
     assert text.startswith("SensorCombined: expected ")
-    assert text.endswith(f"got {header.hex(' ')}")
+    assert text.endswith(f"got {header.hex(' ')}: no header?")
 
 
 @pytest.mark.parametrize("header", KNOWN_HEADERS, ids=lambda header: header.hex())
