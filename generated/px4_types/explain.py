@@ -64,8 +64,8 @@ def _as_bytes(field: Field, value: Any) -> str:
         pads = field.length is not None and number < field.length
         return ": use its .encode()" + (f'.ljust({field.length}, b"\\0")' if pads else "")
     if isinstance(value, (list, tuple)):
-        return ": use bytes(...)"
-    return ": use bytes(....tolist())" if hasattr(value, "tolist") else ""
+        return ": use bytes([...])"
+    return ": use bytes(values.tolist())" if hasattr(value, "tolist") else ""
 
 
 def _has_octets(value: Any) -> bool:

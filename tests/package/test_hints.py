@@ -191,8 +191,8 @@ def test_what_is_not_bytes_names_the_message(method: str, px4_types: Any) -> Non
         (bytes(128), "expected 127 bytes, got 128"),
         ("hello", """expected 127 bytes, got 'hello': use its .encode().ljust(127, b"\\0")"""),
         ("é" * 64, f"expected 127 bytes, got '{'é' * 56}...: use its .encode()"),
-        ([0] * 127, "expected 127 bytes, got a list of 127: use bytes(...)"),
-        (array("B", [0] * 127), "expected 127 bytes, got an array of 127: use bytes(....tolist())"),
+        ([0] * 127, "expected 127 bytes, got a list of 127: use bytes([...])"),
+        (array("B", [0] * 127), "expected 127 bytes, got an array of 127: use bytes(values.tolist())"),
         (None, "expected 127 bytes, got None"),
     ],
 )
