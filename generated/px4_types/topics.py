@@ -8,7 +8,7 @@ from __future__ import annotations
 from .registry import Direction as _Direction
 from .registry import Endpoint, Qos, QosPair, UorbTopic
 from .registry import Namespaced as _Namespaced
-from .registry import UorbTopics as _UorbTopics
+from .registry import by_name as _by_name
 from .registry import in_namespace as _in_namespace
 
 TYPE_CHECKING: bool = False
@@ -401,7 +401,7 @@ _UORB: tuple[UorbTopic, ...] = (
     UorbTopic("yaw_estimator_status", 330, "YawEstimatorStatus", 1),
 )
 
-UORB: dict[str, UorbTopic] = _UorbTopics({topic.name: topic for topic in _UORB})
+UORB: dict[str, UorbTopic] = _by_name(_UORB)
 """All uORB topics by name."""
 
 ENDPOINTS: tuple[Endpoint, ...] = (
@@ -1376,7 +1376,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
 )
 """The endpoints in the order of dds_topics.yaml: first those that PX4 publishes, then those that it subscribes to."""
 
-_ATTRIBUTES = {
+_ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "out": (
         "register_ext_component_reply", "arming_check_request", "setpoint_config_reply", "mode_completed",
         "battery_status", "collision_constraints", "estimator_status_flags", "failsafe_flags",

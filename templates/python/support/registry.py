@@ -37,6 +37,7 @@ __all__ = [
     "QosPair",
     "UorbTopic",
     "UorbTopics",
+    "by_name",
     "in_namespace",
     "renamed",
 ]
@@ -84,6 +85,11 @@ class UorbTopics(dict[str, UorbTopic]):
         from .hints import unknown_topic
 
         raise unknown_topic(name, self)
+
+
+def by_name(topics: Sequence[UorbTopic]) -> UorbTopics:
+    """Return uORB topics by name."""
+    return UorbTopics({topic.name: topic for topic in topics})
 
 
 class Qos(Frozen):
