@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from . import frames as frames
     from . import msg as msg
     from . import srv as srv
+    from . import recordings as recordings
     from . import topics as topics
     from .cdr import DecodeError as DecodeError
     from .cdr import EncodeError as EncodeError
@@ -285,7 +286,7 @@ if TYPE_CHECKING:
 _MODULES = (
     "arrays", "batch", "cdr", "clock", "commands", "covariances", "encapsulation", "explain", "frames",
     "hints", "info", "lazy", "lookup", "msg", "orb_id", "parameters", "places", "primitives", "quantities",
-    "records", "registry", "rotations", "srv", "timesync", "topics", "unit", "units",
+    "recordings", "records", "registry", "rotations", "srv", "timesync", "topics", "unit", "units",
 )
 _AttributeError = AttributeError  # a message may have this name
 _ERRORS = {"DecodeError", "EncodeError"}
@@ -584,6 +585,11 @@ if not TYPE_CHECKING:  # type checkers would accept every name
             raise _AttributeError(name)
         if name in _MODULES:
             return _load(name)
+        if name not in __all__:
+            from .hints import hint, nearest
+
+            text = f"module '{__name__}' has no attribute '{name}'{hint(nearest(name, (*_MODULES, *__all__)))}"
+            raise _AttributeError(text, name=name, obj=None)  # without obj, Python adds no suggestion of its own
         found: object = getattr(_load("cdr" if name in _ERRORS else "msg"), name)
         globals()[name] = found
         return found

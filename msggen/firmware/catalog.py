@@ -21,6 +21,7 @@ from msggen.firmware.consistency import (
 from msggen.firmware.conventions import CONVENTIONS, NEWEST, as_shown, recognise
 from msggen.firmware.embedded import newest_version
 from msggen.firmware.file import File, read_file
+from msggen.firmware.released import check_archived
 from msggen.firmware.sources import Sources, read_files
 from msggen.firmware.tree_layout import CLIENT_SOURCES
 from msggen.location import Location
@@ -109,7 +110,7 @@ def read_catalog(
     by_key = {message.key: message for message in sorted(messages, key=lambda message: message.key)}
     services.sort(key=lambda service: (service.package, service.name))
     versions = MappingProxyType({message.key: message for message in archived})
-    return Catalog(
+    catalog = Catalog(
         messages=MappingProxyType(by_key),
         services=tuple(services),
         bridge=bridge,
@@ -119,6 +120,10 @@ def read_catalog(
         translations=reader.translations(),
         bridge_extra=parsed.extra,
         notices=notices,
+    )
+    wrong = [*check_archived(catalog)]
+    return (
+        catalog._replace(notices=sorted_out([*notices, *wrong], tolerated, strict=sources.strict)) if wrong else catalog
     )
 
 

@@ -46,12 +46,26 @@ def test_the_tour_prints_what_the_readme_shows() -> None:
 
 
 ERRORS = {
+    "CommandError": "parameters.CommandError",
     "ClockError": "timesync.ClockError",
     "FrameError": "rotations.FrameError",
     "KeyError": "hints.UnknownName",
     "NotConverged": "timesync.NotConverged",
+    "UnknownUnit": "units.UnknownUnit",
 }
 """The modules of errors that are not in `cdr`. The pages show UnknownName by the name of its base class."""
+
+
+PAGES_OF_CODE = (
+    "package.md",
+    "batches.md",
+    "connect.md",
+    "frames.md",
+    "meaning.md",
+    "precautions.md",
+    "time.md",
+    "wire.md",
+)
 
 
 def raised(match: re.Match[str]) -> str:
@@ -60,12 +74,12 @@ def raised(match: re.Match[str]) -> str:
     return f"Traceback (most recent call last):\npx4_types.{name}: "
 
 
-@pytest.mark.parametrize("name", ["package.md", "batches.md", "wire.md", "frames.md", "time.md", "precautions.md"])
+@pytest.mark.parametrize("name", PAGES_OF_CODE)
 def test_the_interactive_examples_are_real(name: str) -> None:
     page = ROOT / "docs" / name
     sys.path.insert(0, str(ROOT / "generated"))
     blocks = re.findall(r"```pycon\n(.*?)```", page.read_text(), re.DOTALL)
-    source = re.sub(r"(?m)^(\w+Error|NotConverged): ", raised, "\n".join(blocks))
+    source = re.sub(r"(?m)^(\w+Error|NotConverged|UnknownUnit): ", raised, "\n".join(blocks))
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner()
     names = {"SensorCombined": __import__("px4_types").SensorCombined}
     results = runner.run(parser.get_doctest(source, names, page.name, str(page), 0))

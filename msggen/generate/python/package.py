@@ -285,6 +285,7 @@ FILES = (
     _support("primitives.py"),
     _File("py.typed", lambda _: ""),
     _support("quantities.py"),
+    _support("recordings.py"),
     _support("records.py"),
     _support("registry.py"),
     _File("ros.py", _ros, _has_geometry),

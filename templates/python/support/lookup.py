@@ -32,7 +32,11 @@ def find(endpoints: Sequence[Endpoint], versions: Versions, uorb: Iterable[str],
         if endpoint.ros_name == plain:
             return _within(namespace, (endpoint,))[0]
     front = name[: len(name) - len(plain)]
-    raise UnknownName(f"no endpoint '{name}'{hint(*[front + endpoint.ros_name for endpoint in topic])}")
+    names = ", ".join([f"'{front}{endpoint.ros_name}'" for endpoint in topic])
+    own = ", the last one for its own firmware" if len(topic) > 1 else ""
+    text = "the suffix is the version of the message"
+    needs = "another version needs a package of its release"
+    raise UnknownName(f"no endpoint '{name}': {text}, and this package has only {names}{own}; {needs}")
 
 
 def find_versions(

@@ -25,7 +25,7 @@ from .cdr import (
     encode_error,
     new,
 )
-from .encapsulation import ENCODINGS, encapsulation_of, sample_bytes
+from .encapsulation import ENCODINGS, OTHER, encapsulation_of, sample_bytes
 from .primitives import listed, octets_of
 
 TYPE_CHECKING: bool = False
@@ -121,7 +121,7 @@ class Stream:
         surplus = len(sample) - end
         if surplus > SURPLUS and not allow_surplus and surplus > SURPLUS + 8 * _overestimated(message):
             name, size, given = cls.__msg__.name, end - len(HEADER), len(sample) - len(HEADER)
-            raise DecodeError(f"{name}: expected {size} bytes after the header, got {given}: another definition?")
+            raise DecodeError(f"{name}: expected {size} bytes after the header, got {given}: {OTHER}")
         return message
 
     def encode(self, message: Message, header: bytes = HEADER) -> bytes:
