@@ -104,6 +104,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "B105": Level.ERROR,
         "B106": Level.ERROR,
         "B107": Level.ERROR,
+        "B108": Level.NOTE,
         "C101": Level.ERROR,
         "C102": Level.ERROR,
         "C103": Level.ERROR,
