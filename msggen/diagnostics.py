@@ -109,6 +109,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "C102": Level.ERROR,
         "C103": Level.ERROR,
         "C104": Level.ERROR,
+        "C105": Level.WARNING,
         "T101": Level.ERROR,
         "T102": Level.ERROR,
         "T103": Level.ERROR,

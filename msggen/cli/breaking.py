@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from msggen.cli.options import (
@@ -20,7 +22,7 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_report
 from msggen.cli.sources import board_of, firmware_path, shell_options, sources_of
-from msggen.diagnostics import Diagnostic, InputError, suggestion
+from msggen.diagnostics import Diagnostic, InputError, sorted_out, suggestion
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.file import File
 from msggen.firmware.sources import Sources, find_sources, join_package, open_tree, split_package, with_board
@@ -29,7 +31,7 @@ from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
 if TYPE_CHECKING:
-    from msggen.compare.finding import Rule
+    from msggen.compare.finding import Report, Rule
 
 
 def add_to(commands: Commands) -> None:
@@ -71,11 +73,25 @@ def _breaking(options: argparse.Namespace) -> int:
     if current.label == os.curdir:
         current = current._replace(label="the working tree")
     report = breaking(_previous(options, settings), current, rules, ignored, topics_only=options.topics_only)
+    report = replace(report, notices=(*report.notices, *_unmatched(report, settings, strict=current.strict)))
     given = shell_options({"--px4": named, "--against": options.against})
     has_versions = isinstance(current.root, Folder) and current.root.is_folder(VERSIONED)
     report = with_remedies(report, lambda found: f"{found.remedy}{given}" if found.remedy and has_versions else "")
     print_report(report, options)
     return FINDINGS if report.fails else DONE
+
+
+def _unmatched(report: Report, settings: Settings, *, strict: bool) -> tuple[Diagnostic, ...]:
+    """Return a warning for each name in the settings that matches no message, service or topic.
+
+    Raises InputError for them with `strict`.
+    """
+    key = "per-message-ignores"
+    found = (
+        Diagnostic(settings.place(key, name), "C105", f"'{name}' matches no message, service or topic{hint}")
+        for name, hint in report.unmatched.items()
+    )
+    return sorted_out(found, strict=strict)
 
 
 def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
@@ -119,21 +135,24 @@ def _rules(options: argparse.Namespace, settings: Settings) -> tuple[tuple[Rule,
 
     errors: list[Diagnostic] = []
 
-    def all_named(key: str, names: Iterable[str] | None, option: Iterable[str] | None = None) -> list[Rule]:
-        place = settings.place(key) if option is None else Location(f"--{key}", 0)
-        given = (names if option is None else option) or ()
-        found = {name: [rule for rule in named(name) if rule in BREAKING] for name in given}
-        errors.extend(Diagnostic(place, "C104", _unknown(name)) for name, rules in found.items() if not rules)
+    def all_named(names: Iterable[str], place: Callable[[str], Location]) -> list[Rule]:
+        found = {name: [rule for rule in named(name) if rule in BREAKING] for name in names}
+        errors.extend(Diagnostic(place(name), "C104", _unknown(name)) for name, rules in found.items() if not rules)
         return [rule for rules in found.values() for rule in rules]
 
-    selected = all_named("select", settings.select, options.select) or BREAKING
-    ignored = all_named("ignore", settings.ignore, options.ignore)
-    by_message = {
-        message: all_named("per-message-ignores", names) for message, names in settings.per_message_ignores.items()
-    }
+    def chosen(key: str, names: Iterable[str] | None, given: Iterable[str] | None) -> list[Rule]:
+        if given is not None:
+            return all_named(given, lambda _: Location(f"--{key}", 0))
+        return all_named(names or (), partial(settings.place, key))
+
+    selected = chosen("select", settings.select, options.select) or BREAKING
+    ignored = {"*": chosen("ignore", settings.ignore, options.ignore)}
+    for message, names in settings.per_message_ignores.items():
+        rules = all_named(names, partial(settings.place, "per-message-ignores", message))
+        ignored[message] = [*ignored.get(message, ()), *rules]
     if errors:
         raise InputError(errors)
-    return tuple(rule for rule in BREAKING if rule in selected and rule not in ignored), by_message
+    return tuple(rule for rule in BREAKING if rule in selected), ignored
 
 
 def _unknown(name: str) -> str:

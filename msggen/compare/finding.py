@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 
 from msggen.compare.comparison import Comparison, Reader
@@ -98,7 +98,8 @@ class Report:
     """The result of a comparison: the names of both sides, the rules that were applied, and their findings.
 
     `summary` is one line for people. `compared` is the number of messages and services that both sides have.
-    `notices` are the warnings and notes about the sources; they are not findings.
+    `notices` are the warnings and notes about the sources; they are not findings. `ignored` is the number of findings
+    that were ignored. `unmatched` has the names to ignore that match nothing, each with a hint for the user.
     """
 
     previous: str
@@ -108,6 +109,8 @@ class Report:
     compared: int
     summary: str
     notices: tuple[Diagnostic, ...] = ()
+    ignored: int = 0
+    unmatched: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def fails(self) -> bool:

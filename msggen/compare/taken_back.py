@@ -6,6 +6,7 @@ the translation node no longer compiles.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from msggen.compare.comparison import Comparison, Side
@@ -44,9 +45,11 @@ def _remains(side: Side) -> Iterator[Change]:
                 hint = f"expected {DEFAULT_PACKAGE}::msg::{_message_of(name)}"
             text = f"'{header}' translates '{name}', but '{_message_of(name)}' is version {versions[name]}: {hint}"
             yield _in_header(history, header, f"{ARCHIVE_PACKAGE}::msg::{name};", _message_of(name), text)
+    names = {message.name.lower(): message.name for message in side.catalog.uorb_messages}
     for header in history.missing:
+        subject = names.get(re.sub(r"^translation_|_v\d+\.h$|_", "", header), header)
         text = f"'{FIRST}' includes '{header}', which does not exist: remove the line"
-        yield _in_header(history, FIRST, f'"{header}"', header, text)
+        yield _in_header(history, FIRST, f'"{header}"', subject, text)
 
 
 def _not_older(side: Side, history: History, classes: Sequence[Translation]) -> Mapping[str, int]:

@@ -107,7 +107,8 @@ def find_invalid_translations(comparison: Comparison) -> Iterator[Change]:
     for pair in _raised(comparison):
         for header, problem in _unknown_names(comparison, pair):
             yield _in_header(comparison, pair, header, problem)
-    yield from find_remains(comparison)
+    others = {change.subject for find in (find_not_raised, find_not_translated) for change in find(comparison)}
+    yield from (change for change in find_remains(comparison) if change.subject not in others)
 
 
 def find_unfinished_translations(comparison: Comparison) -> Iterator[Change]:
