@@ -55,6 +55,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "M407": Level.NOTE,
         "M408": Level.WARNING,
         "M409": Level.WARNING,
+        "M410": Level.WARNING,
         "Y101": Level.ERROR,
         "Y102": Level.ERROR,
         "Y103": Level.WARNING,

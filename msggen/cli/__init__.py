@@ -11,7 +11,7 @@ import gc
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any, NoReturn
@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(options)
     except InputError as error:
         with suppress(OSError):
-            print_notices(error.notices)
+            print_notices(error.notices, quiet=getattr(options, "quiet", False))
             print_errors(error.diagnostics, ", nothing written" if options.writes else "")
         print_document(error.diagnostics, _output_format(words))
         return FAILED
@@ -91,6 +91,12 @@ def _is_firmware(word: str) -> bool:
     from msggen.firmware.tree_layout import is_firmware
 
     return names_release(word) or ("\0" not in word and is_firmware(Folder(word)))
+
+
+def _is_revision(folder: str, word: str) -> bool:
+    from msggen.disk.git import is_revision
+
+    return "\0" not in folder and os.path.isdir(folder) and is_revision(folder, word)
 
 
 def _output_format(words: Sequence[str]) -> str:
@@ -150,6 +156,7 @@ class _Parser(argparse.ArgumentParser):
                 self._refuse(word)
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
+            self._refuse_second_value(unknown[0], args)
             positional = [action for action in self._actions if not action.option_strings]
             self._refuse(unknown[0], [str(getattr(options, action.dest, "")) for action in positional])
         return options, unknown
@@ -181,15 +188,39 @@ class _Parser(argparse.ArgumentParser):
             return ": name a command first" if self._subparsers else ""
         return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
 
+    def _refuse_second_value(self, wrong: str, words: Sequence[str]) -> None:
+        """Report a second value of --select, --ignore or --against, an option of a command without other arguments."""
+        if wrong.startswith("-") or any(not action.option_strings for action in self._actions):
+            return
+        values = {name: [*filter(None, [value]), *rest] for name, value, rest in _values(words)}
+        for option in ("--select", "--ignore"):
+            if wrong in values.get(option, ()):
+                rules = ",".join(value.strip(",") for value in values[option])
+                self.error(
+                    f"unknown argument '{printable(wrong)}': separate rules by commas: {option} {printable(rules)}"
+                )
+        folder = next(iter(values.get("--px4", ())), os.curdir)
+        if "--against" in values and not os.path.exists(wrong) and _is_revision(folder, wrong):
+            text = "--against names one side, name the other with --px4"
+            self.error(f"unknown argument '{wrong}': {text} {printable(f'{folder}@{wrong}')}")
+
     def error(self, message: str) -> NoReturn:
         print_document([Diagnostic(Location(self.prog, 0), "usage", message)], self._output_format)
-        super().error(message)
+        self.exit(FAILED, f"{self.prog}: error: {message}\nfor all arguments: {self.prog} --help\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             choices = list(map(str, action.choices))
             hint = suggestion(str(value), choices)
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
+
+
+def _values(words: Sequence[str]) -> Iterator[tuple[str, str, Sequence[str]]]:
+    """Yield each long option in `words`, its value after `=`, and the words up to the next option."""
+    starts = [index for index, word in enumerate(words) if word.startswith("-")]
+    for start, end in zip(starts, [*starts[1:], len(words)], strict=False):
+        name, _, value = words[start].partition("=")
+        yield name, value, words[start + 1 : end]
 
 
 class _PrintCMakeFolder(argparse.Action):

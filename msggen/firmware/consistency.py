@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import posixpath
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
@@ -199,7 +200,7 @@ def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
 
 
 def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
-    """Check that a tree lists every message, and report conditions in its lists that no board decides.
+    """Check that a tree lists every message and no others, and report conditions in its lists that no board decides.
 
     The lists of the embedded releases have only the messages with a condition, because these releases have no boards.
     """
@@ -211,6 +212,8 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
         elif sources.is_tree and lists.complete and not entry and file.tree is sources.root:
             text = f"{LISTS} does not list '{file.stem}': the firmware does not build it"
             yield Diagnostic(Location(file.path), "M408", text)
+    if sources.is_tree and lists.complete:
+        yield from _check_listed(sources, lists)
     places = {entry.condition: entry.location for entry in reversed([*lists.listed.values()])}
     if lists.complete and sources.board is None and conditional:
         number = counted(sum(map(len, conditional.values())), "message")
@@ -223,6 +226,19 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
             text = f"cannot tell whether '{condition}' holds for {sources.board.name}"
             why = f"its messages are kept: {few(names)}; neither the board nor a Kconfig file decides it"
             yield Diagnostic(places[condition], "M409", f"{text}, {why}")
+
+
+def _check_listed(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
+    """Check that every listed file exists. A list may use commands that msggen does not know, so this is a warning."""
+    files = (*sources.messages, *sources.unbuilt)
+    names = [file.name.removeprefix("msg/").removesuffix(".msg") for file in files if file.tree is sources.root]
+    unlisted = [name for name in names if f"{name}.msg" not in lists.listed]
+    for file, entry in lists.listed.items():
+        if sources.root and not file.startswith("/") and not sources.root.is_file(posixpath.normpath(f"msg/{file}")):
+            name = file.removesuffix(".msg")
+            elsewhere = [each for each in names if posixpath.basename(each) == posixpath.basename(name)]
+            hint = suggestion(name, elsewhere or unlisted) or suggestion(name, names)
+            yield Diagnostic(entry.location, "M410", f"'{file}' does not exist, so the firmware's build stops{hint}")
 
 
 def _unknown_types(outer: Message, known: Mapping[str, Message], unbuilt: Mapping[str, str]) -> Iterator[Diagnostic]:

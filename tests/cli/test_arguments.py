@@ -108,7 +108,7 @@ def test_no_path_is_empty_or_has_a_nul(option: str, argument: str, capsys: pytes
     with pytest.raises(SystemExit) as stopped:
         main(["build", option, argument])
     assert stopped.value.code == 2
-    assert option in capsys.readouterr().err.splitlines()[-1]
+    assert option in capsys.readouterr().err.splitlines()[0]
 
 
 def options_of(name: str) -> list[str]:
@@ -144,12 +144,20 @@ def test_the_examples_of_wrong_arguments(capsys: pytest.CaptureFixture[str]) -> 
         "bump HomePosition VehicleStatus": "unknown argument 'VehicleStatus': expected one MSG per run",
         "check a b c": "unknown argument 'c': expected PKG and B",
         "breaking": "the following arguments are required: --against",
+        "breaking --against a --ignore B C": "unknown argument 'C': separate rules by commas: --ignore B,C",
+        "breaking --select B, C, D --against a": "unknown argument 'C,': separate rules by commas: --select B,C,D",
+        "breaking --against a --ignore=B C": "unknown argument 'C': separate rules by commas: --ignore B,C",
+        "breaking --against a v1.17": "unknown argument 'v1.17': name the firmware with --px4 v1.17",
+        "bump A B --against C": "unknown argument 'B': expected one MSG per run",
     }
     for words, expected in examples.items():
         with pytest.raises(SystemExit) as stopped:
             main(words.split())
         assert stopped.value.code == 2
-        assert capsys.readouterr().err.endswith(f"{expected}\n")
+        error, hint = capsys.readouterr().err.splitlines()
+        assert error.endswith(expected)
+        program = error.partition(": error: ")[0]
+        assert hint == f"for all arguments: {program} --help"
 
 
 def test_a_word_with_a_space_is_a_value(capsys: pytest.CaptureFixture[str]) -> None:

@@ -200,7 +200,6 @@ def test_what_is_a_revision_and_a_folder_is_refused_with_both_ways_to_say_it(cap
         ("mian", "--against: S108 'mian' is neither a folder nor a revision of firmware, did you mean 'main'?"),
         ("V1", "--against: S108 'V1' is neither a folder nor a revision of firmware, did you mean 'v1'?"),
         ("0123456", "--against: S108 '0123456' is neither a folder nor a revision of firmware"),
-        ("main..v1", "--against: S108 'main..v1' is neither "),
         ("HEAD:msg", "--against: S108 'HEAD:msg' is neither "),
         ("firmware@v2", "firmware@v2: S108 the repository has no revision 'v2'"),
         ("firmware/src", "firmware/src: S102 no .msg file here"),
@@ -217,6 +216,35 @@ def test_a_bad_revision_with_an_at_in_it_is_told_as_one(against: str, capsys: Ca
     assert told(capsys, "--px4", "firmware", "--against", against).startswith(
         f"--against: S108 '{against}' is neither "
     )
+
+
+@pytest.mark.parametrize("dots", ["..", "..."])
+@pytest.mark.parametrize(("older", "newer"), [("v1", "HEAD"), ("v1", ""), ("", "v1"), ("v1.17.0", "a/b")])
+def test_a_range_is_no_revision(dots: str, older: str, newer: str, capsys: Capture) -> None:
+    text = f"{older}{dots}{newer}"
+    said = f"is a range, expected one revision: use $(git merge-base {older or 'HEAD'} {newer or 'HEAD'})"
+    assert told(capsys, "--px4", "firmware", "--against", text) == f"--against: S108 '{text}' {said}"
+
+
+@pytest.mark.parametrize("path", ["../x", "a/../b", "../..", "a/.."])
+def test_a_path_with_dots_is_no_range(path: str, capsys: Capture) -> None:
+    if not os.path.exists(path):
+        assert "is neither a folder nor a revision" in told(capsys, "--px4", "firmware", "--against", path)
+
+
+@pytest.mark.parametrize("folder", ["firmware", "."])
+@pytest.mark.parametrize("words", [["--against", "v1", "HEAD"], ["HEAD", "--against=main"]])
+def test_a_second_revision_is_told_its_option(
+    words: list[str], folder: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if folder == ".":
+        monkeypatch.chdir(FIRMWARE)
+    with pytest.raises(SystemExit) as stopped:
+        breaking(*words, *([] if folder == "." else ["--px4", folder]))
+    assert stopped.value.code == FAILED
+    advice = f"--against names one side, name the other with --px4 {folder}@HEAD"
+    assert f"unknown argument 'HEAD': {advice}\n" in capsys.readouterr().err
+    assert breaking("--px4", f"{folder}@HEAD", "--against", "v1") == DONE
 
 
 def test_a_firmware_without_a_repository_has_no_revisions(capsys: Capture) -> None:

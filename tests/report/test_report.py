@@ -505,9 +505,9 @@ def test_the_nearest_command_is_suggested(
     with pytest.raises(SystemExit) as stopped:
         main(arguments)
     assert stopped.value.code == 2
-    last = capsys.readouterr().err.splitlines()[-1]
-    assert f": invalid choice: '{wrong}' (choose from " in last
-    assert last.endswith(f"), did you mean '{meant}'?")
+    told = capsys.readouterr().err.splitlines()[0]
+    assert f": invalid choice: '{wrong}' (choose from " in told
+    assert told.endswith(f"), did you mean '{meant}'?")
 
 
 @pytest.mark.slow
