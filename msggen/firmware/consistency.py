@@ -89,18 +89,13 @@ def check_nesting(
 
 def check_topics(messages: Iterable[Message]) -> Iterator[Diagnostic]:
     """Check that each topic is declared once."""
-    owners: dict[str, Message] = {}
+    places: dict[str, Location] = {}
     for message in messages:
         for name, location in _topics(message):
-            other = owners.setdefault(name, message)
-            if other is not message:
-                text = f"topic '{name}' is already declared by {other.location.path}"
-                yield Diagnostic(location, "M403", text)
-        names: set[str] = set()
-        for topic in message.topics:
-            if topic.name in names:
-                yield Diagnostic(topic.location, "M403", f"topic '{topic.name}' is already declared in this file")
-            names.add(topic.name)
+            other = places.setdefault(name, location)
+            if other is not location:
+                where = f"on line {other.line}" if other.path == location.path else f"in {other}"
+                yield Diagnostic(location, "M403", f"topic '{name}' is already declared {where}")
 
 
 def check_timestamps(messages: Iterable[Message], sources: Sources | None = None) -> Iterator[Diagnostic]:
@@ -253,9 +248,10 @@ def _unknown_types(outer: Message, known: Mapping[str, Message], unbuilt: Mappin
 
 def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str:
     """Return a hint for an unknown type: the type that was probably meant, or how to add its package."""
-    names: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {outer.package: []}
     for message in known.values():
-        names.setdefault(message.package, []).append(message.name)
+        if message is not outer:
+            names.setdefault(message.package, []).append(message.name)
     if type_.package is None:
         if outer.version_of and type_.name in names.get(outer.released_as[0], ()):
             return f": archived messages nest archived ones, such as '{type_.name}V0'"
@@ -263,11 +259,7 @@ def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str
         if elsewhere:
             return f", did you mean '{elsewhere[0]}/{type_.name}'?"
         other = OTHER_SPELLINGS.get(type_.name)
-        return (
-            f", did you mean '{other}'?"
-            if other
-            else suggestion(type_.name, [*names.get(outer.package, ()), *PRIMITIVES])
-        )
+        return f", did you mean '{other}'?" if other else suggestion(type_.name, [*names[outer.package], *PRIMITIVES])
     if type_.package in names:
         return suggestion(type_.base, [f"{type_.package}/{name}" for name in names[type_.package]])
     text = f": the package '{type_.package}' is not among the sources"
