@@ -12,7 +12,7 @@ from msggen.compare.comparison import Comparison, Extra, Side
 from msggen.compare.finding import Category, Finding, Report, Rule, Severity
 from msggen.compare.renaming import nearest_message
 from msggen.compare.rules import BREAKING, CHECKED, find
-from msggen.diagnostics import OF_BOARDS, Diagnostic, InputError, counted
+from msggen.diagnostics import OF_BOARDS, Diagnostic, InputError, counted, suggestion
 from msggen.disk.record import NO_RECORD, RECORD_NAME, Record, parse_record
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
@@ -65,6 +65,7 @@ def breaking(
     """Return the findings of `rules` in the change from `previous` to `current`.
 
     `ignored` maps names of messages, services or topics to the rules to ignore there; `*` in a name matches any text.
+    Their findings are only counted.
     With `topics_only`, compare only the messages that are bridged on either side, the messages that they nest, and the
     services. Raises InputError if a side cannot be read.
     """
@@ -72,11 +73,22 @@ def breaking(
     before = _side(previous, wanted)
     after = _side(current, None if wanted is None else wanted | _files(before.catalog))
     comparison = Comparison(before, after)
-    rules = _as_strict(rules, current)
-    findings = [finding for finding in find(comparison, rules) if not _is_ignored(finding, ignored or {})]
-    report = _report(comparison, rules, findings, ("does not break", "breaks"))
+    rules, ignored = _as_strict(rules, current), ignored or {}
+    found = list(find(comparison, rules))
+    hidden = [finding for finding in found if _is_ignored(finding, ignored)]
+    nowhere = {rule.id for rule in ignored.get("*", ())}
+    report = _report(
+        comparison,
+        [rule for rule in rules if rule.id not in nowhere],
+        [finding for finding in found if finding not in hidden],
+        ("does not break", "breaks"),
+        ignored=len(hidden),
+    )
     notices = (*previous.notices, *comparison.current.catalog.notices)
-    return replace(report, notices=_without(notices, OF_BOARDS + _OF_NEW_VERSIONS))
+    subjects = {*_subjects(previous, before.catalog), *_subjects(current, after.catalog)}
+    subjects |= {subject for finding in found for subject in _names_of(finding)}
+    unmatched = {name: suggestion(name, subjects) for name in ignored if not _is_matched(name, subjects)}
+    return replace(report, notices=_without(notices, OF_BOARDS + _OF_NEW_VERSIONS), unmatched=unmatched)
 
 
 def _as_strict(rules: Sequence[Rule], current: Sources) -> tuple[Rule, ...]:
@@ -168,16 +180,34 @@ def _with_renamed(sources: Sources, files: Collection[str], before: Catalog) -> 
 
 
 def _is_ignored(finding: Finding, ignored: Mapping[str, Collection[Rule]]) -> bool:
-    subject = finding.change.subject
-    service = subject.removesuffix("_Request").removesuffix("_Response")
     return any(
-        finding.rule.id in {rule.id for rule in rules} and (fnmatchcase(subject, name) or fnmatchcase(service, name))
+        finding.rule.id in {rule.id for rule in rules} and _is_matched(name, _names_of(finding))
         for name, rules in ignored.items()
     )
 
 
+def _names_of(finding: Finding) -> set[str]:
+    """Return the names of a finding's subject: for half of a service, also that of the service."""
+    subject = finding.change.subject
+    return {subject, subject.removesuffix("_Request").removesuffix("_Response")}
+
+
+def _is_matched(name: str, subjects: Iterable[str]) -> bool:
+    return any(fnmatchcase(subject, name) for subject in subjects)
+
+
+def _subjects(sources: Sources, catalog: Catalog) -> set[str]:
+    """Return the names of all messages, services and topics that findings can be about."""
+    files = (*sources.messages, *sources.unbuilt, *sources.services)
+    return {file.stem for file in files} | {entry.topic for entry in catalog.bridge}
+
+
 def _report(
-    comparison: Comparison, rules: Sequence[Rule], findings: Sequence[Finding], verdicts: tuple[str, str]
+    comparison: Comparison,
+    rules: Sequence[Rule],
+    findings: Sequence[Finding],
+    verdicts: tuple[str, str],
+    ignored: int = 0,
 ) -> Report:
     """Return a report with the findings, sorted by subject and location, and a summary."""
     previous, current = comparison.previous, comparison.current
@@ -191,6 +221,7 @@ def _report(
         else f"{counted(len(messages), 'message')}, {counted(len(services), 'service')}",
         *_count(sum(finding.is_silent for finding in failing), "silent"),
         *_count(sum(finding.is_handled for finding in findings), "handled"),
+        *_count(ignored, "ignored"),
     ]
     warnings = counted(warned, "warning")
     if warned and failing:
@@ -205,6 +236,7 @@ def _report(
         findings=tuple(ordered),
         compared=len(messages) + len(services),
         summary=summary,
+        ignored=ignored,
     )
 
 

@@ -66,6 +66,9 @@ _UNITS = frozenset(_SPELLINGS) - {"", "bool"}
 SPELLINGS = _UNITS | {spelling for spelling, name in _NAMES.items() if name in _UNITS}
 """All spellings of the known units."""
 
+_COMPOUND = ("m/s", "m/s^2", "rad/s", "rad/s^2", "deg/s")
+"""Usual units of several names, besides the known names for suggestions."""
+
 _LONGEST = 200
 """Maximum number of characters of a unit or a range."""
 
@@ -119,6 +122,20 @@ def known_unit(text: str) -> str:
     below = [_power_text(name, -power) for name, power in powers.items() if power < 0]
     unit = "/".join([above or "1", *below])
     return f"{scale[0].strip().lower()} {unit}" if scale else unit
+
+
+def is_unit(text: str) -> bool:
+    """Whether `text` is a unit, or says that there is none, as `-`, `norm` and `bool` do."""
+    return bool(known_unit(text) or text in _NAMES or text in _SPELLINGS)
+
+
+def nearest_unit(text: str) -> str:
+    """Return the unit whose spelling is the nearest to `text`, in its usual spelling; "" if none is near."""
+    from difflib import get_close_matches
+
+    spellings = {spelling.lower(): spelling for spelling in sorted({*SPELLINGS, *_COMPOUND})}
+    near = get_close_matches(text.lower(), spellings, n=1, cutoff=0.6)
+    return known_unit(spellings[near[0]]) if near else ""
 
 
 def _power_text(name: str, power: int) -> str:

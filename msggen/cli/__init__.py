@@ -11,7 +11,7 @@ import gc
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any, NoReturn
@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(options)
     except InputError as error:
         with suppress(OSError):
-            print_notices(error.notices)
+            print_notices(error.notices, quiet=getattr(options, "quiet", False))
             print_errors(error.diagnostics, ", nothing written" if options.writes else "")
         print_document(error.diagnostics, _output_format(words))
         return FAILED
@@ -93,6 +93,12 @@ def _is_firmware(word: str) -> bool:
     from msggen.firmware.tree_layout import is_firmware
 
     return names_release(word) or ("\0" not in word and is_firmware(Folder(word)))
+
+
+def _is_revision(folder: str, word: str) -> bool:
+    from msggen.disk.git import is_revision
+
+    return "\0" not in folder and os.path.isdir(folder) and is_revision(folder, word)
 
 
 def _output_format(words: Sequence[str]) -> str:
@@ -185,6 +191,7 @@ class _Parser(argparse.ArgumentParser):
             elif room:
                 room -= 1
             else:
+                self._refuse_second_value(word, words)
                 self._refuse(word, after=option)
 
     def _split(self, word: str) -> tuple[str, str]:
@@ -229,11 +236,25 @@ class _Parser(argparse.ArgumentParser):
             return ": name a command first" if self._subparsers else ""
         return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
 
+    def _refuse_second_value(self, wrong: str, words: Sequence[str]) -> None:
+        """Report a second value of --select, --ignore or --against, an option of a command without other arguments."""
+        values = {name: [*filter(None, [value]), *rest] for name, value, rest in _values(words)}
+        for option in ("--select", "--ignore"):
+            if wrong in values.get(option, ()):
+                rules = ",".join(value.strip(",") for value in values[option])
+                self.error(
+                    f"unknown argument '{printable(wrong)}': separate rules by commas: {option} {printable(rules)}"
+                )
+        folder = next(iter(values.get("--px4", ())), os.curdir)
+        if "--against" in values and not os.path.exists(wrong) and _is_revision(folder, wrong):
+            text = "--against names one side, name the other with --px4"
+            self.error(f"unknown argument '{wrong}': {text} {printable(f'{folder}@{wrong}')}")
+
     def error(self, message: str) -> NoReturn:
         for option, hint in (self.get_default("hints") or {}).items():
             message += f": {hint}" if message.startswith("the following arguments") and option in message else ""
         print_document([Diagnostic(Location(self.prog, 0), "usage", message)], self._output_format)
-        super().error(message)
+        self.exit(FAILED, f"{self.prog}: error: {message}\nfor all arguments: {self.prog} --help\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -248,6 +269,14 @@ def _commands_with(option: str) -> list[str]:
     commands = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction))  # noqa: SLF001
     found = ((name, command._option_string_actions.get(option)) for name, command in commands.choices.items())  # noqa: SLF001
     return [name for name, action in found if action and action.help is not argparse.SUPPRESS]
+
+
+def _values(words: Sequence[str]) -> Iterator[tuple[str, str, Sequence[str]]]:
+    """Yield each long option in `words`, its value after `=`, and the words up to the next option."""
+    starts = [index for index, word in enumerate(words) if word.startswith("-")]
+    for start, end in zip(starts, [*starts[1:], len(words)], strict=False):
+        name, _, value = words[start].partition("=")
+        yield name, value, words[start + 1 : end]
 
 
 class _PrintCMakeFolder(argparse.Action):

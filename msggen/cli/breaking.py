@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from msggen.cli.options import (
@@ -18,7 +20,7 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_report
 from msggen.cli.sources import board_of, firmware_path, shell_options, sources_of
-from msggen.diagnostics import Diagnostic, InputError, few, suggestion
+from msggen.diagnostics import Diagnostic, InputError, few, sorted_out, suggestion
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.file import File
@@ -71,6 +73,7 @@ def _breaking(options: argparse.Namespace) -> int:
         current = current._replace(label="the working tree")
     against = previous_sources(options, settings)
     report = breaking(against, current, rules, ignored, topics_only=bool(options.topics_only))
+    report = replace(report, notices=(*report.notices, *_unmatched(report, settings, strict=current.strict)))
     given = shell_options({"--px4": named, "--against": options.against})
     folder = current.root if isinstance(current.root, Folder) else None
     has_versions = folder is not None and folder.is_folder(VERSIONED)
@@ -89,7 +92,6 @@ def _with_advice(report: Report) -> Report:
             rules.setdefault(finding.change.subject, []).append(finding.rule.id)
     if not rules:
         return report
-    from dataclasses import replace
     from json import dumps
 
     entries = [f"{_key(name)} = {dumps([*dict.fromkeys(ids)])}" for name, ids in rules.items()]
@@ -100,6 +102,19 @@ def _with_advice(report: Report) -> Report:
 def _key(name: str) -> str:
     """Return the name of a message or a topic as a key of TOML."""
     return name if name.isidentifier() else f'"{name}"'
+
+
+def _unmatched(report: Report, settings: Settings, *, strict: bool) -> tuple[Diagnostic, ...]:
+    """Return a warning for each name in the settings that matches no message, service or topic.
+
+    Raises InputError for them with `strict`.
+    """
+    key = "per-message-ignores"
+    found = (
+        Diagnostic(settings.place(key, name), "C105", f"'{name}' matches no message, service or topic{hint}")
+        for name, hint in report.unmatched.items()
+    )
+    return sorted_out(found, strict=strict)
 
 
 def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources:
@@ -143,21 +158,24 @@ def _rules(options: argparse.Namespace, settings: Settings) -> tuple[tuple[Rule,
 
     errors: list[Diagnostic] = []
 
-    def all_named(key: str, names: Iterable[str] | None, option: Iterable[str] | None = None) -> list[Rule]:
-        place = settings.place(key) if option is None else Location(f"--{key}", 0)
-        given = (names if option is None else option) or ()
-        found = {name: [rule for rule in named(name) if rule in BREAKING] for name in given}
-        errors.extend(Diagnostic(place, "C104", _unknown(name)) for name, rules in found.items() if not rules)
+    def all_named(names: Iterable[str], place: Callable[[str], Location]) -> list[Rule]:
+        found = {name: [rule for rule in named(name) if rule in BREAKING] for name in names}
+        errors.extend(Diagnostic(place(name), "C104", _unknown(name)) for name, rules in found.items() if not rules)
         return [rule for rules in found.values() for rule in rules]
 
-    selected = all_named("select", settings.select, options.select) or BREAKING
-    ignored = all_named("ignore", settings.ignore, options.ignore)
-    by_message = {
-        message: all_named("per-message-ignores", names) for message, names in settings.per_message_ignores.items()
-    }
+    def chosen(key: str, names: Iterable[str] | None, given: Iterable[str] | None) -> list[Rule]:
+        if given is not None:
+            return all_named(given, lambda _: Location(f"--{key}", 0))
+        return all_named(names or (), partial(settings.place, key))
+
+    selected = chosen("select", settings.select, options.select) or BREAKING
+    ignored = {"*": chosen("ignore", settings.ignore, options.ignore)}
+    for message, names in settings.per_message_ignores.items():
+        rules = all_named(names, partial(settings.place, "per-message-ignores", message))
+        ignored[message] = [*ignored.get(message, ()), *rules]
     if errors:
         raise InputError(errors)
-    return tuple(rule for rule in BREAKING if rule in selected and rule not in ignored), by_message
+    return tuple(rule for rule in BREAKING if rule in selected), ignored
 
 
 def _unknown(name: str) -> str:

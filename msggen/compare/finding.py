@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 
 from msggen.compare.comparison import Comparison, Reader
@@ -99,7 +99,8 @@ class Report:
 
     `summary` is one line for people. `compared` is the number of messages and services that both sides have.
     `notices` are the warnings and notes about the sources; they are not findings. `advice` is a line on what to do
-    about the whole report, "" if the findings say it.
+    about the whole report, "" if the findings say it. `ignored` is the number of findings that were ignored.
+    `unmatched` has the names to ignore that match nothing, each with a hint for the user.
     """
 
     previous: str
@@ -110,6 +111,8 @@ class Report:
     summary: str
     notices: tuple[Diagnostic, ...] = ()
     advice: str = ""
+    ignored: int = 0
+    unmatched: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def fails(self) -> bool:

@@ -213,7 +213,13 @@ RULES = (
         "the version of a message changed, but the message did not",
         _VERSION,
         version.find_needless,
-        fix="Restore the previous MESSAGE_VERSION, because a new version renames the topics of the message.",
+        fix=(
+            "Take the version back, because a new version renames the topics of the message. Restore the previous "
+            "MESSAGE_VERSION. In msg/px4_msgs_old/msg, delete the archived versions that the change added. In "
+            "msg/translation_node/translations, delete the header that the change added, and its line in "
+            "all_translations.h, and restore the earlier headers: they translate to px4_msgs again, not to "
+            "px4_msgs_old. Then run `msggen breaking` again: it reports the remains."
+        ),
     ),
     Rule(
         "VERSION_REMOVED",
@@ -245,12 +251,14 @@ RULES = (
     ),
     Rule(
         "TRANSLATION_INVALID",
-        "a translation header names a field that its version of the message does not have",
+        "a translation header or an archived version does not fit its message",
         _VERSION,
         version.find_invalid_translations,
         fix=(
-            "Remove the field from the header, or add it to the definition. If the header was written for another "
-            "definition, delete it and run `msggen bump NAME` again."
+            "If the header names a field that its version of the message does not have, remove the field from the "
+            "header, or add it to the definition. If the header was written for another definition, delete it and run "
+            "`msggen bump NAME` again. If the message never gets this version, take the version back, as "
+            "`msggen explain VERSION_NEEDLESS` describes."
         ),
     ),
     Rule(

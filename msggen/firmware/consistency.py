@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import posixpath
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
@@ -88,18 +89,13 @@ def check_nesting(
 
 def check_topics(messages: Iterable[Message]) -> Iterator[Diagnostic]:
     """Check that each topic is declared once."""
-    owners: dict[str, Message] = {}
+    places: dict[str, Location] = {}
     for message in messages:
         for name, location in _topics(message):
-            other = owners.setdefault(name, message)
-            if other is not message:
-                text = f"topic '{name}' is already declared by {other.location.path}"
-                yield Diagnostic(location, "M403", text)
-        names: set[str] = set()
-        for topic in message.topics:
-            if topic.name in names:
-                yield Diagnostic(topic.location, "M403", f"topic '{topic.name}' is already declared in this file")
-            names.add(topic.name)
+            other = places.setdefault(name, location)
+            if other is not location:
+                where = f"on line {other.line}" if other.path == location.path else f"in {other}"
+                yield Diagnostic(location, "M403", f"topic '{name}' is already declared {where}")
 
 
 def check_timestamps(messages: Iterable[Message], sources: Sources | None = None) -> Iterator[Diagnostic]:
@@ -225,7 +221,7 @@ def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
 
 
 def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
-    """Check that a tree lists every message, and report conditions in its lists that no board decides.
+    """Check that a tree lists every message and no others, and report conditions in its lists that no board decides.
 
     The lists of the embedded releases have only the messages with a condition, because these releases have no boards.
     """
@@ -237,6 +233,8 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
         elif sources.is_tree and lists.complete and not entry and file.tree is sources.root:
             text = f"{LISTS} does not list '{file.stem}': the firmware does not build it"
             yield Diagnostic(Location(file.path), "M408", text)
+    if sources.is_tree and lists.complete:
+        yield from _check_listed(sources, lists)
     places = {entry.condition: entry.location for entry in reversed([*lists.listed.values()])}
     if lists.complete and sources.board is None and conditional:
         number = counted(sum(map(len, conditional.values())), "message")
@@ -251,6 +249,19 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
             yield Diagnostic(places[condition], "M409", f"{text}, {why}")
 
 
+def _check_listed(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
+    """Check that every listed file exists. A list may use commands that msggen does not know, so this is a warning."""
+    files = (*sources.messages, *sources.unbuilt)
+    names = [file.name.removeprefix("msg/").removesuffix(".msg") for file in files if file.tree is sources.root]
+    unlisted = [name for name in names if f"{name}.msg" not in lists.listed]
+    for file, entry in lists.listed.items():
+        if sources.root and not file.startswith("/") and not sources.root.is_file(posixpath.normpath(f"msg/{file}")):
+            name = file.removesuffix(".msg")
+            elsewhere = [each for each in names if posixpath.basename(each) == posixpath.basename(name)]
+            hint = suggestion(name, elsewhere or unlisted) or suggestion(name, names)
+            yield Diagnostic(entry.location, "M411", f"'{file}' does not exist, so the firmware's build stops{hint}")
+
+
 def _unknown_types(outer: Message, known: Mapping[str, Message], unbuilt: Mapping[str, str]) -> Iterator[Diagnostic]:
     for field in outer.fields:
         type_ = field.type
@@ -263,9 +274,10 @@ def _unknown_types(outer: Message, known: Mapping[str, Message], unbuilt: Mappin
 
 def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str:
     """Return a hint for an unknown type: the type that was probably meant, or how to add its package."""
-    names: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {outer.package: []}
     for message in known.values():
-        names.setdefault(message.package, []).append(message.name)
+        if message is not outer:
+            names.setdefault(message.package, []).append(message.name)
     if type_.package is None:
         if outer.version_of and type_.name in names.get(outer.released_as[0], ()):
             return f": archived messages nest archived ones, such as '{type_.name}V0'"
@@ -273,11 +285,7 @@ def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str
         if elsewhere:
             return f", did you mean '{elsewhere[0]}/{type_.name}'?"
         other = OTHER_SPELLINGS.get(type_.name)
-        return (
-            f", did you mean '{other}'?"
-            if other
-            else suggestion(type_.name, [*names.get(outer.package, ()), *PRIMITIVES])
-        )
+        return f", did you mean '{other}'?" if other else suggestion(type_.name, [*names[outer.package], *PRIMITIVES])
     if type_.package in names:
         return suggestion(type_.base, [f"{type_.package}/{name}" for name in names[type_.package]])
     text = f": the package '{type_.package}' is not among the sources"

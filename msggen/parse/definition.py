@@ -221,10 +221,11 @@ class _Body:
                 self.error("M402", number, column, text)
             else:
                 self.topics.append(Topic(topic, Location(self.path, number, column)))
+                shown = f"'{name}'" if topic == name else f"'{name}' ('{topic}' in the firmware)"
                 if topic in _CPP_KEYWORDS:
-                    self.error("M205", number, column, f"topic name '{topic}' {_IS_KEYWORD}")
+                    self.error("M205", number, column, f"topic name {shown} {_IS_KEYWORD}")
                 elif not _TOPIC_NAME.fullmatch(topic):
-                    text = f"topic name '{topic}': ROS 2 expects a letter first, and single underscores"
+                    text = f"topic name {shown}: ROS 2 expects a letter first, and single underscores"
                     self.error("M205", number, column, text)
             column += len(name) + 1
 

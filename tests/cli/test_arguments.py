@@ -108,7 +108,7 @@ def test_no_path_is_empty_or_has_a_nul(option: str, argument: str, capsys: pytes
     with pytest.raises(SystemExit) as stopped:
         main(["build", option, argument])
     assert stopped.value.code == 2
-    assert option in capsys.readouterr().err.splitlines()[-1]
+    assert option in capsys.readouterr().err.splitlines()[0]
 
 
 def options_of(name: str) -> list[str]:
@@ -152,12 +152,20 @@ def test_the_examples_of_wrong_arguments(capsys: pytest.CaptureFixture[str]) -> 
         "render --template a.j2": "the following arguments are required: -o/--output: with -o -, the text is printed",
         "render -o -": "the following arguments are required: --template",
         "build -q a": "unknown argument 'a': name the firmware with --px4 a",
+        "breaking --against a --ignore B C": "unknown argument 'C': separate rules by commas: --ignore B,C",
+        "breaking --select B, C, D --against a": "unknown argument 'C,': separate rules by commas: --select B,C,D",
+        "breaking --against a --ignore=B C": "unknown argument 'C': separate rules by commas: --ignore B,C",
+        "breaking --against a v1.17": "unknown argument 'v1.17': name the firmware with --px4 v1.17",
+        "bump A B --against C": "unknown argument 'B': expected one MSG per run",
     }
     for words, expected in examples.items():
         with pytest.raises(SystemExit) as stopped:
             main(words.split())
         assert stopped.value.code == 2
-        assert capsys.readouterr().err.endswith(f"{expected}\n")
+        error, hint = capsys.readouterr().err.splitlines()
+        assert error.endswith(expected)
+        program = error.partition(": error: ")[0]
+        assert hint == f"for all arguments: {program} --help"
 
 
 @pytest.mark.parametrize("name", COMMANDS)

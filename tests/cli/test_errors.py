@@ -148,7 +148,13 @@ ERRORS = [
     Case("M401", f"{FOO}:2:1", "found 'uint32 timestamp'", {FOO: "uint8 x\nuint32 timestamp\n"}),
     line("M402", 10, "no name", "# TOPICS "),
     line("M402", 14, "'two-three' is not a topic name", "# TOPICS one two-three"),
-    line("M403", 14, "already declared in this file", "# TOPICS one one"),
+    line("M403", 14, "topic 'one' is already declared on line 2", "# TOPICS one one"),
+    Case(
+        "M403",
+        f"{FOO}:2:10",
+        f"topic 'bar' is already declared in {BAR}:3:14",
+        {BAR: f"{STAMP}\n# TOPICS foo bar\n", FOO: f"{STAMP}# TOPICS bar\n"},
+    ),
     # the YAML
     bridge("Y101", "1:15", "undefined alias", "publications: *nowhere\n"),
     bridge("Y101", "2:1", "another document", "---\n--- second\n"),
@@ -199,6 +205,8 @@ DOUBTS = [
     odd("M205", "2:7", "for example 'FAST'", "uint8 fast = 1"),
     odd("M205", "2:7", "'class' is a C++ keyword", "uint8 class"),
     odd("M205", "2:10", "expects a letter first, and single underscores", "# TOPICS one__two"),
+    odd("M205", "2:10", "topic name 'wheel_Slip' ('wheel__slip' in the firmware): ROS 2", "# TOPICS wheel_Slip"),
+    odd("M205", "2:10", "topic name 'New' ('new' in the firmware) is a C++ keyword", "# TOPICS New"),
     odd("M205", "2:10", "topic name 'new' is a C++ keyword", "# TOPICS new"),
     Case("M205", "in/msg/Class.msg:1:1", "the topic 'class'", {"in/msg/Class.msg": STAMP}, STRICT),
     Case("M205", "in/msg/esc_report.msg:1:1", "for example 'EscReport'", {"in/msg/esc_report.msg": STAMP}, STRICT),
@@ -356,6 +364,11 @@ def test_two_cycles_are_both_found() -> None:
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in files.items()})
     assert [error.message.split(": ")[1] for error in caught.value.diagnostics] == ["A > B > A", "C > D > E > C"]
+
+
+def test_a_message_is_no_hint_for_its_own_types(working_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert build(working_folder, line("M301", 1, "", "Fooo x")) == FAILED
+    assert capsys.readouterr().err.splitlines()[0].endswith("M301 unknown type 'Fooo'")
 
 
 # No output after an error

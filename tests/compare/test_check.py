@@ -391,6 +391,24 @@ WARNED = [
         "the unit of 'rpm_estimate' is rad/s, but rpm in firmware",
     ),
     (
+        "# [rad] Filtered",
+        "# [rads] Filtered",
+        "UNIT_CHANGED",
+        "the unit of 'rpm_estimate' is rads, but rad in firmware, did you mean 'rad'?",
+    ),
+    (
+        "# [V] Filtered",
+        "# [meterz] Filtered",
+        "UNIT_CHANGED",
+        "the unit of 'rpm_estimate' is meterz, but V in firmware, did you mean 'm'?",
+    ),
+    (
+        "# [rad/s] Filtered",
+        "# [wibble] Filtered",
+        "UNIT_CHANGED",
+        "the unit of 'rpm_estimate' is wibble, but rad/s in firmware",
+    ),
+    (
         "# [@range 0, 9]",
         "# [@range -9, 9]",
         "RANGE_CHANGED",

@@ -244,7 +244,7 @@ REFUSED = {
     "msg/Own.msg:2:14: M402 doubled space: the firmware would read a topic without a name here": (
         f"{STAMP}# TOPICS one  two\n"
     ),
-    "msg/Own.msg:2:10: M403 topic 'cell_report' is already declared by msg/CellReport.msg": (
+    "msg/Own.msg:2:10: M403 topic 'cell_report' is already declared in msg/CellReport.msg:1:1": (
         f"{STAMP}# TOPICS cell_report\n"
     ),
     "msg/Own.msg:2:1: T106 'x' has a default value, which the firmware's templates do not support": (
