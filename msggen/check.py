@@ -11,8 +11,8 @@ from fnmatch import fnmatchcase
 from msggen.compare.comparison import Comparison, Extra, Side
 from msggen.compare.renaming import nearest_message
 from msggen.compare.rules import BREAKING, CHECKED, find
-from msggen.diagnostics import OF_BOARDS, Diagnostic, InputError, counted
-from msggen.disk.record import RECORD_NAME, parse_record
+from msggen.diagnostics import OF_BOARDS, Diagnostic, InputError, counted, suggestion
+from msggen.disk.record import NO_RECORD, RECORD_NAME, Record, parse_record
 from msggen.finding import Category, Finding, Report, Rule, Severity
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
@@ -71,6 +71,7 @@ def breaking(
     """Return the findings of `rules` in the change from `previous` to `current`.
 
     `ignored` maps names of messages, services or topics to the rules to ignore there; `*` in a name matches any text.
+    Their findings are only counted.
     With `topics_only`, compare only the messages that are bridged on either side, the messages that they nest, and the
     services. Raises InputError if a side cannot be read.
     """
@@ -78,11 +79,22 @@ def breaking(
     before = _side(previous, wanted)
     after = _side(current, None if wanted is None else wanted | _files(before.catalog))
     comparison = Comparison(before, after)
-    rules = _as_strict(rules, current)
-    findings = [finding for finding in find(comparison, rules) if not _is_ignored(finding, ignored or {})]
-    report = _report(comparison, rules, findings, ("does not break", "breaks"))
+    rules, ignored = _as_strict(rules, current), ignored or {}
+    found = list(find(comparison, rules))
+    hidden = [finding for finding in found if _is_ignored(finding, ignored)]
+    nowhere = {rule.id for rule in ignored.get("*", ())}
+    report = _report(
+        comparison,
+        [rule for rule in rules if rule.id not in nowhere],
+        [finding for finding in found if finding not in hidden],
+        ("does not break", "breaks"),
+        ignored=len(hidden),
+    )
     notices = (*previous.notices, *comparison.current.catalog.notices)
-    return replace(report, notices=_without(notices, OF_BOARDS + _OF_NEW_VERSIONS))
+    subjects = {*_subjects(previous, before.catalog), *_subjects(current, after.catalog)}
+    subjects |= {subject for finding in found for subject in _names_of(finding)}
+    unmatched = {name: suggestion(name, subjects) for name in ignored if not _is_matched(name, subjects)}
+    return replace(report, notices=_without(notices, OF_BOARDS + _OF_NEW_VERSIONS), unmatched=unmatched)
 
 
 def lint(
@@ -100,19 +112,24 @@ def lint(
     chosen = [rule for rule in LINT if rule.is_default] if rules is None else rules
     applied = _as_strict(chosen, sources)
     definitions = list(definitions_of(sources, catalog, contents))
-    found = (Finding(rule, change) for each in definitions for rule in applied for change in rule.find(each))
-    findings = [finding for finding in found if not _is_ignored(finding, ignored or {})]
+    ignored = ignored or {}
+    found = [Finding(rule, change) for each in definitions for rule in applied for change in rule.find(each)]
+    findings = [finding for finding in found if not _is_ignored(finding, ignored)]
+    hidden = len(found) - len(findings)
     subjects = {finding.change.subject for finding in findings}
     word = "finding" if sources.strict else "warning"
     counts = f"{counted(len(findings), word)} in {counted(len(subjects), 'definition')}" if findings else "no findings"
+    names = _subjects(sources, catalog)
     return Report(
         previous="",
         current=sources.label,
-        rules=applied,
+        rules=tuple(rule for rule in applied if rule.id not in {each.id for each in ignored.get("*", ())}),
         findings=_ordered(findings),
         compared=len({each.message.location.path for each in definitions}),
-        summary=f"{sources.label}: {counts}",
+        summary=", ".join([f"{sources.label}: {counts}", *_count(hidden, "ignored")]),
         notices=_without(catalog.notices, OF_BOARDS + _OF_NEW_VERSIONS),
+        ignored=hidden,
+        unmatched={name: suggestion(name, names) for name in ignored if not _is_matched(name, names)},
     )
 
 
@@ -166,11 +183,16 @@ def _place(sources: Sources) -> str:
     return sources.root.path if sources.root else sources.label
 
 
+def record_of(sources: Sources) -> Record:
+    """Return the record of the files that `sync` wrote into a package, empty if there is none."""
+    if not sources.root or not sources.root.is_file(RECORD_NAME):
+        return NO_RECORD
+    return parse_record(sources.root.read(RECORD_NAME))
+
+
 def _own_files(sources: Sources) -> set[str] | None:
     """Return the files that `sync` wrote, if it maintains the package; None if all files of the source count."""
-    if not sources.root or not sources.root.is_file(RECORD_NAME):
-        return None
-    return {name.rpartition("/")[2] for name in parse_record(sources.root.read(RECORD_NAME)).files} or None
+    return {name.rpartition("/")[2] for name in record_of(sources).files} or None
 
 
 def _extra(sources: Sources, files: Collection[str]) -> Iterator[Extra]:
@@ -202,16 +224,34 @@ def _with_renamed(sources: Sources, files: Collection[str], before: Catalog) -> 
 
 
 def _is_ignored(finding: Finding, ignored: Mapping[str, Collection[Rule]]) -> bool:
-    subject = finding.change.subject
-    service = subject.removesuffix("_Request").removesuffix("_Response")
     return any(
-        finding.rule.id in {rule.id for rule in rules} and (fnmatchcase(subject, name) or fnmatchcase(service, name))
+        finding.rule.id in {rule.id for rule in rules} and _is_matched(name, _names_of(finding))
         for name, rules in ignored.items()
     )
 
 
+def _names_of(finding: Finding) -> set[str]:
+    """Return the names of a finding's subject: for half of a service, also that of the service."""
+    subject = finding.change.subject
+    return {subject, subject.removesuffix("_Request").removesuffix("_Response")}
+
+
+def _is_matched(name: str, subjects: Iterable[str]) -> bool:
+    return any(fnmatchcase(subject, name) for subject in subjects)
+
+
+def _subjects(sources: Sources, catalog: Catalog) -> set[str]:
+    """Return the names of all messages, services and topics that findings can be about."""
+    files = (*sources.messages, *sources.unbuilt, *sources.services)
+    return {file.stem for file in files} | {entry.topic for entry in catalog.bridge}
+
+
 def _report(
-    comparison: Comparison, rules: Sequence[Rule], findings: Sequence[Finding], verdicts: tuple[str, str]
+    comparison: Comparison,
+    rules: Sequence[Rule],
+    findings: Sequence[Finding],
+    verdicts: tuple[str, str],
+    ignored: int = 0,
 ) -> Report:
     """Return a report with the findings, sorted by subject and location, and a summary."""
     previous, current = comparison.previous, comparison.current
@@ -225,9 +265,13 @@ def _report(
         else f"{counted(len(messages), 'message')}, {counted(len(services), 'service')}",
         *_count(sum(finding.is_silent for finding in failing), "silent"),
         *_count(sum(finding.is_handled for finding in findings), "handled"),
-        *_count(warned, "warning" if warned == 1 else "warnings"),
+        *_count(ignored, "ignored"),
     ]
-    summary = f"{current.label} {verdicts[bool(failing)]} {previous.label}: {', '.join(counts)}"
+    warnings = counted(warned, "warning")
+    if warned and failing:
+        counts.append(warnings)
+    caveat = f" with {warnings}" if warned and not failing else ""
+    summary = f"{current.label} {verdicts[bool(failing)]} {previous.label}{caveat}: {', '.join(counts)}"
     return Report(
         previous=previous.label,
         current=current.label,
@@ -235,6 +279,7 @@ def _report(
         findings=_ordered(findings),
         compared=len(messages) + len(services),
         summary=summary,
+        ignored=ignored,
     )
 
 

@@ -5,8 +5,8 @@ A rule has only an ID, a purpose, a category, a severity, a function and the tex
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
@@ -121,7 +121,9 @@ class Report:
 
     It has the names of both sides, the rules that were applied, and their findings. `summary` is one line for people.
     `compared` is the number of messages and services that both sides have.
-    `notices` are the warnings and notes about the sources; they are not findings.
+    `notices` are the warnings and notes about the sources; they are not findings. `advice` is a line on what to do
+    about the whole report, "" if the findings say it. `ignored` is the number of findings that were ignored.
+    `unmatched` has the names to ignore that match nothing, each with a hint for the user.
     """
 
     previous: str
@@ -131,6 +133,9 @@ class Report:
     compared: int
     summary: str
     notices: tuple[Diagnostic, ...] = ()
+    advice: str = ""
+    ignored: int = 0
+    unmatched: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def fails(self) -> bool:

@@ -36,11 +36,14 @@ class Settings(NamedTuple):
     per_message_ignores: Mapping[str, tuple[str, ...]] = MappingProxyType({})
     origin: str = ""
 
-    def place(self, key: str) -> Location:
-        """Return the location of a setting, or the option `--key` if no file has settings."""
+    def place(self, key: str, *inside: str) -> Location:
+        """Return the location of a setting, or the option `--key` if no file has settings.
+
+        With `inside`, it is the location of a text in the value: its key in a table, then a text in a list.
+        """
         if not self.origin:
             return Location(f"--{key}", 0)
-        return Location(self.origin, *_place(_text(self.origin), key))
+        return Location(self.origin, *_place(_text(self.origin), key, *inside))
 
 
 _HEADER = r"(?m)^[ \t]*\[[ \t]*tool[ \t]*\.[ \t]*[\"']?msggen[\"']?[ \t]*\]"
@@ -160,15 +163,23 @@ def _texts(value: object, key: str, items: str, path: str, place: tuple[int, int
     return tuple(texts)
 
 
-def _place(text: str, key: str) -> tuple[int, int]:
+def _place(text: str, key: str, *inside: str) -> tuple[int, int]:
+    """Return the line and the column of a setting or, as far as they are found, of the texts `inside` its value."""
+    position = _position(text, key)
+    for word in inside:
+        found = re.compile(rf"(?<![^\s=\[{{,\"'.]){re.escape(word)}(?![^\s=\]}},\"'])").search(text, position + 1)
+        position = found.start() - (text[found.start() - 1] in "\"'") if found else position
+    return text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
+
+
+def _position(text: str, key: str) -> int:
     table = re.search(rf"^[ \t]*\[[\w\t \"'.]*\bmsggen\b[\"'\t ]*\.[\"'\t ]*{re.escape(key)}\b", text, re.MULTILINE)
     if table:
-        return text.count("\n", 0, table.start()) + 1, 1
+        return table.start()
     header = re.search(_HEADER, text)
     start = header.end() if header else text.find("msggen")
-    found = re.compile(rf"[\"']?\b{re.escape(key)}\b[\"']?\s*[.=]").search(text, start)
-    position = found.start() if found else start
-    return text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
+    found = re.compile(rf"[\"']?(?<![\w-]){re.escape(key)}(?![\w-])[\"']?\s*[.=]").search(text, start)
+    return found.start() if found else start
 
 
 def _fail(path: str, code: str, message: str, line: int = 1, column: int = 1) -> NoReturn:

@@ -1,6 +1,8 @@
 """Normalization of units and ranges.
 
 `m/s^2`, `m/s2` and `m s^-2` are the same unit; `0,1` and `0.0 - 1.0` are the same range.
+
+Generated packages have a copy of this module. It imports the standard library only.
 """
 
 from __future__ import annotations
@@ -101,7 +103,7 @@ def normalized_unit(text: str) -> str:
     """
     text = " ".join(text.split())
     try:
-        powers = _powers(text)
+        powers = powers_of(text)
     except ValueError:
         return text
     return " ".join(_power_text(name, powers[name]) for name in sorted(powers)) or ("1" if text else "")
@@ -118,7 +120,7 @@ def known_unit(text: str) -> str:
         return name
     scale = _SCALE.match(text)
     try:
-        powers = _powers(text[scale.end() :] if scale else text)
+        powers = powers_of(text[scale.end() :] if scale else text)
     except ValueError:
         return ""
     if not powers or not powers.keys() <= _UNITS:
@@ -149,8 +151,11 @@ def _power_text(name: str, power: int) -> str:
     return name if power == 1 else f"{name}^{power}"
 
 
-def _powers(text: str) -> dict[str, int]:
-    """Return the power of each unit in `text`. Raises ValueError if it is not a product of powers."""
+def powers_of(text: str) -> dict[str, int]:
+    """Return the power of each unit in `text`, by its usual spelling. Raises ValueError if it is no product of powers.
+
+    A factor is a unit, too: `1e-7 deg` has the powers `{"1e-7": 1, "deg": 1}`.
+    """
     if len(text) > _LONGEST:
         raise ValueError(text)
     is_plain = text.isascii()

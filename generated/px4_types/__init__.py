@@ -14,8 +14,11 @@ TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from . import batch as batch
     from . import cdr as cdr
+    from . import clock as clock
+    from . import frames as frames
     from . import msg as msg
     from . import srv as srv
+    from . import recordings as recordings
     from . import topics as topics
     from .cdr import DecodeError as DecodeError
     from .cdr import EncodeError as EncodeError
@@ -281,8 +284,9 @@ if TYPE_CHECKING:
     from .msg import YawEstimatorStatus as YawEstimatorStatus
 
 _MODULES = (
-    "arrays", "batch", "cdr", "encapsulation", "explain", "hints", "info", "lazy", "lookup", "msg", "orb_id",
-    "places", "primitives", "records", "registry", "srv", "topics",
+    "arrays", "batch", "cdr", "clock", "commands", "covariances", "encapsulation", "explain", "frames",
+    "hints", "info", "lazy", "lookup", "msg", "orb_id", "parameters", "places", "primitives", "quantities",
+    "recordings", "records", "registry", "rotations", "srv", "timesync", "topics", "unit", "units",
 )
 _AttributeError = AttributeError  # a message may have this name
 _ERRORS = {"DecodeError", "EncodeError"}
@@ -581,6 +585,11 @@ if not TYPE_CHECKING:  # type checkers would accept every name
             raise _AttributeError(name)
         if name in _MODULES:
             return _load(name)
+        if name not in __all__:
+            from .hints import hint, nearest
+
+            text = f"module '{__name__}' has no attribute '{name}'{hint(nearest(name, (*_MODULES, *__all__)))}"
+            raise _AttributeError(text, name=name, obj=None)  # without obj, Python adds no suggestion of its own
         found: object = getattr(_load("cdr" if name in _ERRORS else "msg"), name)
         globals()[name] = found
         return found

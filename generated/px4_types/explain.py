@@ -11,7 +11,16 @@ from operator import index
 
 from .cdr import ENCODE_FAILURES, SEQUENCES, EncodeError, Message
 from .info import Field, nested_class
-from .primitives import NO_SEQUENCES, OCTET_FORMATS, OCTETS, PRIMITIVES, STRINGS, NotASequence, WrongNumber, listed
+from .primitives import (
+    NO_SEQUENCES,
+    OCTETS,
+    PRIMITIVES,
+    STRINGS,
+    NotASequence,
+    WrongNumber,
+    listed,
+    octets_of,
+)
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
@@ -36,12 +45,12 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
     if field.length is None and not field.is_sequence:
         return _value_problem(message, field.base, value, path)
     if field.base in OCTETS:
-        if isinstance(value, (bytes, bytearray)) or (field.is_sequence and _has_octets(value)):
+        if isinstance(value, (bytes, bytearray)) or (field.is_sequence and octets_of(value) is not None):
             number = memoryview(value).nbytes
             problem = _number_problem(field, number, path, "bytes")
             pads = field.length is not None and number < field.length
             return f'{problem}: pad it with .ljust({field.length}, b"\\0")' if pads else problem
-        return f"{path}: expected {_expected(field, 'bytes')}, got {given(value)}"
+        return f"{path}: expected {_expected(field, 'bytes')}, got {given(value)}{_as_bytes(field, value)}"
     most = field.length if field.length is not None else field.most
     try:
         items = listed(value, sys.maxsize if most is None else most)
@@ -57,12 +66,15 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
     return next(filter(None, problems), "")
 
 
-def _has_octets(value: Any) -> bool:
-    try:
-        view = memoryview(value)
-    except (BufferError, TypeError, ValueError):
-        return False
-    return view.format in OCTET_FORMATS and view.ndim == 1
+def _as_bytes(field: Field, value: Any) -> str:
+    """Return the end of an error that shows how to make bytes of a value, or "" if that is not known."""
+    if isinstance(value, str):
+        number = len(value.encode(errors="replace"))
+        pads = field.length is not None and number < field.length
+        return ": use its .encode()" + (f'.ljust({field.length}, b"\\0")' if pads else "")
+    if isinstance(value, (list, tuple)):
+        return ": use bytes([...])"
+    return ": use bytes(values.tolist())" if hasattr(value, "tolist") else ""
 
 
 def _no_sequence(value: Any) -> str:
@@ -118,6 +130,8 @@ def _value_problem(outer: Message, base: str, value: Any, path: str) -> str:
         low, high = PRIMITIVES[base].lowest, PRIMITIVES[base].highest
         number = _index_of(value)
         fits = number is not None and low <= number <= high
+        if number is None and isinstance(value, float):
+            return f"{path}: expected an integer, got the float {float(value)}"
         return "" if fits else f"{path}: expected {base}, {low} to {high}, got {given(value)}"
     if not isinstance(value, nested_class(outer.__class__, base)):
         found = value.__msg__.ros_type if isinstance(value, Message) else given(value)
@@ -147,7 +161,8 @@ def _is_number(value: object) -> bool:
 def given(value: Any) -> str:
     """Return a short description of a value, for an error."""
     if value.__class__.__name__ in ("bytes", "bytearray", *SEQUENCES):
-        return f"a {value.__class__.__name__} of {len(value)}"
+        name = value.__class__.__name__
+        return f"{'an' if name == 'array' else 'a'} {name} of {len(value)}"
     try:
         text = repr(value)
     except ValueError:

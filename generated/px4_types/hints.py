@@ -9,7 +9,11 @@ TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["UnknownName", "alike", "check_name", "hint", "nearest", "not_bridged"]
+__all__ = ["NO_ENDPOINTS", "UnknownName", "alike", "check_name", "hint", "nearest", "not_bridged", "unknown_topic"]
+
+
+NO_ENDPOINTS = ": the package has no endpoints, because it was built without a dds_topics.yaml: name one with --topics"
+"""The end of an error about a name in a package that has no endpoints."""
 
 
 class UnknownName(KeyError):  # noqa: N818
@@ -46,6 +50,12 @@ def hint(*names: str) -> str:
 def not_bridged(topic: str) -> str:
     """Return the end of an error about a uORB topic that has no endpoint."""
     return f": '{topic}' is a uORB topic that does not cross the bridge: it is not in dds_topics.yaml"
+
+
+def unknown_topic(name: object, topics: Iterable[str]) -> UnknownName:
+    """Return the error that no uORB topic has this name. Raises TypeError if the name is not a str."""
+    check_name(name, "vehicle_status")
+    return UnknownName(f"no uORB topic '{name}'{hint(nearest(str(name), topics))}")
 
 
 def check_name(name: object, example: str) -> None:

@@ -32,9 +32,12 @@ __all__ = [
     "NAMESPACE",
     "Direction",
     "Endpoint",
+    "Namespaced",
     "Qos",
     "QosPair",
     "UorbTopic",
+    "UorbTopics",
+    "by_name",
     "in_namespace",
     "renamed",
 ]
@@ -73,6 +76,20 @@ class UorbTopic(Frozen):
     def message(self) -> type[Message]:
         """The class of the message."""
         return _message_class(self.message_name)
+
+
+class UorbTopics(dict[str, UorbTopic]):
+    """The uORB topics by name. An unknown name raises a KeyError that suggests the nearest one."""
+
+    def __missing__(self, name: str) -> UorbTopic:
+        from .hints import unknown_topic
+
+        raise unknown_topic(name, self)
+
+
+def by_name(topics: Sequence[UorbTopic]) -> UorbTopics:
+    """Return uORB topics by name."""
+    return UorbTopics({topic.name: topic for topic in topics})
 
 
 class Qos(Frozen):
@@ -187,9 +204,19 @@ class Endpoint(Frozen, Generic[MessageType]):
         put(self, "options", options)
 
     @property
+    def _names(self) -> list[str]:
+        """The attributes that are shown and compared."""
+        return ["direction", "ros_name", "dds_name", *self.__slots__[2:]]
+
+    @property
     def dds_name(self) -> str:
         """The name in DDS: `rt/fmu/out/vehicle_status_v1`."""
         return f"rt{self.ros_name}"
+
+    @property
+    def dds_type(self) -> str:
+        """The type in DDS, which is the same in all versions: `px4_msgs::msg::dds_::VehicleStatus_`."""
+        return self.message.__msg__.dds_type
 
     @property
     def format_request_name(self) -> str:
@@ -239,8 +266,10 @@ class Direction:
             return self._endpoints[name]
 
     def _hint(self, name: str) -> str:
-        from .hints import alike, hint, nearest, not_bridged
+        from .hints import NO_ENDPOINTS, alike, hint, nearest, not_bridged
 
+        if not any(self._directions.values()):
+            return NO_ENDPOINTS
         for direction in (self._name, *self._directions):
             for attribute, endpoint in self._directions[direction].items():
                 if alike(name) in (alike(attribute), alike(endpoint.uorb_topic)):
@@ -250,6 +279,13 @@ class Direction:
                 return not_bridged(topic)
         near = nearest(name, self._endpoints)
         return hint(f"{self._name}.{near}") if near else ""
+
+
+class Namespaced(tuple[Endpoint, ...]):  # noqa: SLOT001 - a tuple cannot have slots with names
+    """The endpoints of a client with a namespace. `out` and `in_` have them as attributes."""
+
+    out: Direction
+    in_: Direction
 
 
 def renamed(endpoint: Endpoint, ros_name: str, message_name: str) -> Endpoint:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from .registry import Direction as _Direction
 from .registry import Endpoint, Qos, QosPair, UorbTopic
+from .registry import Namespaced as _Namespaced
+from .registry import by_name as _by_name
 from .registry import in_namespace as _in_namespace
 
 TYPE_CHECKING: bool = False
@@ -399,7 +401,7 @@ _UORB: tuple[UorbTopic, ...] = (
     UorbTopic("yaw_estimator_status", 330, "YawEstimatorStatus", 1),
 )
 
-UORB: dict[str, UorbTopic] = {topic.name: topic for topic in _UORB}
+UORB: dict[str, UorbTopic] = _by_name(_UORB)
 """All uORB topics by name."""
 
 ENDPOINTS: tuple[Endpoint, ...] = (
@@ -1374,6 +1376,40 @@ ENDPOINTS: tuple[Endpoint, ...] = (
 )
 """The endpoints in the order of dds_topics.yaml: first those that PX4 publishes, then those that it subscribes to."""
 
+_ATTRIBUTES: dict[str, tuple[str, ...]] = {
+    "out": (
+        "register_ext_component_reply", "arming_check_request", "setpoint_config_reply", "mode_completed",
+        "battery_status", "collision_constraints", "estimator_status_flags", "failsafe_flags",
+        "manual_control_setpoint", "message_format_response", "position_setpoint_triplet", "sensor_combined",
+        "timesync_status", "transponder_report", "vehicle_land_detected", "vehicle_attitude",
+        "vehicle_control_mode", "vehicle_command_ack", "vehicle_global_position", "vehicle_gps_position",
+        "vehicle_local_position", "vehicle_odometry", "vehicle_status", "airspeed_validated",
+        "vtol_vehicle_status", "home_position", "wind", "gimbal_device_attitude_status",
+        "config_overrides_confirm", "vtx", "input_rc",
+    ),
+    "in_": (
+        "register_ext_component_request", "unregister_ext_component", "setpoint_config",
+        "config_overrides_request", "arming_check_reply", "message_format_request", "mode_completed",
+        "distance_sensor", "manual_control_input", "offboard_control_mode", "onboard_computer_status",
+        "obstacle_distance", "sensor_optical_flow", "goto_setpoint", "telemetry_status",
+        "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_mocap_odometry",
+        "vehicle_rates_setpoint", "vehicle_visual_odometry", "vehicle_command",
+        "vehicle_command_mode_executor", "vehicle_thrust_setpoint", "vehicle_torque_setpoint",
+        "actuator_motors", "actuator_servos", "fixed_wing_longitudinal_setpoint",
+        "fixed_wing_lateral_setpoint", "longitudinal_control_configuration", "lateral_control_configuration",
+        "rover_position_setpoint", "rover_speed_setpoint", "rover_attitude_setpoint", "rover_rate_setpoint",
+        "rover_throttle_setpoint", "rover_steering_setpoint", "landing_gear", "aux_global_position",
+    ),
+}
+
+
+def _directions(endpoints: tuple[Endpoint, ...]) -> dict[str, _Direction]:
+    """Return both directions of endpoints in the order of ENDPOINTS."""
+    rest = iter(endpoints)
+    found = {name: dict(zip(attributes, rest, strict=False)) for name, attributes in _ATTRIBUTES.items()}
+    return {name: _Direction(name, found, UORB) for name in found}
+
+
 if TYPE_CHECKING:
 
     class _Out(_Direction):
@@ -1592,49 +1628,13 @@ if TYPE_CHECKING:
     out: _Out
 
     in_: _In
+
+    class _Endpoints(_Namespaced):
+        out: _Out
+        in_: _In
 else:
-    _DIRECTIONS = {
-        "out": dict(
-            zip(
-                (
-                    "register_ext_component_reply", "arming_check_request", "setpoint_config_reply",
-                    "mode_completed", "battery_status", "collision_constraints", "estimator_status_flags",
-                    "failsafe_flags", "manual_control_setpoint", "message_format_response",
-                    "position_setpoint_triplet", "sensor_combined", "timesync_status", "transponder_report",
-                    "vehicle_land_detected", "vehicle_attitude", "vehicle_control_mode",
-                    "vehicle_command_ack", "vehicle_global_position", "vehicle_gps_position",
-                    "vehicle_local_position", "vehicle_odometry", "vehicle_status", "airspeed_validated",
-                    "vtol_vehicle_status", "home_position", "wind", "gimbal_device_attitude_status",
-                    "config_overrides_confirm", "vtx", "input_rc",
-                ),
-                ENDPOINTS[0:],
-                strict=False,
-            )
-        ),
-        "in_": dict(
-            zip(
-                (
-                    "register_ext_component_request", "unregister_ext_component", "setpoint_config",
-                    "config_overrides_request", "arming_check_reply", "message_format_request",
-                    "mode_completed", "distance_sensor", "manual_control_input", "offboard_control_mode",
-                    "onboard_computer_status", "obstacle_distance", "sensor_optical_flow", "goto_setpoint",
-                    "telemetry_status", "trajectory_setpoint", "vehicle_attitude_setpoint",
-                    "vehicle_mocap_odometry", "vehicle_rates_setpoint", "vehicle_visual_odometry",
-                    "vehicle_command", "vehicle_command_mode_executor", "vehicle_thrust_setpoint",
-                    "vehicle_torque_setpoint", "actuator_motors", "actuator_servos",
-                    "fixed_wing_longitudinal_setpoint", "fixed_wing_lateral_setpoint",
-                    "longitudinal_control_configuration", "lateral_control_configuration",
-                    "rover_position_setpoint", "rover_speed_setpoint", "rover_attitude_setpoint",
-                    "rover_rate_setpoint", "rover_throttle_setpoint", "rover_steering_setpoint",
-                    "landing_gear", "aux_global_position",
-                ),
-                ENDPOINTS[31:],
-                strict=False,
-            )
-        ),
-    }
-    out = _Direction("out", _DIRECTIONS, UORB)
-    in_ = _Direction("in_", _DIRECTIONS, UORB)
+    _Endpoints = _Namespaced
+    out, in_ = _directions(ENDPOINTS).values()
 
 
 _VERSIONS: dict[str, tuple[tuple[str, str], ...]] = {
@@ -1682,9 +1682,13 @@ def versions_of(name: str) -> tuple[Endpoint, ...]:
     return find_versions(ENDPOINTS, _VERSIONS, UORB, name)
 
 
-def namespaced(namespace: str) -> tuple[Endpoint, ...]:
+def namespaced(namespace: str) -> _Endpoints:
     """Return the endpoints of a client that was started with this namespace (`-n uav_1` or PX4_UXRCE_DDS_NS).
 
-    Raises ValueError if it is not a valid namespace.
+    The tuple has them as attributes too: `namespaced("uav_1").out.vehicle_status`. Raises ValueError if it is not a
+    valid namespace.
     """
-    return _in_namespace(ENDPOINTS, namespace)
+    found = _Endpoints(_in_namespace(ENDPOINTS, namespace))
+    for name, direction in _directions(found).items():
+        setattr(found, name, direction)
+    return found

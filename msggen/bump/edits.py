@@ -18,17 +18,22 @@ from msggen.bump.header import (
     with_include,
 )
 from msggen.bump.version_step import CONSTANT, CURRENT_FILE, Previous, VersionStep, fields_of
-from msggen.diagnostics import input_error, suggestion
-from msggen.disk.git import is_in_repository
+from msggen.diagnostics import Diagnostic, few, input_error, suggestion
+from msggen.disk.git import commit_of, is_in_repository, is_revision
 from msggen.firmware.catalog import COMPARABLE, read_catalog
 from msggen.firmware.history import ALL_TRANSLATIONS, ARCHIVE, TRANSLATIONS, VERSIONED
 from msggen.firmware.path_hint import path_hint
 from msggen.firmware.revision import revised
 from msggen.firmware.sources import find_sources, open_tree, refuse_part_of_tree
 from msggen.firmware.tree import Folder
+from msggen.location import Location
 from msggen.model import DEFAULT_PACKAGE, VERSION, Catalog, Message
 
 _NEEDED = f"add 'uint32 {VERSION} = 0' and move the file to {VERSIONED}"
+
+
+_BASES = ("main", "master", "origin/main", "origin/master", "upstream/main", "upstream/master")
+"""The branches that changes usually begin at."""
 
 
 class Change(NamedTuple):
@@ -52,6 +57,7 @@ class Edits(NamedTuple):
     version: int
     changes: tuple[Change, ...]
     remaining: tuple[str, ...]
+    notices: tuple[Diagnostic, ...] = ()
 
 
 def plan_bump(firmware: str, name: str, against: str | None) -> Edits:
@@ -70,8 +76,8 @@ def plan_bump(firmware: str, name: str, against: str | None) -> Edits:
         raise input_error(new.location.path, "B103", text, 0)
     _check_versions(old.message, new, previous.label)
     step = VersionStep(tree, catalog, previous=previous, old=old, new=new)
-    _check_changed(step)
-    return _plan(step)
+    notices = tuple(_check_changed(step))
+    return _plan(step)._replace(notices=notices)
 
 
 def _open_firmware(path: str) -> Folder:
@@ -125,18 +131,35 @@ def _check_versions(old: Message, new: Message, label: str) -> None:
         raise input_error(place.path, "B103", text, place.line, place.column)
 
 
-def _check_changed(step: VersionStep) -> None:
-    """Raise InputError if the message equals the old definition: then the old definition is probably the changed one.
+def _check_changed(step: VersionStep) -> Iterator[Diagnostic]:
+    """Yield a note if only constants were added. Raise InputError if no new version is needed.
 
-    A header that no longer compiles without a new version of an unchanged message is reason enough for one.
+    If the message equals the old definition, the old definition is probably the changed one. A header that no longer
+    compiles without a new version of an unchanged message is reason enough for one.
     """
     texts = {name: step.text(f"{TRANSLATIONS}/{name}") for name in _header_names(step)}
-    if step.previous.label == CURRENT_FILE or not step.is_unchanged or find_callers(step.new.name, r"\w+", texts):
+    is_raised = step.new.message_version != step.version
+    if step.previous.label == CURRENT_FILE or is_raised or find_callers(step.new.name, r"\w+", texts):
         return
-    base = " main" if step.previous.label == "HEAD" else ""
-    hint = f"edit it first, or name the base of a committed change with --against{base}"
-    text = f"'{step.new.name}' has no changes since {step.previous.label}: {hint}"
-    raise input_error(step.new.location.path, "B107", text, 0)
+    path, name, label = step.new.location.path, step.new.name, step.previous.label
+    if step.is_unchanged:
+        hint = f"edit it first, or name the base of a committed change with --against{_base(step)}"
+        raise input_error(path, "B107", f"'{name}' has no changes since {label}: {hint}", 0)
+    if step.means_the_same and not step.added_constants:
+        raise input_error(path, "B107", f"only comments of '{name}' changed since {label}: no new version is needed", 0)
+    if step.means_the_same:
+        text = f"only constants were added since {label}: {few(step.added_constants)}"
+        yield Diagnostic(Location(path, 0), "B108", f"{text}; the new version is optional, since all old values remain")
+
+
+def _base(step: VersionStep) -> str:
+    """Return a space and a revision that probably has the old definition, if HEAD does not; "" if none is known."""
+    if step.previous.label != "HEAD":
+        return ""
+    folder = step.tree.path
+    known = [name for name in (*_BASES, "HEAD~1") if is_revision(folder, name)]
+    head = commit_of(folder, "HEAD")
+    return next((f" {name}" for name in known if commit_of(folder, name) != head), "")
 
 
 def _plan(step: VersionStep) -> Edits:

@@ -15,7 +15,7 @@ from msggen.firmware.history import VERSIONED, read_history
 from msggen.firmware.inferred import Inference
 from msggen.firmware.sources import find_sources
 from msggen.firmware.tree import Folder, Tree
-from msggen.model import VERSION, Catalog, Message
+from msggen.model import VERSION, Catalog, Message, Value
 
 CURRENT_FILE = "the current file (no git repository)"
 """The label of the old definitions if there is no repository: the files in their current state."""
@@ -77,6 +77,27 @@ class VersionStep:
         inner = {message.name: after(message) for message in self.catalog.nested_all(self.new)}
         return Side("older", before(self.old.message), nested), Side("newer", after(self.new), inner)
 
+    @cached_property
+    def means_the_same(self) -> bool:
+        """Whether the new definitions have all fields, tags and constants of the old ones; they may add constants."""
+        older, newer = self.sides
+        pairs = [(older.message, newer.message), *((old, newer.nested.get(name)) for name, old in older.nested.items())]
+        return older.message.is_versioned and all(new is not None and _means_the_same(old, new) for old, new in pairs)
+
+    @cached_property
+    def added_constants(self) -> tuple[str, ...]:
+        """The constants that only the new definitions have."""
+        older, newer = self.sides
+        olds = {**older.nested, older.message.name: older.message}
+        news = {**newer.nested, newer.message.name: newer.message}
+        return tuple(
+            name
+            for each, old in olds.items()
+            if each in news
+            for name in _constants(news[each])
+            if name not in _constants(old)
+        )
+
     def text(self, path: str) -> str:
         """Return the text of a file. Bytes that are not UTF-8 are kept when the text is written back."""
         return self.tree.read(path).decode("utf-8", "surrogateescape")
@@ -85,6 +106,21 @@ class VersionStep:
 def fields_of(message: Message) -> list[tuple[str, str]]:
     """Return the type and the name of each field."""
     return [(str(field.type), field.name) for field in message.fields]
+
+
+def _means_the_same(old: Message, new: Message) -> bool:
+    return (
+        fields_of(old) == fields_of(new)
+        and not any(
+            before.comment.changed_tags(after.comment) for before, after in zip(old.fields, new.fields, strict=True)
+        )
+        and _constants(old).items() <= _constants(new).items()
+    )
+
+
+def _constants(message: Message) -> dict[str, tuple[str, Value]]:
+    """Return the type and the value of each constant except MESSAGE_VERSION."""
+    return {each.name: (each.type.name, each.value) for each in message.constants if each.name != VERSION}
 
 
 def _inferred(tree: Tree) -> Callable[[Message], Message]:

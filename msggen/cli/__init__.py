@@ -11,7 +11,7 @@ import gc
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any, NoReturn
@@ -33,6 +33,7 @@ _MODULES = {
     "lint": "lint",
     "bump": "bump",
     "render": "render",
+    "docs": "docs",
     "px4-generate": "px4_generate",
     "releases": "releases",
     "rules": "rules",
@@ -60,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(options)
     except InputError as error:
         with suppress(OSError):
-            print_notices(error.notices)
+            print_notices(error.notices, quiet=getattr(options, "quiet", False))
             print_errors(error.diagnostics, ", nothing written" if options.writes else "")
         print_document(error.diagnostics, _output_format(words))
         return FAILED
@@ -95,6 +96,12 @@ def _is_firmware(word: str) -> bool:
     return names_release(word) or ("\0" not in word and is_firmware(Folder(word)))
 
 
+def _is_revision(folder: str, word: str) -> bool:
+    from msggen.disk.git import is_revision
+
+    return "\0" not in folder and os.path.isdir(folder) and is_revision(folder, word)
+
+
 def _output_format(words: Sequence[str]) -> str:
     """Return the value of --output-format, also from arguments that cannot be parsed."""
     found = ""
@@ -126,11 +133,23 @@ class _Formatter(argparse.HelpFormatter):
             self._action_max_length += 2  # argparse ignores the indentation of commands
 
 
+class _StoreOnce(argparse._StoreAction):  # noqa: SLF001 - argparse has no public name
+    """An argument with a single value. A second value is an error, because one of them would be ignored."""
+
+    def __call__(
+        self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: str | None = None
+    ) -> None:
+        if option_string and self.dest in parser.given:
+            raise argparse.ArgumentError(self, "given more than once")
+        parser.given.add(self.dest)
+        super().__call__(parser, namespace, values, option_string)
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser that suggests the nearest option, choice of an option, or command.
 
-    It reports unknown options before the errors that follow from them, such as a missing option. It reports errors in
-    `output_format` too, if that is a format for programs.
+    It reports unknown arguments before the errors that follow from them, such as a missing option. It reports errors in
+    `output_format` too, if that is a format for programs. `given` are the arguments with a single value so far.
     """
 
     def __init__(self, *, output_format: str = "", **about: Any) -> None:
@@ -143,6 +162,9 @@ class _Parser(argparse.ArgumentParser):
         if sys.version_info >= (3, 14):  # where argparse has colours
             about["color"] = colour(sys.stdout)
         super().__init__(formatter_class=formatter, allow_abbrev=False, **about)
+        self.given: set[str] = set()
+        for name in (None, "store"):
+            self.register("action", name, _StoreOnce)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         for word in args[:1] if self._subparsers else args:  # the others belong to the command
@@ -150,11 +172,36 @@ class _Parser(argparse.ArgumentParser):
                 break
             if self._is_unknown(word):
                 self._refuse(word)
+        positional = [action for action in self._actions if not action.option_strings]
+        if not positional:
+            self._check_stray(args)
+        self.given.clear()
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            positional = [action for action in self._actions if not action.option_strings]
             self._refuse(unknown[0], [str(getattr(options, action.dest, "")) for action in positional])
         return options, unknown
+
+    def _check_stray(self, words: Sequence[str]) -> None:
+        """Refuse a word that is neither an option nor a value of one."""
+        option, room = "", 0
+        for word in words[: words.index("--") if "--" in words else None]:
+            name, value = self._split(word)
+            if name:
+                option, nargs = name, self._option_string_actions[name].nargs
+                room = 0 if value or nargs == 0 else 1 if nargs is None else len(words)
+            elif room:
+                room -= 1
+            else:
+                self._refuse_second_value(word, words)
+                self._refuse(word, after=option)
+
+    def _split(self, word: str) -> tuple[str, str]:
+        """Return the last option in `word` and the value that is attached to it, or "" and `word` for a value."""
+        known = self._option_string_actions
+        while word[1:2] not in ("", "-") and word not in known and word[:2] in known and known[word[:2]].nargs == 0:
+            word = f"-{word[2:]}"
+        name, value = (word[:2], word[2:]) if word[1:2] != "-" else (word.partition("=")[::2])
+        return (name, value) if name in known else ("", word)
 
     def _is_unknown(self, word: str) -> bool:
         """Whether `word` is an option that this parser does not have. For argparse, a word with a space is a value."""
@@ -163,19 +210,26 @@ class _Parser(argparse.ArgumentParser):
         is_option = is_long or (word.startswith("-") and word[1:2].isalpha())
         return is_option and " " not in word and name not in self._option_string_actions
 
-    def _refuse(self, wrong: str, given: Sequence[str] = ()) -> NoReturn:
-        """Report the unknown argument `wrong`, an option without its value, after the arguments `given`."""
+    def _refuse(self, wrong: str, given: Sequence[str] = (), after: str = "") -> NoReturn:
+        """Report the unknown argument `wrong` without its value, after the arguments `given` and the option `after`."""
         wrong = wrong.partition("=")[0] if wrong.startswith("-") else wrong
-        self.error(f"unknown argument '{printable(wrong)}'{self._hint(wrong, given)}")
+        is_repeatable = isinstance(self._option_string_actions.get(after), argparse._AppendAction)  # noqa: SLF001
+        hint = f": repeat the option, {after} {wrong}" if is_repeatable else self._hint(wrong, given)
+        self.error(f"unknown argument '{printable(wrong)}'{printable(hint)}")
 
     def _hint(self, wrong: str, given: Sequence[str]) -> str:
         """Return what to do about `wrong`: use a similar option, name the firmware with --px4, or give fewer names."""
         names = [str(action.metavar) for action in self._actions if not action.option_strings]
         known = self._option_string_actions
+        if wrong.endswith((".j2", ".em")) and "--template" in known:
+            return f": name the template with --template {wrong}"
         if not wrong.startswith("-") and "--px4" in known:
             firmware = next(filter(_is_firmware, [*given, wrong]), None) if names else wrong
             if firmware:
                 return f": name the firmware with --px4 {firmware}"
+        owners = "" if self._subparsers else ", ".join(_commands_with(wrong))
+        if owners:
+            return f": an option of {owners}"
         near = suggestion(wrong, [name for name, action in known.items() if action.help is not argparse.SUPPRESS])
         if near or not names:
             return near
@@ -183,15 +237,47 @@ class _Parser(argparse.ArgumentParser):
             return ": name a command first" if self._subparsers else ""
         return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
 
+    def _refuse_second_value(self, wrong: str, words: Sequence[str]) -> None:
+        """Report a second value of --select, --ignore or --against, an option of a command without other arguments."""
+        values = {name: [*filter(None, [value]), *rest] for name, value, rest in _values(words)}
+        for option in ("--select", "--ignore"):
+            if wrong in values.get(option, ()):
+                rules = ",".join(value.strip(",") for value in values[option])
+                self.error(
+                    f"unknown argument '{printable(wrong)}': separate rules by commas: {option} {printable(rules)}"
+                )
+        folder = next(iter(values.get("--px4", ())), os.curdir)
+        if "--against" in values and not os.path.exists(wrong) and _is_revision(folder, wrong):
+            text = "--against names one side, name the other with --px4"
+            self.error(f"unknown argument '{wrong}': {text} {printable(f'{folder}@{wrong}')}")
+
     def error(self, message: str) -> NoReturn:
+        for option, hint in (self.get_default("hints") or {}).items():
+            message += f": {hint}" if message.startswith("the following arguments") and option in message else ""
         print_document([Diagnostic(Location(self.prog, 0), "usage", message)], self._output_format)
-        super().error(message)
+        self.exit(FAILED, f"{self.prog}: error: {message}\nfor all arguments: {self.prog} --help\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             choices = list(map(str, action.choices))
             hint = suggestion(str(value), choices)
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
+
+
+def _commands_with(option: str) -> list[str]:
+    """Return the names of the commands that have an option, and list it in their help."""
+    parser: Any = parser_for(())
+    commands = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction))  # noqa: SLF001
+    found = ((name, command._option_string_actions.get(option)) for name, command in commands.choices.items())  # noqa: SLF001
+    return [name for name, action in found if action and action.help is not argparse.SUPPRESS]
+
+
+def _values(words: Sequence[str]) -> Iterator[tuple[str, str, Sequence[str]]]:
+    """Yield each long option in `words`, its value after `=`, and the words up to the next option."""
+    starts = [index for index, word in enumerate(words) if word.startswith("-")]
+    for start, end in zip(starts, [*starts[1:], len(words)], strict=False):
+        name, _, value = words[start].partition("=")
+        yield name, value, words[start + 1 : end]
 
 
 class _PrintCMakeFolder(argparse.Action):

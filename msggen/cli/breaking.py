@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import os
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from msggen.cli.options import (
     COMPARING_CODES,
@@ -14,9 +16,9 @@ from msggen.cli.options import (
     add_sources,
 )
 from msggen.cli.printing import print_report
-from msggen.cli.selection import add_selection, selected_rules
+from msggen.cli.selection import add_selection, selected_rules, unmatched
 from msggen.cli.sources import board_of, firmware_path, shell_options, sources_of
-from msggen.diagnostics import Diagnostic
+from msggen.diagnostics import Diagnostic, few
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.file import File
@@ -24,6 +26,9 @@ from msggen.firmware.sources import Sources, find_sources, join_package, open_tr
 from msggen.firmware.tree import Folder
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
+
+if TYPE_CHECKING:
+    from msggen.finding import Report
 
 
 def add_to(commands: Commands) -> None:
@@ -58,15 +63,40 @@ def _breaking(options: argparse.Namespace) -> int:
     current = sources_of(options, settings)
     if current.label == os.curdir:
         current = current._replace(label="the working tree")
-    report = breaking(_previous(options, settings), current, rules, ignored, topics_only=options.topics_only)
+    against = previous_sources(options, settings)
+    report = breaking(against, current, rules, ignored, topics_only=bool(options.topics_only))
+    report = replace(report, notices=(*report.notices, *unmatched(report, settings, strict=current.strict)))
     given = shell_options({"--px4": named, "--against": options.against})
-    has_versions = isinstance(current.root, Folder) and current.root.is_folder(VERSIONED)
+    folder = current.root if isinstance(current.root, Folder) else None
+    has_versions = folder is not None and folder.is_folder(VERSIONED)
     report = with_remedies(report, lambda found: f"{found.remedy}{given}" if found.remedy and has_versions else "")
+    if folder and not has_versions:
+        report = _with_advice(report)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
 
 
-def _previous(options: argparse.Namespace, settings: Settings) -> Sources:
+def _with_advice(report: Report) -> Report:
+    """Return `report` with the way to accept the change of a package, which has no versions to raise."""
+    rules: dict[str, list[str]] = {}
+    for finding in report.findings:
+        if finding.fails:
+            rules.setdefault(finding.change.subject, []).append(finding.rule.id)
+    if not rules:
+        return report
+    from json import dumps
+
+    entries = [f"{_key(name)} = {dumps([*dict.fromkeys(ids)])}" for name, ids in rules.items()]
+    text = f"to accept it: rebuild the nodes that use these messages, and add {few(entries)}"
+    return replace(report, advice=f"{text} to [tool.msggen.per-message-ignores] in pyproject.toml")
+
+
+def _key(name: str) -> str:
+    """Return the name of a message or a topic as a key of TOML."""
+    return name if name.isidentifier() else f'"{name}"'
+
+
+def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources:
     """Return the sources at the revision --against. Folders outside of that repository are read as they are."""
     from msggen.firmware.revision import kept_or_revised, revised, split_revision
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import keyword
 import os
-import sys
 import time
 from collections.abc import Iterator
 
@@ -18,11 +17,10 @@ from msggen.cli.options import (
     non_empty,
     writes,
 )
-from msggen.cli.printing import print_change, print_notices
+from msggen.cli.printing import print_notices, print_plan
 from msggen.cli.sources import sources_of
 from msggen.diagnostics import counted, input_error
 from msggen.disk.depfile import check_depfile, write_depfile
-from msggen.disk.output import OutputPlan
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.sources import Sources, with_archived
 from msggen.generate.build import Build, Outcome
@@ -76,10 +74,8 @@ def _build(options: argparse.Namespace) -> int:
         write_depfile(options.depfile, sources.dependencies(), os.path.join(outcome.folder, outcome.outputs[0]))
     print_notices(outcome.notices, quiet=options.quiet)
     lines = list(_report(outcome, sources.label, time.perf_counter() - started, write=write, verbose=options.verbose))
-    if options.diff and outcome.plan:
-        _print_diffs(outcome.plan)
-    for name in outcome.plan.edited if outcome.plan else ():
-        print(f"{os.path.join(build.folder, name)} is no longer needed, but was edited: left in place", file=sys.stderr)
+    if outcome.plan:
+        print_plan(outcome.plan, diff=options.diff)
     if not options.quiet:
         print("\n".join(lines))
     return FINDINGS if outcome.plan and outcome.plan.is_stale and not write else DONE
@@ -124,8 +120,3 @@ def _report(outcome: Outcome, label: str, seconds: float, *, write: bool, verbos
     counts = f"{counted(len(plan.written), 'file')} written, {len(plan.removed)} removed, {unchanged} unchanged"
     yield f"{os.path.basename(outcome.folder)} from {label}: {outcome.summary}"
     yield f"{plan.folder}: {counts}, in {seconds:.2f} s"
-
-
-def _print_diffs(plan: OutputPlan) -> None:
-    for name in (*plan.written, *plan.removed):
-        print_change(os.path.join(plan.folder, name), plan.files.get(name))

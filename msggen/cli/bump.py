@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, non_empty, writes
-from msggen.cli.printing import print_diff
+from msggen.cli.printing import print_diff, print_notices
 from msggen.cli.sources import check_setting, firmware_path
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.settings import read_settings
@@ -26,9 +26,9 @@ def add_to(commands: Commands) -> None:
         writes=True,
         help="give a versioned message its next version",
         description="Give a versioned message its next version: archive the old definition, write the header that "
-        "translates between both, raise MESSAGE_VERSION, and list what is left to do. Edit the message before or "
-        "after. The firmware is a PX4-Autopilot tree: by default the setting px4, or else the current folder. The "
-        "old definition is by default that of the last commit or, without git, the file as it is.",
+        "translates between both, raise MESSAGE_VERSION, and list what is left to do. Edit the message before: the "
+        "old definition is by default that of the last commit. Without git, it is the file as it is, so edit it "
+        "after. The firmware is a PX4-Autopilot tree: by default the setting px4, or else the current folder.",
         epilog=WRITING_CODES,
     )
     parser.add_argument(
@@ -46,6 +46,7 @@ def _bump(options: argparse.Namespace) -> int:
     firmware = firmware_path(options, settings)
     write = writes(options)
     plan = (bump if write else plan_bump)(firmware, options.message, options.against)
+    print_notices(plan.notices, quiet=options.quiet)
     if options.diff:
         for change in plan.changes:
             print_diff(os.path.normpath(os.path.join(firmware, change.name)), change.before, change.after)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from shlex import quote
+from typing import TYPE_CHECKING
 
 from msggen.cli.options import (
     COMPARING_CODES,
@@ -16,13 +17,19 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_report
 from msggen.cli.sources import board_of, firmware_of, is_named, is_strict, shell_options
-from msggen.diagnostics import Diagnostic
+from msggen.diagnostics import Diagnostic, input_error
+from msggen.disk.record import Record, digest
 from msggen.exit_codes import DONE, FINDINGS
+from msggen.firmware.file import read_file
+from msggen.firmware.overlap import KINDS
 from msggen.firmware.sources import Sources, find_sources, with_board
 from msggen.firmware.tree import Folder
 from msggen.firmware.tree_layout import find_manifest
 from msggen.location import Location
 from msggen.settings import Settings, read_settings
+
+if TYPE_CHECKING:
+    from msggen.finding import Report
 
 
 def add_to(commands: Commands) -> None:
@@ -45,34 +52,67 @@ def add_to(commands: Commands) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from msggen.check import check
-    from msggen.compare.rules import is_synced, with_remedies
+    from msggen.check import check, record_of
 
     settings = read_settings(".") if options.other is None else Settings()
     if options.other is None:
-        previous, judged = _firmware(options, settings), options.side
+        previous, judged = firmware_of(options, settings), options.side
     else:
         previous, judged = _first_of_two(options), options.other
     current = with_board(find_sources(judged), board_of(options, settings, optional=True))
     current = current.with_packages_of(previous)._replace(strict=previous.strict)
-    report = check(previous, current, topics_only=options.topics_only)
-    if options.other is None:
-        command = _sync_command(options, current) if is_named(options, settings) else ""
-        report = with_remedies(report, lambda found: command if is_synced(found.rule) else "")
+    known = record_of(current)
+    is_unnamed = options.other is None and not is_named(options, settings)
+    if is_unnamed:
+        _refuse_other_source(options, known, previous)
+        previous = previous._replace(notices=(*previous.notices, _note(options, previous)))
+    topics_only = _topics_only(options, known)
+    report = check(previous, current, topics_only=topics_only)
+    if is_unnamed:
+        report = _with_advice(report, previous)
+    elif options.other is None:
+        report = _with_commands(report, _sync_command(options, current, known), known)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
 
 
-def _firmware(options: argparse.Namespace, settings: Settings) -> Sources:
-    """Return the firmware to compare with, with a note if it is the embedded release that nobody named."""
-    firmware = firmware_of(options, settings)
-    if is_named(options, settings):
-        return firmware
-    text = f"compared with {firmware.label}, because no firmware was named: name it with --px4"
-    return firmware._replace(notices=(*firmware.notices, Diagnostic(Location(options.side, 0), "S126", text)))
+def _topics_only(options: argparse.Namespace, known: Record) -> bool:
+    """Whether to compare only what crosses the bridge, by default as `sync` wrote the package."""
+    chosen: bool | None = options.topics_only
+    return known.topics_only if chosen is None else chosen
 
 
-def _sync_command(options: argparse.Namespace, current: Sources) -> str:
+def _refuse_other_source(options: argparse.Namespace, known: Record, embedded: Sources) -> None:
+    """Raise InputError if no definition of the package is as in the embedded release: it is from another source."""
+    own = {value for name, value in known.files.items() if name.split("/")[0] in KINDS}
+    if own and own.isdisjoint(digest(read_file(file)) for file in (*embedded.messages, *embedded.services)):
+        text = f"msggen wrote this package from another source than {embedded.label}: name it with --px4"
+        raise input_error(options.side, "S128", text, 0)
+
+
+def _note(options: argparse.Namespace, embedded: Sources) -> Diagnostic:
+    text = f"compared with {embedded.label}, because no firmware was named: name it with --px4"
+    return Diagnostic(Location(options.side, 0), "S126", text)
+
+
+def _with_advice(report: Report, embedded: Sources) -> Report:
+    """Return `report` with the note at its end too, if findings separate it from the summary."""
+    from dataclasses import replace
+
+    text = f"no firmware was named, so these are differences from {embedded.label}: name the firmware with --px4"
+    return replace(report, advice=text) if report.findings else report
+
+
+def _with_commands(report: Report, command: str, known: Record) -> Report:
+    """Return `report` with `command` in the findings that it mends."""
+    from msggen.compare.rules import is_synced, with_remedies
+    from msggen.sync.plan import owned_names
+
+    owned = owned_names(known)
+    return with_remedies(report, lambda found: command if is_synced(found, owned) else "")
+
+
+def _sync_command(options: argparse.Namespace, current: Sources, known: Record) -> str:
     """Return the command that updates the package with the firmware, "" if it is not a package in a folder."""
     from msggen.sync.target import default_name
 
@@ -85,7 +125,7 @@ def _sync_command(options: argparse.Namespace, current: Sources) -> str:
         "--release": options.release,
         "--ros-package": None if current.package == default_name(options.side, create=False) else current.package,
     }
-    flag = " --topics-only" if options.topics_only else ""
+    flag = " --topics-only" if _topics_only(options, known) else " --no-topics-only" if known.topics_only else ""
     return f"msggen sync{shell_options(given)}{flag} {quote(options.side)}"
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 from msggen.cli.options import FINDING_CODES, Commands, add_command, add_output_format, add_sources
 from msggen.cli.printing import print_report
-from msggen.cli.selection import add_selection, selected_rules
+from msggen.cli.selection import add_selection, selected_rules, unmatched
 from msggen.cli.sources import sources_of
 from msggen.diagnostics import input_error
 from msggen.exit_codes import DONE, FINDINGS
@@ -40,5 +41,6 @@ def _lint(options: argparse.Namespace) -> int:
     if sources.embedded and not (options.px4 or settings.px4 or options.msg_dir or settings.msg_dir):
         raise input_error("lint", "S102", "no definitions here: name them with --px4 or --msg-dir", 0)
     report = lint(sources, rules, ignored)
+    report = replace(report, notices=(*report.notices, *unmatched(report, settings, strict=sources.strict)))
     print_report(report, options)
     return FINDINGS if report.fails else DONE

@@ -63,7 +63,7 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
         "help": "previous definitions: a revision of the firmware's repository, or another source",
     },
     "--topics-only": {
-        "action": "store_true",
+        "action": argparse.BooleanOptionalAction,
         "help": "take only the messages that cross the bridge, the messages that they nest, and the services",
     },
     "-o, --output": {"metavar": "DIR", "type": non_empty, "help": "folder to write to"},

@@ -13,6 +13,7 @@ from msggen.diagnostics import Diagnostic, Level, counted
 from msggen.disk.reading import read_bytes
 
 if TYPE_CHECKING:
+    from msggen.disk.output import OutputPlan
     from msggen.finding import Report
 
 _WIDTH_OF_A_LOG = 120
@@ -62,6 +63,14 @@ def print_change(path: str, text: str | None) -> None:
     with suppress(OSError):
         before = read_bytes(path)
     print_diff(path, before, None if text is None else text.encode())
+
+
+def print_plan(plan: OutputPlan, *, diff: bool) -> None:
+    """Print the changes of `plan` as a patch if `diff` is set, and to stderr the obsolete files that were edited."""
+    for name in (*plan.written, *plan.removed) if diff else ():
+        print_change(os.path.join(plan.folder, name), plan.files.get(name))
+    for name in plan.edited:
+        print(f"{os.path.join(plan.folder, name)} is no longer needed, but was edited: left in place", file=sys.stderr)
 
 
 def print_errors(errors: Sequence[Diagnostic], outcome: str) -> None:

@@ -44,6 +44,7 @@ def add_to(commands: Commands) -> None:
         "endpoint, or once for the whole catalog; by default from the newest embedded release.",
         epilog=f"{WRITING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
     )
+    parser.set_defaults(hints={"--output": "with -o -, the text is printed"})
     template = parser.add_argument_group("template")
     template.add_argument(
         "--template", metavar="FILE", type=non_empty, required=True, help="template file, *.j2 or *.em"
@@ -98,7 +99,8 @@ def _render(options: argparse.Namespace) -> int:
         items = select(items, options.messages)
     check_each(template, options.each, items)
     if options.output == _STDOUT:
-        _print("".join(texts_of(template, items)))
+        *texts, last = texts_of(template, items)
+        _print("".join(f"{text}\n" if text and text[-1] != "\n" else text for text in texts) + last)
         print_notices(of_ids if shows_ids(template) else (), quiet=options.quiet)
         return DONE
     names = output_names(items, options.each, options.template, options.name)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from msggen.cli.options import non_empty
-from msggen.diagnostics import Diagnostic, InputError, suggestion
+from msggen.diagnostics import Diagnostic, InputError, sorted_out, suggestion
 from msggen.location import Location
 from msggen.settings import Settings
 
 if TYPE_CHECKING:
-    from msggen.finding import Rule
+    from msggen.finding import Report, Rule
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
@@ -41,25 +42,41 @@ def selected_rules(
     settable = {rule.id for name in ("breaking", "lint") for rule in COMMANDS[name]}
     errors: list[Diagnostic] = []
 
-    def all_named(key: str, names: Iterable[str] | None, option: Iterable[str] | None = None) -> set[str]:
-        place = settings.place(key) if option is None else Location(f"--{key}", 0)
-        allowed = settable if option is None else {rule.id for rule in own}
-        found = {
-            name: {rule.id for rule in named(name)} & allowed for name in (names if option is None else option) or ()
-        }
-        errors.extend(Diagnostic(place, "C104", _unknown(name, command)) for name, ids in found.items() if not ids)
+    def all_named(names: Iterable[str], allowed: set[str], place: Callable[[str], Location]) -> set[str]:
+        found = {name: {rule.id for rule in named(name)} & allowed for name in names}
+        errors.extend(
+            Diagnostic(place(name), "C104", _unknown(name, command)) for name, ids in found.items() if not ids
+        )
         return {each for ids in found.values() for each in ids}
 
-    selected = all_named("select", settings.select, options.select)
-    ignored = all_named("ignore", settings.ignore, options.ignore)
-    by_message = {
-        message: all_named("per-message-ignores", names) for message, names in settings.per_message_ignores.items()
-    }
+    def chosen(key: str, names: Iterable[str] | None, given: Iterable[str] | None) -> set[str]:
+        if given is not None:
+            return all_named(given, {rule.id for rule in own}, lambda _: Location(f"--{key}", 0))
+        return all_named(names or (), settable, partial(settings.place, key))
+
+    selected = chosen("select", settings.select, options.select)
+    ignored = {"*": chosen("ignore", settings.ignore, options.ignore)}
+    for message, names in settings.per_message_ignores.items():
+        ids = all_named(names, settable, partial(settings.place, "per-message-ignores", message))
+        ignored[message] = ignored.get(message, set()) | ids
     if errors:
         raise InputError(errors)
-    rules = [rule for rule in own if rule.id in selected] or [rule for rule in own if rule.is_default]
-    applied = tuple(rule for rule in rules if rule.id not in ignored)
-    return applied, {message: [rule for rule in own if rule.id in ids] for message, ids in by_message.items()}
+    rules = tuple(rule for rule in own if rule.id in selected) or tuple(rule for rule in own if rule.is_default)
+    of_command = {message: [rule for rule in own if rule.id in ids] for message, ids in ignored.items()}
+    return rules, {message: found for message, found in of_command.items() if found}
+
+
+def unmatched(report: Report, settings: Settings, *, strict: bool) -> tuple[Diagnostic, ...]:
+    """Return a warning for each name in the settings that matches no message, service or topic.
+
+    Raises InputError for them with `strict`.
+    """
+    key = "per-message-ignores"
+    found = (
+        Diagnostic(settings.place(key, name), "C105", f"'{name}' matches no message, service or topic{hint}")
+        for name, hint in report.unmatched.items()
+    )
+    return sorted_out(found, strict=strict)
 
 
 def _unknown(name: str, command: str) -> str:

@@ -70,12 +70,15 @@ def _sync(options: argparse.Namespace) -> int:
         text = "the embedded definitions are only for a new package"
         options.parser.error(f"'{options.target}' exists, and {text}: name the firmware with --px4 or the setting px4")
     sources = firmware_of(options, settings)
+    from msggen.disk.record import read_record
     from msggen.sync.contents import read_contents
     from msggen.sync.run import sync
 
     write = writes(options)
     request = _request(options, settings)
-    definitions = read_contents(sources, request.name, topics_only=options.topics_only)
+    known = read_record(options.target)
+    topics_only = known.topics_only if options.topics_only is None else options.topics_only
+    definitions = read_contents(sources, request.name, topics_only=topics_only)
     plan = sync(sources, definitions, request, write=write)
     print_notices(definitions.notices, quiet=options.quiet)
     if options.diff:

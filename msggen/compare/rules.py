@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -212,7 +213,13 @@ RULES = (
         "the version of a message changed, but the message did not",
         _VERSION,
         version.find_needless,
-        fix="Restore the previous MESSAGE_VERSION, because a new version renames the topics of the message.",
+        fix=(
+            "Take the version back, because a new version renames the topics of the message. Restore the previous "
+            "MESSAGE_VERSION. In msg/px4_msgs_old/msg, delete the archived versions that the change added. In "
+            "msg/translation_node/translations, delete the header that the change added, and its line in "
+            "all_translations.h, and restore the earlier headers: they translate to px4_msgs again, not to "
+            "px4_msgs_old. Then run `msggen breaking` again: it reports the remains."
+        ),
     ),
     Rule(
         "VERSION_REMOVED",
@@ -244,12 +251,14 @@ RULES = (
     ),
     Rule(
         "TRANSLATION_INVALID",
-        "a translation header names a field that its version of the message does not have",
+        "a translation header or an archived version does not fit its message",
         _VERSION,
         version.find_invalid_translations,
         fix=(
-            "Remove the field from the header, or add it to the definition. If the header was written for another "
-            "definition, delete it and run `msggen bump NAME` again."
+            "If the header names a field that its version of the message does not have, remove the field from the "
+            "header, or add it to the definition. If the header was written for another definition, delete it and run "
+            "`msggen bump NAME` again. If the message never gets this version, take the version back, as "
+            "`msggen explain VERSION_NEEDLESS` describes."
         ),
     ),
     Rule(
@@ -266,8 +275,8 @@ RULES = (
         _DRIFT,
         drift.find_added_definitions,
         fix=(
-            "Move your own definitions to a package of your own. Delete a definition that the firmware no longer has, "
-            "or add it to the firmware."
+            "Move your own definitions to a package of your own, or add them to the firmware. `msggen sync` removes "
+            "definitions of the firmware that it no longer has."
         ),
     ),
     Rule(
@@ -315,9 +324,14 @@ def with_remedies(report: Report, command: Callable[[Finding], str]) -> Report:
     return replace(report, findings=tuple(replace(each, remedy=command(each)) for each in report.findings))
 
 
-def is_synced(rule: Rule) -> bool:
-    """Whether `msggen sync` mends a finding of `rule` in a package, which has no dds_topics.yaml of its own."""
-    return rule.category not in (_TOPIC, _VERSION) and rule.id != "DEFINITION_ADDED"
+def is_synced(finding: Finding, owned: Collection[str]) -> bool:
+    """Whether `msggen sync` mends a finding in a package, which has no dds_topics.yaml of its own.
+
+    `owned` has the names of the definitions that it may remove.
+    """
+    if finding.rule.id == "DEFINITION_ADDED":
+        return "/".join(finding.change.location.path.replace(os.sep, "/").split("/")[-2:]) in owned
+    return finding.rule.category not in (_TOPIC, _VERSION)
 
 
 def find(comparison: Comparison, rules: Sequence[Rule]) -> Iterator[Finding]:

@@ -8,9 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msggen.compare.comparison import Comparison
+from msggen.diagnostics import suggestion
 from msggen.finding import Change, Excerpt
 from msggen.model import Field
-from msggen.tags import Tag
+from msggen.tags import UNIT, Tag, TagChange
+from msggen.unit import is_unit, nearest_unit
 
 
 def find_changed(tag: Tag, comparison: Comparison) -> Iterator[Change]:
@@ -21,6 +23,7 @@ def find_changed(tag: Tag, comparison: Comparison) -> Iterator[Change]:
         if change:
             now, then = change.after + _source(after, tag), change.before + _source(before, tag)
             text = f"the {change.title} of '{after.name}' is {now}, but {then} in {comparison.previous.label}"
+            text += _hint(change) if tag is UNIT else ""
             lines = _excerpt(before, tag), _excerpt(after, tag)
             yield Change(pair.name, text, after.location, *lines, names=(before.name, after.name))
 
@@ -29,6 +32,14 @@ def retagged_messages(comparison: Comparison) -> frozenset[str]:
     """Return the messages with a field for which the meaning of any tag differs."""
     changed = ((pair, kept.previous.comment, kept.current.comment) for pair, kept in comparison.retagged)
     return frozenset(pair.name for pair, before, after in changed if before.changed_tags(after))
+
+
+def _hint(change: TagChange) -> str:
+    """Return a hint if the new unit is unknown: the previous unit or another one, if it is spelled nearly the same."""
+    if is_unit(change.after):
+        return ""
+    near = nearest_unit(change.after)
+    return suggestion(change.after, [change.before]) or (f", did you mean '{near}'?" if near else "")
 
 
 def _source(field: Field, tag: Tag) -> str:

@@ -32,11 +32,20 @@ def find_moved(comparison: Comparison) -> Iterator[Change]:
 def find_retyped(comparison: Comparison) -> Iterator[Change]:
     """Yield the endpoints that carry another message."""
     for before, after in _both(comparison):
-        if before.message.name != after.message.name:
-            text = f"'{after.entry.topic}' carries {after.message.name}, but {before.message.name}"
+        names = _type_names(before), _type_names(after)
+        if names[0] != names[1]:
+            full = names[0][-1] == names[1][-1]
+            was, now = (endpoint.entry.type_name if full else endpoint.message.name for endpoint in (before, after))
+            text = f"'{after.entry.topic}' carries {now}, but {was}"
             is_renamed = comparison.renamed_messages.get(before.message.name) == after.message.name
             hint = ": the same definition under another name" if is_renamed else ""
             yield _change(before, after, f"{text} in {comparison.previous.label}{hint}")
+
+
+def _type_names(endpoint: Endpoint) -> tuple[str, str]:
+    """Return the package of the type in DDS, "" for the firmware's own, and the name of the message."""
+    entry, message = endpoint.entry, endpoint.message
+    return "" if entry.package == message.package else entry.package, message.name
 
 
 def find_renamed(comparison: Comparison) -> Iterator[Change]:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from msggen.compare.comparison import Comparison, MessagePair, constants_of
 from msggen.compare.semantic import retagged_messages
 from msggen.compare.source_code import excerpt, wire_value
+from msggen.compare.taken_back import find_remains
 from msggen.diagnostics import few
 from msggen.finding import Change, Excerpt
 from msggen.firmware.history import ARCHIVE, TRANSLATIONS, VERSIONED, History, archived_name
@@ -102,10 +103,12 @@ def find_not_translated(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_invalid_translations(comparison: Comparison) -> Iterator[Change]:
-    """Yield the fields and constants that a translation header names, but that its version of the message lacks."""
+    """Yield the names in translation headers that their version of the message lacks, and remains of other versions."""
     for pair in _raised(comparison):
         for header, problem in _unknown_names(comparison, pair):
             yield _in_header(comparison, pair, header, problem)
+    others = {change.subject for find in (find_not_raised, find_not_translated) for change in find(comparison)}
+    yield from (change for change in find_remains(comparison) if change.subject not in others)
 
 
 def find_unfinished_translations(comparison: Comparison) -> Iterator[Change]:

@@ -38,5 +38,8 @@ def read_bytes(path: str, *, follow: bool = True) -> bytes:
 
 
 def read_text(path: str, errors: str = "strict") -> str:
-    """Return the text of a UTF-8 file with LF at the ends of lines. Raises OSError and UnicodeDecodeError."""
-    return read_bytes(path).decode("utf-8", errors).replace("\r\n", "\n").replace("\r", "\n")
+    """Return the text of a UTF-8 file with LF at the ends of lines, without a byte order mark.
+
+    Raises OSError and UnicodeDecodeError.
+    """
+    return read_bytes(path).decode("utf-8-sig", errors).replace("\r\n", "\n").replace("\r", "\n")

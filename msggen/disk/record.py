@@ -27,11 +27,12 @@ class Record(NamedTuple):
     """Digests by file name. While files are being replaced, a name may have two, separated by a space.
 
     `scaffold` is a digest of the inputs of package.xml, CMakeLists.txt and README.md in a ROS package. It changes only
-    with the README, which names the firmware's commit.
+    with the README, which names the firmware's commit. `topics_only` is the option with which `sync` wrote the package.
     """
 
     files: Mapping[str, str]
     scaffold: str = ""
+    topics_only: bool = False
 
 
 NO_RECORD = Record({})
@@ -63,7 +64,7 @@ def parse_record(data: bytes) -> Record:
     try:
         stored = json.loads(_first_side(data) if _CONFLICT in data else data)
         files = {name: str(value) for name, value in stored["files"].items() if _SAFE_NAME.fullmatch(name)}
-        return Record(files, str(stored.get("scaffold", "")))
+        return Record(files, str(stored.get("scaffold", "")), stored.get("topics_only") is True)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return NO_RECORD
 
@@ -81,5 +82,6 @@ def write_record(folder: str, record: Record) -> None:
 def record_text(record: Record) -> str:
     """Return the content of the file of a record."""
     scaffold = {"scaffold": record.scaffold} if record.scaffold else {}
-    stored = {**scaffold, "files": dict(sorted(record.files.items()))}
+    options = {"topics_only": True} if record.topics_only else {}
+    stored = {**scaffold, **options, "files": dict(sorted(record.files.items()))}
     return json.dumps(stored, indent=1, separators=_LAYOUT) + "\n"

@@ -18,6 +18,12 @@ def template_text(name: str) -> str:
         return stream.read()
 
 
+def module_text(name: str) -> str:
+    """Return the source of a module of msggen itself, such as "unit.py"."""
+    with open(os.path.join(_PACKAGE, name), encoding="utf-8") as stream:
+        return stream.read()
+
+
 def template_path(name: str) -> str:
     """Return the path of a file in `templates/`. `name` has `/` between folders."""
     return os.path.join(resource("templates"), *name.split("/"))

@@ -141,7 +141,10 @@ def remove_tree(path: str) -> None:
 
 
 def make_folder(path: str) -> None:
-    """Create the folder `path` if it is missing. Raises PermissionError if no file can be created in it."""
+    """Create the folder `path` if it is missing.
+
+    Raises InputError if a file has its name or that of a parent, PermissionError if no file can be created in it.
+    """
     path = path or os.curdir
     missing = []
     while path and not os.path.isdir(path):
@@ -152,7 +155,8 @@ def make_folder(path: str) -> None:
             os.mkdir(folder)
         except FileExistsError:
             if not os.path.isdir(folder):  # else another run created it
-                raise
+                text = "this is not a folder, and the output needs one here: move it, or choose another output with -o"
+                raise input_error(folder, "S129", text, 0) from None
         path = folder
     check_writable(path or os.curdir)
 

@@ -14,12 +14,14 @@ from msggen.firmware.consistency import (
     check_lists,
     check_names,
     check_nesting,
+    check_no_defaults,
     check_timestamps,
     check_topics,
 )
 from msggen.firmware.conventions import CONVENTIONS, NEWEST, as_shown, recognise
 from msggen.firmware.embedded import newest_version
 from msggen.firmware.file import File, read_file
+from msggen.firmware.released import check_archived
 from msggen.firmware.sources import Sources, read_files
 from msggen.firmware.tree_layout import CLIENT_SOURCES
 from msggen.location import Location
@@ -40,7 +42,9 @@ if TYPE_CHECKING:
     from msggen.parse.cmake import MessageLists
     from msggen.translation import Translation
 
-COMPARABLE = frozenset({"M102", "M103", "M104", "M106", "M306", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"})
+COMPARABLE = frozenset(
+    {"M102", "M103", "M104", "M106", "M306", "M307", "M401", "M402", "M403", "Y201", "Y202", "Y203", "Y204"}
+)
 """Codes of errors after which the meaning of a definition or a bridge entry is still clear."""
 
 
@@ -79,7 +83,8 @@ def read_catalog(
         kept = [message.location.path for message in messages] + [service.location.path for service in services]
         dropped = files.difference(kept)
         reader.errors = [found for found in reader.errors if found.location.path not in dropped]
-    unread = reader.paths_with("M101", "M103", "M301", "M303", "M305")
+    unread = {path for path in reader.paths_with("M101", "M301", "M303", "M305") if reader.mentions_time(path)}
+    unread |= reader.paths_with("M103")
     misread_topics = reader.paths_with("M402")
     of_uorb = [message for message in messages if message.package == package]
     reasons = sources.reasons()
@@ -92,6 +97,7 @@ def read_catalog(
         *check_timestamps((message for message in of_uorb if message.location.path not in unread), sources),
         *check_topics(message for message in of_uorb if message.location.path not in misread_topics),
         *(check_fixed_sizes(of_uorb, () if nesting else everything) if sources.is_tree else ()),
+        *(check_no_defaults(of_uorb) if sources.is_tree else ()),
         *check_bridge(parsed.entries, everything, package, reasons),
         *(check_lists(sources, reader.lists) if reader.lists else ()),
     ]
@@ -104,7 +110,7 @@ def read_catalog(
     by_key = {message.key: message for message in sorted(messages, key=lambda message: message.key)}
     services.sort(key=lambda service: (service.package, service.name))
     versions = MappingProxyType({message.key: message for message in archived})
-    return Catalog(
+    catalog = Catalog(
         messages=MappingProxyType(by_key),
         services=tuple(services),
         bridge=bridge,
@@ -114,6 +120,10 @@ def read_catalog(
         translations=reader.translations(),
         bridge_extra=parsed.extra,
         notices=notices,
+    )
+    wrong = [*check_archived(catalog)]
+    return (
+        catalog._replace(notices=sorted_out([*notices, *wrong], tolerated, strict=sources.strict)) if wrong else catalog
     )
 
 
@@ -273,6 +283,11 @@ class _Reader:
     def paths_with(self, *codes: str) -> set[str]:
         """Return the paths of files with an error of one of these codes. Such files were read only in part."""
         return {found.location.path for found in self.errors if found.code in codes}
+
+    def mentions_time(self, path: str) -> bool:
+        """Whether a file has a line with `timestamp` that is not only a comment, so that it may be an unread field."""
+        lines = self.contents[path].split(b"\n") if b"timestamp" in self.contents[path] else []
+        return any(b"timestamp" in line.partition(b"#")[0] for line in lines)
 
     def text(self, file: File) -> str:
         text, errors = decode_text(self.contents[file.path], file.path)

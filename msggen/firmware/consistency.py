@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import posixpath
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -88,18 +89,13 @@ def check_nesting(
 
 def check_topics(messages: Iterable[Message]) -> Iterator[Diagnostic]:
     """Check that each topic is declared once."""
-    owners: dict[str, Message] = {}
+    places: dict[str, Location] = {}
     for message in messages:
         for name, location in _topics(message):
-            other = owners.setdefault(name, message)
-            if other is not message:
-                text = f"topic '{name}' is already declared by {other.location.path}"
-                yield Diagnostic(location, "M403", text)
-        names: set[str] = set()
-        for topic in message.topics:
-            if topic.name in names:
-                yield Diagnostic(topic.location, "M403", f"topic '{topic.name}' is already declared in this file")
-            names.add(topic.name)
+            other = places.setdefault(name, location)
+            if other is not location:
+                where = f"on line {other.line}" if other.path == location.path else f"in {other}"
+                yield Diagnostic(location, "M403", f"topic '{name}' is already declared {where}")
 
 
 def check_timestamps(messages: Iterable[Message], sources: Sources | None = None) -> Iterator[Diagnostic]:
@@ -135,6 +131,15 @@ def check_fixed_sizes(messages: Iterable[Message], everything: Iterable[Message]
                 yield Diagnostic(field.location, "M306", text)
 
 
+def check_no_defaults(messages: Iterable[Message]) -> Iterator[Diagnostic]:
+    """Check that no field has a default value, which the firmware's generator does not read."""
+    for message in messages:
+        for field in message.fields:
+            if field.default is not None:
+                text = f"the firmware cannot be built with a default value: expected '{field.type} {field.name}'"
+                yield Diagnostic(field.location, "M307", text)
+
+
 def _differs_in_size(outer: Message, field: Field, known: Mapping[str, Message]) -> bool:
     inner = None if field.type.is_primitive else known.get(outer.key_of(field.type))
     return not field.type.is_fixed_size or (
@@ -150,17 +155,21 @@ def check_bridge(
 ) -> Iterator[Diagnostic]:
     """Check that every entry names an existing message of the package `uorb` and a topic that this message declares.
 
-    `unbuilt` has, by name, the reasons why messages are not built.
+    The firmware's script reads only the name of the message, so another package is a warning. `unbuilt` has, by name,
+    the reasons why messages are not built.
     """
+    messages = list(messages)
+    names = {message.name: message for message in messages if message.package == uorb}
     packages = {entry.package for entry in entries}
-    if len(entries) > 1 and len(packages) == 1 and uorb not in packages:
+    is_known = any(entry.message_name in names for entry in entries)
+    if len(entries) > 1 and len(packages) == 1 and uorb not in packages and not is_known:
         first = entries[0]
         text = f"the file names types of '{first.package}', but the package of the firmware's messages is '{uorb}'"
         yield Diagnostic(first.type_location, "Y201", text)
         return
     others = {f"{message.package}::msg::{message.name}" for message in messages if message.package != uorb}
-    names = {message.name: message for message in messages if message.package == uorb}
     owners = {topic: message for message in names.values() for topic in message.topic_names}
+    yield from _foreign_types(entries, names, uorb)
     seen: dict[tuple[str, int | None], BridgeEntry] = {}
     for entry in entries:
         other = seen.setdefault((entry.topic, entry.instance), entry)
@@ -168,7 +177,7 @@ def check_bridge(
             text = f"'{entry.topic}' is already bridged on line {other.location.line}"
             yield Diagnostic(entry.location, "Y204", text)
         name, topic = entry.message_name, entry.uorb_topic
-        if name not in names or entry.package != names[name].package:
+        if name not in names:
             types = [f"{uorb}::msg::{known}" for known in names]
             hint = unbuilt.get(name) or suggestion(entry.type_name, types)
             text = f"no message defines the type '{entry.type_name}'{hint}"
@@ -186,6 +195,19 @@ def check_bridge(
             yield from _check_route(entry, names[name])
 
 
+def _foreign_types(entries: Sequence[BridgeEntry], names: Collection[str], uorb: str) -> Iterator[Diagnostic]:
+    """Yield a warning for each other package under which entries bridge messages of the firmware."""
+    foreign: dict[str, list[BridgeEntry]] = {}
+    for entry in entries:
+        if entry.package != uorb and entry.message_name in names:
+            foreign.setdefault(entry.package, []).append(entry)
+    for package, found in foreign.items():
+        named = few([*dict.fromkeys(entry.message_name for entry in found)])
+        text = f"messages of the firmware cross the bridge as types of '{package}' ({named})"
+        text += f": ROS nodes need that package; write '{uorb}::msg::{found[0].message_name}' for '{uorb}'"
+        yield Diagnostic(found[0].type_location, "Y110", text)
+
+
 def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
     """Check that the route field exists and is a single integer, because PX4 stores its values as uint32."""
     fields = {field.name: field.type for field in message.fields}
@@ -199,7 +221,7 @@ def _check_route(entry: BridgeEntry, message: Message) -> Iterator[Diagnostic]:
 
 
 def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
-    """Check that a tree lists every message, and report conditions in its lists that no board decides.
+    """Check that a tree lists every message and no others, and report conditions in its lists that no board decides.
 
     The lists of the embedded releases have only the messages with a condition, because these releases have no boards.
     """
@@ -211,6 +233,8 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
         elif sources.is_tree and lists.complete and not entry and file.tree is sources.root:
             text = f"{LISTS} does not list '{file.stem}': the firmware does not build it"
             yield Diagnostic(Location(file.path), "M408", text)
+    if sources.is_tree and lists.complete:
+        yield from _check_listed(sources, lists)
     places = {entry.condition: entry.location for entry in reversed([*lists.listed.values()])}
     if lists.complete and sources.board is None and conditional:
         number = counted(sum(map(len, conditional.values())), "message")
@@ -225,6 +249,19 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
             yield Diagnostic(places[condition], "M409", f"{text}, {why}")
 
 
+def _check_listed(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
+    """Check that every listed file exists. A list may use commands that msggen does not know, so this is a warning."""
+    files = (*sources.messages, *sources.unbuilt)
+    names = [file.name.removeprefix("msg/").removesuffix(".msg") for file in files if file.tree is sources.root]
+    unlisted = [name for name in names if f"{name}.msg" not in lists.listed]
+    for file, entry in lists.listed.items():
+        if sources.root and not file.startswith("/") and not sources.root.is_file(posixpath.normpath(f"msg/{file}")):
+            name = file.removesuffix(".msg")
+            elsewhere = [each for each in names if posixpath.basename(each) == posixpath.basename(name)]
+            hint = suggestion(name, elsewhere or unlisted) or suggestion(name, names)
+            yield Diagnostic(entry.location, "M411", f"'{file}' does not exist, so the firmware's build stops{hint}")
+
+
 def _unknown_types(outer: Message, known: Mapping[str, Message], unbuilt: Mapping[str, str]) -> Iterator[Diagnostic]:
     for field in outer.fields:
         type_ = field.type
@@ -237,9 +274,10 @@ def _unknown_types(outer: Message, known: Mapping[str, Message], unbuilt: Mappin
 
 def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str:
     """Return a hint for an unknown type: the type that was probably meant, or how to add its package."""
-    names: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {outer.package: []}
     for message in known.values():
-        names.setdefault(message.package, []).append(message.name)
+        if message is not outer:
+            names.setdefault(message.package, []).append(message.name)
     if type_.package is None:
         if outer.version_of and type_.name in names.get(outer.released_as[0], ()):
             return f": archived messages nest archived ones, such as '{type_.name}V0'"
@@ -247,11 +285,7 @@ def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str
         if elsewhere:
             return f", did you mean '{elsewhere[0]}/{type_.name}'?"
         other = OTHER_SPELLINGS.get(type_.name)
-        return (
-            f", did you mean '{other}'?"
-            if other
-            else suggestion(type_.name, [*names.get(outer.package, ()), *PRIMITIVES])
-        )
+        return f", did you mean '{other}'?" if other else suggestion(type_.name, [*names[outer.package], *PRIMITIVES])
     if type_.package in names:
         return suggestion(type_.base, [f"{type_.package}/{name}" for name in names[type_.package]])
     text = f": the package '{type_.package}' is not among the sources"

@@ -24,6 +24,7 @@ TRANSLATIONS = f"msg/{tree_layout.TRANSLATIONS}"
 ALL_TRANSLATIONS = f"{TRANSLATIONS}/all_translations.h"
 
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"\n]+)"', re.MULTILINE)
+_HEADER = re.compile(r"translation_\w+_v\d+\.h")
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?(?:\*/|\Z)", re.DOTALL)
 
 
@@ -32,9 +33,10 @@ class History:
     """The archived versions of a tree and their translations.
 
     `archived` has messages such as `VehicleStatusV0` by name. `translations` has the texts of the headers that
-    `all_translations.h` includes, by file name, and `folder` is the path of their folder. `is_kept` is True if the tree
-    has versioned messages. `is_translated` is True if every archived version is assumed to be translated, by a header
-    that is not in `translations`.
+    `all_translations.h` includes, by file name, and `folder` is the path of their folder. `includes` is the text of
+    `all_translations.h`, and `missing` has the names of translation headers that it includes but that do not exist.
+    `is_kept` is True if the tree has versioned messages. `is_translated` is True if every archived version is assumed
+    to be translated, by a header that is not in `translations`.
     """
 
     is_kept: bool
@@ -42,6 +44,8 @@ class History:
     translations: Mapping[str, str]
     is_translated: bool = False
     folder: str = TRANSLATIONS
+    includes: str = ""
+    missing: tuple[str, ...] = ()
 
     def translates(self, name: str, version: int) -> bool:
         """Return whether a header translates the message `name` between `version` and the current version."""
@@ -88,8 +92,17 @@ def read_history(tree: Tree) -> History:
     errors += _unknown_types(archived)
     if errors:
         raise InputError(errors)
-    folder = tree.place(TRANSLATIONS)
-    return History(tree.is_folder(VERSIONED), archived, _translations(tree), folder=folder)
+    includes = tree.read(ALL_TRANSLATIONS).decode(errors="replace") if tree.is_file(ALL_TRANSLATIONS) else ""
+    paths = {name: f"{TRANSLATIONS}/{name}" for name in _INCLUDE.findall(without_comments(includes))}
+    found = {name: path for name, path in paths.items() if tree.is_file(path)}
+    return History(
+        is_kept=tree.is_folder(VERSIONED),
+        archived=archived,
+        translations={name: tree.read(path).decode(errors="replace") for name, path in found.items()},
+        folder=tree.place(TRANSLATIONS),
+        includes=includes,
+        missing=tuple(name for name in paths if name not in found and _HEADER.fullmatch(name)),
+    )
 
 
 def _unknown_types(archived: Mapping[str, Message]) -> Iterator[Diagnostic]:
@@ -103,11 +116,3 @@ def _unknown_types(archived: Mapping[str, Message]) -> Iterator[Diagnostic]:
             if not field.type.is_primitive and name[:1].islower() and name not in archived:
                 text = f"unknown type '{name}'{suggestion(name, [*PRIMITIVES, *archived])}"
                 yield Diagnostic(field.location, "M301", text)
-
-
-def _translations(tree: Tree) -> dict[str, str]:
-    if not tree.is_file(ALL_TRANSLATIONS):
-        return {}
-    included = _INCLUDE.findall(without_comments(tree.read(ALL_TRANSLATIONS).decode(errors="replace")))
-    paths = {name: f"{TRANSLATIONS}/{name}" for name in included}
-    return {name: tree.read(path).decode(errors="replace") for name, path in paths.items() if tree.is_file(path)}

@@ -99,7 +99,7 @@ class Inference:
 
     def _fields(self, release: str, message: Message) -> Mapping[tuple[str, str], str]:
         """Return the tags in an embedded definition by type and name of the field."""
-        key = (release, message.name)
+        key = (release, message.released_as[1])
         if key not in self._known:
             text = self._text(*key, message.folder)
             self._known[key] = {(type_, name): tags for type_, name, tags in _FIELD.findall(text)}
@@ -121,10 +121,10 @@ class Inference:
 
     @cached_property
     def _complete(self) -> frozenset[str]:
-        """The paths of embedded definitions, which have all of their tags."""
+        """The paths of embedded definitions, which have all of their tags. Archived versions have none."""
         sources = self._sources
         embedded = sources.root if sources.embedded else None
-        files = (*sources.messages, *sources.services, *sources.archived)
+        files = (*sources.messages, *sources.services)
         return frozenset(file.path for file in files if embedded is not None and file.tree is embedded)
 
     @cached_property

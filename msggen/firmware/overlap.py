@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import os
 
+from msggen.diagnostics import input_error
 from msggen.firmware.sources import Sources
 from msggen.firmware.tree import Folder
 
 KINDS = ("msg", "srv")
 """The folders of definitions in a tree or a package. Each is also the suffix of the definitions in it."""
+
+
+def check_apart(folder: str, sources: Sources, options: str) -> None:
+    """Raise InputError if the output `folder`, chosen by `options`, has a folder of a source or is inside one."""
+    real = os.path.realpath(folder)
+    for home, where in ((source_in(real, sources), "has"), (source_around(real, sources), "is inside")):
+        if home:
+            text = f"this folder {where} {home}, a folder of a source: choose another {options}"
+            raise input_error(folder, "S124", text, 0)
 
 
 def source_in(folder: str, sources: Sources) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import NoReturn
@@ -11,6 +12,9 @@ from msggen.diagnostics import input_error, suggestion
 from msggen.disk.git import GitError, commit_of, git, is_revision, revisions
 from msggen.firmware.embedded import EMBEDDED, PREFIX, names_release, near_release
 from msggen.firmware.tree import Amount, Snapshot, TooMuchError, Wanted, is_wanted
+
+_RANGE = re.compile(r"(.*[^./])?\.{2,3}([^./].*)?")
+"""A range of revisions: `main..HEAD`, `main...`. In a path, `..` is next to a slash."""
 
 
 def split_revision(text: str) -> tuple[str, str]:
@@ -44,6 +48,11 @@ def revised(tree: str, against: str) -> str:
 
 
 def _fail_to_find(folder: str, against: str) -> NoReturn:
+    ends = _RANGE.fullmatch(against)
+    if ends:
+        older, newer = (end or "HEAD" for end in ends.groups())
+        text = f"'{against}' is a range, expected one revision: use $(git merge-base {older} {newer})"
+        _fail("--against", "S108", text)
     if names_release(against):
         near = suggestion(against, EMBEDDED)
         _fail(

@@ -133,7 +133,10 @@ def open_tree(text: str) -> Tree:
 
     folder, revision = split_revision(text)
     if folder == text:
-        raise input_error(text.partition("@")[0] or text, "S101", f"no such folder{near_release(text)}", 0)
+        from msggen.firmware.path_hint import path_hint
+
+        name = text.partition("@")[0] or text
+        raise input_error(name, "S101", f"no such folder{near_release(text) or path_hint(name)}", 0)
     return read_revision(folder, revision)
 
 
@@ -364,5 +367,7 @@ def _fail_without_definitions(root: Tree) -> NoReturn:
     near = isinstance(root, Folder) and os.path.isdir(os.path.join(parent, "msg"))
     hint = f", did you mean '{parent}'?" if near else ""
     hint = f"; the embedded release is '{PREFIX}{root.path}'" if root.path in EMBEDDED else hint
+    if isinstance(root, Folder) and not root.names(""):
+        raise input_error(root.path, "S102", f"empty folder: a submodule that is not checked out?{hint}", 0)
     text = f"no .msg file here or in msg/: expected a PX4-Autopilot tree, px4_msgs or a folder{hint}"
     raise input_error(root.path, "S102", text, 0)

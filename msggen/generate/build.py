@@ -5,16 +5,14 @@ A build with nothing to do imports no slow module. It only compares the digests 
 
 import os
 from collections.abc import Iterable
-from hashlib import sha256
 from typing import NamedTuple
 
-from msggen import __version__
 from msggen.diagnostics import Diagnostic, InputError, Level, counted, input_error
 from msggen.disk.fingerprint import Fingerprint, digest_record, read_fingerprint, write_fingerprint
 from msggen.disk.names import too_long
 from msggen.disk.output import OutputPlan, locked_output, plan_output, write_output
 from msggen.disk.record import read_record
-from msggen.disk.resources import resource
+from msggen.firmware.digest import digest_inputs
 from msggen.firmware.sources import Sources, read_files
 from msggen.location import Location
 
@@ -46,7 +44,7 @@ class Build:
         self.record = read_record(self.folder)
         self.last = read_fingerprint(self.folder)
         self.contents = read_files(sources)
-        self.inputs = self._digest_inputs()
+        self.inputs = digest_inputs(sources, self.contents, (name,), _FOLDERS, "python")
 
     def run(self, *, write: bool) -> Outcome:
         """Update the package. If `write` is false, only plan the update.
@@ -85,14 +83,10 @@ class Build:
 
     def _check_place(self, catalog: "Catalog", files: Iterable[str]) -> None:
         """Raise InputError if the package would overlap with a source, or if a name is too long for the disk."""
-        from msggen.firmware.overlap import source_around, source_in
+        from msggen.firmware.overlap import check_apart
         from msggen.generate.python.package import locations
 
-        real = os.path.realpath(self.folder)
-        for home, where in ((source_in(real, self.sources), "has"), (source_around(real, self.sources), "is inside")):
-            if home:
-                text = f"this folder {where} {home}, a folder of a source: choose another --output or --package"
-                raise input_error(self.folder, "S124", text, 0)
+        check_apart(self.folder, self.sources, "--output or --package")
         for _, text in too_long(self.folder, [""]):
             raise input_error("--output", "S125", f"{text}: choose a shorter --output or --package", 0)
         long = dict(too_long(self.folder, files))
@@ -110,19 +104,6 @@ class Build:
         from msggen.firmware.catalog import read_catalog
 
         return _warnings_among(read_catalog(self.sources, self.contents).notices)
-
-    def _digest_inputs(self) -> str:
-        """Return a digest of everything that the output depends on: msggen, its templates, the options, the sources."""
-        state = sha256()
-        kind = f"{self.sources.own} {self.sources.is_tree} {self.sources.strict}"
-        notices = (each.message for each in self.sources.notices)
-        for part in (__version__, self.name, self.sources.release or "", kind, *notices):
-            state.update(part.encode() + b"\0")
-        state.update(_tool_digest())
-        for file in self.sources.files():
-            data = self.contents[file.path]
-            state.update(b"\0%s\0%s\0%d\0" % (file.package.encode(), os.fsencode(file.name), len(data)) + data)
-        return state.hexdigest()
 
 
 def _warnings_among(notices: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
@@ -153,17 +134,3 @@ def _summary(catalog: "Catalog") -> str:
 
 _FOLDERS = ("disk", "firmware", "generate", "parse", "python", "support", "text")
 """The folders of msggen that the output depends on."""
-
-
-def _tool_digest() -> bytes:
-    state = sha256()
-    package = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    templates = os.path.join(resource("templates"), "python")
-    for root, suffixes in ((package, (".py",)), (templates, (".py", ".j2"))):
-        for folder, folders, names in os.walk(root):
-            folders[:] = sorted(name for name in folders if name in _FOLDERS)
-            for name in sorted(names):
-                if name.endswith(suffixes):
-                    with open(os.path.join(folder, name), "rb") as stream:
-                        state.update(name.encode() + b"\0" + stream.read())
-    return state.digest()

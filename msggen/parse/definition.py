@@ -27,6 +27,17 @@ from msggen.primitives import INTEGERS
 from msggen.tags import ATTRIBUTES, NAMES, UNIT
 
 _ELEMENT = re.compile(r"\s*(?P<type>\S+)(?:\s+(?P<name>[^\s=]+)\s*(?P<equals>=?)\s*(?P<value>.*))?")
+
+_MISSHAPEN = re.compile(
+    r"\s*(?:[^\s\[\]]*\[[^\]\s]*\s|\S+:\s|\S+\s+(?:\[|//|[^\s=\[\]]*\[[^\]\s]*\s|[A-Z][A-Z0-9_]*(?::\s*|\s+)[^\s=]))"
+)
+"""A line that is no element, although it has a type and a name: spaces around brackets, or a constant without `=`."""
+
+_CONSTANT_WITHOUT_EQUALS = re.compile(r"\s*(?:(\S+)\s+)?([A-Z][A-Z0-9_]*)(?::\s*|\s+)(\S.*)")
+_SPACED_TYPE = re.compile(r"\s*([^\s\[\]]+)\s*\[([^\[\]]*)\]\s*(\S*)")
+_SPACED_LENGTH = re.compile(r"\s*(\S+)\s+(\w+)\[([^\[\]]*)\]")
+"""The parts of such lines."""
+
 _FIELD_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _CONSTANT_NAME = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*")
 _TOPIC_NAME = re.compile(r"(?!.*__)[a-z][a-z0-9_]*")
@@ -210,22 +221,20 @@ class _Body:
                 self.error("M402", number, column, text)
             else:
                 self.topics.append(Topic(topic, Location(self.path, number, column)))
+                shown = f"'{name}'" if topic == name else f"'{name}' ('{topic}' in the firmware)"
                 if topic in _CPP_KEYWORDS:
-                    self.error("M205", number, column, f"topic name '{topic}' {_IS_KEYWORD}")
+                    self.error("M205", number, column, f"topic name {shown} {_IS_KEYWORD}")
                 elif not _TOPIC_NAME.fullmatch(topic):
-                    text = f"topic name '{topic}': ROS 2 expects a letter first, and single underscores"
+                    text = f"topic name {shown}: ROS 2 expects a letter first, and single underscores"
                     self.error("M205", number, column, text)
             column += len(name) + 1
 
     def _read_element(self, element: _Element) -> None:
         match = _ELEMENT.fullmatch(element.code.rstrip())
-        if match is None or not match["name"]:
+        if match is None or not match["name"] or match["value"].startswith("//") or _MISSHAPEN.match(element.code):
             self._report_unreadable(element)
             return
         spelling, name, equals, text = match.groups()
-        if name.startswith(("[", "//")) or text.startswith("//"):
-            self._report_unreadable(element)
-            return
         type_column, name_column = match.start("type") + 1, match.start("name") + 1
         location = Location(self.path, element.line, type_column)
         is_constant = bool(equals)
@@ -263,7 +272,9 @@ class _Body:
         if "//" in text:
             self.error("M101", element.line, element.code.index("//") + 1, "comments start with '#', found '//'")
             return
-        self.error("M101", element.line, column, f"expected 'TYPE NAME' or 'TYPE NAME = VALUE', found {text!r}")
+        meant = _meant(text)
+        problem = f"{meant}, found" if meant else "expected 'TYPE NAME' or 'TYPE NAME = VALUE', found"
+        self.error("M101", element.line, column, f"{problem} {text!r}")
 
     def _check_field_name(self, name: str, line: int, column: int, *, is_constant: bool) -> None:
         kind = "constant" if is_constant else "field"
@@ -317,6 +328,24 @@ class _Body:
         elif type_.name not in INTEGERS or not isinstance(value, int) or value < low:
             text = f"{name} should be an integer of at least {low}, found '{type_} {name} = {value}'"
             self.errors.append(Diagnostic(location, "M405", text))
+
+
+def _meant(code: str) -> str:
+    """Return the line that was probably meant by `code`, with the rule that it breaks, or "" if nobody can tell."""
+    constant = _CONSTANT_WITHOUT_EQUALS.fullmatch(code)
+    if constant:
+        type_, name, value = constant.groups()
+        needs = "'='" if type_ else "a type and '='"
+        return f"a constant needs {needs}: expected '{type_ or 'uint8'} {name} = {value}'"
+    spaced = _SPACED_TYPE.match(code)
+    if spaced:
+        base, length, name = spaced.groups()
+        return f"a type has no spaces: expected '{base}[{''.join(length.split())}] {name or 'NAME'}'"
+    spaced = _SPACED_LENGTH.match(code)
+    if spaced:
+        base, name, length = spaced.groups()
+        return f"the length of an array follows its type: expected '{base}[{''.join(length.split())}] {name}'"
+    return ""
 
 
 def _split_comment(line: str) -> tuple[str, str | None]:

@@ -10,7 +10,7 @@ from glob import escape, glob
 from types import ModuleType
 from typing import NamedTuple
 
-from msggen.diagnostics import InputError, input_error
+from msggen.diagnostics import InputError, few, input_error
 from msggen.firmware.path_hint import path_hint
 from msggen.model import snake_case
 from msggen.px4_generate import genmsg
@@ -74,7 +74,9 @@ def _find(folder: str, name: str) -> str:
     if not os.path.isdir(folder):
         raise input_error(folder, "T102", f"no such folder{path_hint(folder)}", 0)
     others = _folders_with(name, folder) or _folders_with(name, os.path.normpath(os.path.join(folder, os.pardir)))
-    hint = f", did you mean {' or '.join(map(repr, others))}?" if others else ""
+    own = sorted(each for each in os.listdir(folder) if each.endswith(".em"))
+    hint = f": the template needs this name, found {few(own)}" if own else ""
+    hint = f", did you mean {' or '.join(map(repr, others))}?" if others else hint
     raise input_error(folder, "T102", f"has no template '{name}'{hint}", 0)
 
 

@@ -4,10 +4,31 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from functools import partial
 
-from msggen.diagnostics import InputError
-from msggen.text.empy import EmpyTemplate
-from msggen.text.words import FILTERS, unknown_name
+from msggen.text.empy import EmpyTemplate, nearest_name
+from msggen.text.words import FILTERS, known_names
+
+_OF_FIRMWARE = frozenset(
+    {
+        "all_topics",
+        "file_base_name",
+        "file_name_in",
+        "genmsg",
+        "msg_context",
+        "msgs",
+        "name_snake_case",
+        "publications",
+        "px_generate_uorb_topic_helper",
+        "search_path",
+        "spec",
+        "subscriptions",
+        "subscriptions_multi",
+        "topics",
+        "type_includes",
+    }
+)
+"""The names and modules that the firmware's own templates use."""
 
 
 class Empy:
@@ -30,13 +51,19 @@ class Empy:
 
     def expand(self, names: Mapping[str, object]) -> str:
         """Return the text of the template for `names`. Raises InputError with the line of the error."""
-        try:
-            return self._template.expand({**FILTERS, **names}, [os.path.dirname(self.path) or os.curdir])
-        except InputError as error:
-            cause = error.__cause__
-            text = unknown_name(cause.obj, cause.name or "") if isinstance(cause, AttributeError) else ""
-            if not text:
-                raise
-            found = error.diagnostics[0]
-            message = found.message.replace(f"AttributeError: {cause}", text, 1)
-            raise InputError([found._replace(message=message)]) from cause
+        folder = os.path.dirname(self.path) or os.curdir
+        return self._template.expand({**FILTERS, **names}, [folder], partial(_hint, names, folder))
+
+
+def _hint(names: Mapping[str, object], folder: str, error: BaseException) -> str:
+    """Return what to do about an exception of a template in `folder` that knows `names`."""
+    if isinstance(error, (NameError, ImportError)) and str(error.name).partition(".")[0] in _OF_FIRMWARE:
+        return ": msggen px4-generate renders templates in the firmware's style"
+    if isinstance(error, NameError):
+        return nearest_name(error) or known_names(names)
+    if isinstance(error, TypeError) and "for |: " in str(error):
+        return ": in EmPy a filter is a function, as in snake_case(message.name)"
+    if isinstance(error, FileNotFoundError) and isinstance(error.filename, str):
+        path = os.path.join(folder, error.filename)
+        return f", did you mean {path!r}?" if os.path.isfile(path) else ""
+    return nearest_name(error)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
 import jinja2
@@ -13,7 +13,10 @@ from jinja2 import meta
 from msggen.diagnostics import InputError, input_error, suggestion
 from msggen.disk.reading import read_text
 from msggen.render import THINGS
-from msggen.text.words import FILTERS, unknown_name
+from msggen.text.words import FILTERS, NotTextError, known_names, unknown_name, with_article
+
+_NOT_DEFINED = " is not defined"
+"""The end of a message about an unknown name to which no name is similar."""
 
 
 class JinjaTemplate:
@@ -56,7 +59,7 @@ class JinjaTemplate:
 
     def expand(self, names: Mapping[str, object]) -> str:
         """Return the text of the template for `names`. Raises InputError with the line of the error."""
-        with _reported(self.path, self._loader.files):
+        with _reported(self.path, self._loader.files, names):
             return self._template.render(names)
 
 
@@ -71,7 +74,7 @@ class Pattern:
 
     def expand(self, names: Mapping[str, object]) -> str:
         """Return the name of the output for `names`. Raises InputError."""
-        with _reported(self._option, {}):
+        with _reported(self._option, {}, names):
             return self._template.render(names)
 
 
@@ -80,6 +83,7 @@ def make_environment(loader: jinja2.BaseLoader) -> jinja2.Environment:
     environment = jinja2.Environment(
         loader=loader,
         undefined=_Undefined,
+        finalize=_checked,
         extensions=("jinja2.ext.do", "jinja2.ext.loopcontrols"),
         trim_blocks=True,
         lstrip_blocks=True,
@@ -89,6 +93,24 @@ def make_environment(loader: jinja2.BaseLoader) -> jinja2.Environment:
     )
     environment.filters.update(FILTERS)
     return environment
+
+
+def _checked(value: object) -> object:
+    """Return a value that a template writes. Raises NotTextError for an object that has no text of its own.
+
+    Numbers, None, and lists of them or of strings have one, as templates of Python code need it.
+    """
+    if isinstance(value, (str, int, float, type(None))):
+        return value
+    if type(value).__str__ is not object.__str__:
+        str(value)  # views and their lists raise here
+    elif isinstance(value, (list, tuple, set, frozenset, dict)):
+        for each in (*value, *value.values()) if isinstance(value, dict) else value:
+            _checked(each)
+    else:
+        hint = ": call it" if callable(value) else ": loop over it" if isinstance(value, Iterable) else ""
+        raise NotTextError(f"{with_article(type(value).__name__.replace('_', ' '))} is not text{hint}")
+    return value
 
 
 class _Loader(jinja2.FileSystemLoader):
@@ -135,16 +157,17 @@ class _Undefined(jinja2.StrictUndefined):
         if self._undefined_hint is None and isinstance(name, str):
             if owner is jinja2.utils.missing:
                 hint = f": it needs --each {name}" if name in THINGS else suggestion(name, THINGS)
-                return f"'{name}' is not defined{hint}"
-            text = unknown_name(owner, name)
-            if text:
-                return text + suggestion(name, [known for known in dir(owner) if not known.startswith("_")])
+                return f"'{name}'{_NOT_DEFINED}{hint}"
+            return unknown_name(owner, name) or super()._undefined_message
         return super()._undefined_message
 
 
 @contextmanager
-def _reported(path: str, files: Mapping[str, None]) -> Iterator[None]:
-    """Raise exceptions of a template as InputError, at the innermost line in one of `files`, or else at `path`."""
+def _reported(path: str, files: Mapping[str, None], names: Collection[str] = ()) -> Iterator[None]:
+    """Raise exceptions of a template that knows `names` as InputError.
+
+    Their place is the innermost line in one of `files`, or else `path`.
+    """
     try:
         yield
     except InputError:
@@ -155,13 +178,16 @@ def _reported(path: str, files: Mapping[str, None]) -> Iterator[None]:
         raise input_error(place[0], "T201", _with_hint(error.message or "not Jinja2"), place[1]) from None
     except Exception as error:  # noqa: BLE001 - a template is code: it may raise anything
         place = _place(error, path, files)
-        raise input_error(place[0], *_describe(error), place[1]) from None
+        raise input_error(place[0], *_describe(error, names), place[1]) from None
 
 
-def _describe(error: Exception) -> tuple[str, str]:
-    """Return the code and the message for an exception."""
+def _describe(error: Exception, names: Collection[str]) -> tuple[str, str]:
+    """Return the code and the message for an exception of a template that knows `names`."""
     if isinstance(error, jinja2.UndefinedError):
-        return "T202", str(error)
+        text = str(error)
+        return "T202", f"{text}{known_names(names)}" if text.endswith(_NOT_DEFINED) else text
+    if isinstance(error, NotTextError):
+        return "T210", str(error)
     if isinstance(error, jinja2.TemplateNotFound):
         names = ", ".join(f"'{name}'" for name in getattr(error, "templates", None) or [error.name])
         return "T203", f"no template {names} in the folder of this template"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import posixpath
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -18,6 +19,9 @@ from msggen.render.views import CatalogView, Views
 
 OPTION = "--name"
 """The option for a pattern of names."""
+
+_SEVERAL = frozenset(" ,;*?[")
+"""The characters of patterns and of lists of names."""
 
 _IDS = (b"orb_id", b"object_id")
 """The names in a template that give ids."""
@@ -93,7 +97,13 @@ def select(items: Sequence[Item], names: Sequence[str]) -> tuple[Item, ...]:
     if unknown:
         place = Location("--message", 0)
         labels = [item.label for item in items]
-        texts = (f"the sources have no message '{name}'{suggestion(name, labels)}" for name in unknown)
+        hints = {
+            name: ": name one message, and repeat --message for more"
+            if _SEVERAL & {*name}
+            else suggestion(name, labels)
+            for name in unknown
+        }
+        texts = (f"the sources have no message '{name}'{hint}" for name, hint in hints.items())
         raise InputError(Diagnostic(place, "T208", text) for text in texts)
     chosen = {known[name].label for name in names}
     return tuple(item for item in items if item.label in chosen)
@@ -139,7 +149,7 @@ def output_names(items: Sequence[Item], thing: str, path: str, pattern: str | No
     for item, name in zip(items, names, strict=True):
         other = owners.setdefault(name.casefold(), item)
         if other is not item:
-            hint = ": did you mean --each catalog?" if len(set(names)) == 1 else ""
+            hint = _hint_for_same(pattern) if len(set(names)) == 1 else ""
             text = f"'{name}' would be the output for both {other.label} and {item.label}{hint}"
             raise input_error(OPTION, "T207", text, 0)
     for name in names:
@@ -148,6 +158,13 @@ def output_names(items: Sequence[Item], thing: str, path: str, pattern: str | No
         if folder:
             raise input_error(OPTION, "T207", f"'{folder}' would be both an output and the folder of '{name}'", 0)
     return names
+
+
+def _hint_for_same(pattern: str | None) -> str:
+    """Return what to do if all outputs have the same name."""
+    if pattern and re.search(r"[{}%$]", pattern) and "{{" not in pattern:
+        return ": --name has no {{ ... }}, as in '{{ message.name }}.h'"
+    return ": did you mean --each catalog?"
 
 
 def _checked(name: str) -> str:

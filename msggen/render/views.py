@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar, TypeVar
 
 from msggen.enumeration import Enumeration, enumerations
 from msggen.identity import Endpoint, Qos, UorbTopic, endpoints, message_hash, type_hash, uorb_topics
@@ -15,6 +16,9 @@ from msggen.layout import Encoding, Layout, Path, is_static, lay_out, struct_siz
 from msggen.model import ArrayKind, Catalog, Comment, Constant, Field, Message, Service, Value
 from msggen.primitives import PRIMITIVES
 from msggen.tags import ATTRIBUTES, Tag
+from msggen.text.words import NotTextError, kind_of, with_article
+
+_T = TypeVar("_T")
 
 
 class Views:
@@ -36,18 +40,36 @@ class Views:
 
 
 class _View:
-    """The base class of the views."""
+    """The base class of the views. A view is not text: a template writes one of its attributes."""
+
+    _label: ClassVar[str] = "name"
+    """The attribute that an error suggests for a template that writes the view itself."""
+
+    def __str__(self) -> str:
+        """Raise NotTextError. Templates of both languages call this, also to join and to format views."""
+        kind = kind_of(self)
+        raise NotTextError(f"{with_article(kind)} is not text, did you mean {kind}.{self._label}?")
 
     def __repr__(self) -> str:
-        """Return a short text, for a template that writes the view itself instead of one of its attributes."""
-        name = getattr(self, "ros_name", None) or getattr(self, "name", None) or getattr(self, "package", "")
-        return f"<{type(self).__name__.removesuffix('View').lower()} {name}>"
+        """Return a short text for exceptions and debuggers."""
+        return f"<{kind_of(self)} {getattr(self, self._label)}>"
+
+
+class ViewList(tuple[_T, ...]):
+    """A list of views. It is not text: a template loops over it."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        """Raise NotTextError."""
+        raise NotTextError("a list is not text: loop over it")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CatalogView(_View):
     """All definitions of a firmware and of further packages."""
 
+    _label = "package"
     _model: Catalog
     _views: Views
 
@@ -62,24 +84,24 @@ class CatalogView(_View):
         return self._model.conventions.release
 
     @cached_property
-    def messages(self) -> tuple[MessageView, ...]:
+    def messages(self) -> ViewList[MessageView]:
         """The messages of all packages, sorted by package and name."""
-        return tuple(map(self._views.message, self._model.messages.values()))
+        return ViewList(map(self._views.message, self._model.messages.values()))
 
     @cached_property
-    def services(self) -> tuple[ServiceView, ...]:
+    def services(self) -> ViewList[ServiceView]:
         """The services, sorted by name."""
-        return tuple(ServiceView(service, self._views) for service in self._model.services)
+        return ViewList(ServiceView(service, self._views) for service in self._model.services)
 
     @cached_property
-    def topics(self) -> tuple[TopicView, ...]:
+    def topics(self) -> ViewList[TopicView]:
         """The uORB topics, in the order of their ids."""
-        return tuple(TopicView(topic, self._views) for topic in uorb_topics(self._model))
+        return ViewList(TopicView(topic, self._views) for topic in uorb_topics(self._model))
 
     @cached_property
-    def endpoints(self) -> tuple[EndpointView, ...]:
+    def endpoints(self) -> ViewList[EndpointView]:
         """The endpoints of the bridge, in the order of dds_topics.yaml."""
-        return tuple(EndpointView(endpoint, self._views) for endpoint in endpoints(self._model))
+        return ViewList(EndpointView(endpoint, self._views) for endpoint in endpoints(self._model))
 
     @property
     def bridge_extra(self) -> Mapping[str, object]:
@@ -126,19 +148,19 @@ class MessageView(_Definition):
         return self._model.dds_type
 
     @cached_property
-    def fields(self) -> tuple[FieldView, ...]:
+    def fields(self) -> ViewList[FieldView]:
         """The fields, in the order of the definition and of the wire."""
-        return tuple(map(self._field, self._model.fields))
+        return ViewList(map(self._field, self._model.fields))
 
     @cached_property
-    def constants(self) -> tuple[ConstantView, ...]:
+    def constants(self) -> ViewList[ConstantView]:
         """The constants, in the order of the definition."""
-        return tuple(map(ConstantView, self._model.constants))
+        return ViewList(map(ConstantView, self._model.constants))
 
     @cached_property
-    def nested(self) -> tuple[MessageView, ...]:
+    def nested(self) -> ViewList[MessageView]:
         """The nested messages at any depth, each once, sorted by ROS type."""
-        return tuple(map(self._views.message, self._views.model.nested_all(self._model)))
+        return ViewList(map(self._views.message, self._views.model.nested_all(self._model)))
 
     @cached_property
     def is_static(self) -> bool:
@@ -161,12 +183,12 @@ class MessageView(_Definition):
         return struct_size(self._views.model, self._model) if self.is_static else None
 
     @cached_property
-    def leaves(self) -> tuple[LeafView, ...]:
+    def leaves(self) -> ViewList[LeafView]:
         """The primitives and arrays of primitives, with all nested messages flattened; empty if not static."""
         if not self._layouts:
-            return ()
+            return ViewList()
         pairs = zip(*(layout.leaves for layout in self._layouts), strict=True)
-        return tuple(
+        return ViewList(
             LeafView(
                 path=_path_text(leaf.path),
                 field=_field_at(self, leaf.path),
@@ -205,10 +227,10 @@ class MessageView(_Definition):
         return type_hash(self._views.model, self._model)
 
     @cached_property
-    def topics(self) -> tuple[TopicView, ...]:
+    def topics(self) -> ViewList[TopicView]:
         """The uORB topics of the message, in the order of the definition; empty if uORB does not carry it."""
         found = (self._views.topics.get(name) for name in self._model.topic_names)
-        return tuple(topic for topic in found if topic and topic.message is self)
+        return ViewList(topic for topic in found if topic and topic.message is self)
 
     @property
     def queue_length(self) -> int:
@@ -216,9 +238,9 @@ class MessageView(_Definition):
         return self._model.queue_length
 
     @cached_property
-    def endpoints(self) -> tuple[EndpointView, ...]:
+    def endpoints(self) -> ViewList[EndpointView]:
         """The endpoints with this type."""
-        return tuple(endpoint for endpoint in self._views.catalog.endpoints if endpoint.message is self)
+        return ViewList(endpoint for endpoint in self._views.catalog.endpoints if endpoint.message is self)
 
     @cached_property
     def _layouts(self) -> tuple[Layout, Layout] | None:
@@ -257,7 +279,7 @@ class MessageView(_Definition):
         return FieldView(
             _model=field,
             message=self._views.message(self._views.model.nested(self._model, field.type)) if is_nested else None,
-            enum_constants=tuple(found for found in self.constants if found.name in values),
+            enum_constants=ViewList(found for found in self.constants if found.name in values),
             **self._places.get(field.name, {}),
         )
 
@@ -332,7 +354,7 @@ class FieldView(_Described):
     _model: Field
     message: MessageView | None
     """The nested message; None for primitives."""
-    enum_constants: tuple[ConstantView, ...]
+    enum_constants: ViewList[ConstantView]
     """The constants that are values of the field, or numbers or masks of its bits."""
     offset: int | None = None
     """The offset of its first value in XCDR1, from the end of the header."""
@@ -383,10 +405,11 @@ class ConstantView(_Described):
         return self._model.value
 
 
-@dataclass(frozen=True, slots=True)
-class LeafView:
+@dataclass(frozen=True, repr=False)
+class LeafView(_View):
     """A primitive or an array of primitives, at any depth of a message."""
 
+    _label = "path"
     path: str
     """The path from the message: `esc[0].esc_rpm`."""
     field: FieldView
@@ -430,11 +453,17 @@ class TopicView(_View):
         """The message that it carries."""
         return self._views.message(self._model.message)
 
+    @cached_property
+    def endpoints(self) -> ViewList[EndpointView]:
+        """The endpoints of the bridge that carry this topic. Those of its message may carry other topics."""
+        return ViewList(endpoint for endpoint in self._views.catalog.endpoints if endpoint.topic is self)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EndpointView(_View):
     """A topic that the bridge carries to or from DDS and ROS 2."""
 
+    _label = "ros_name"
     _model: Endpoint
     _views: Views
 
@@ -474,6 +503,14 @@ class EndpointView(_View):
         return self._model.entry.rate_limit_hz
 
     @property
+    def rate_limit(self) -> str:
+        """The rate limit that applies, as text: `5 Hz`, `no limit`, or "" for `in`."""
+        interval = self.publish_interval_ms
+        if interval is None:
+            return ""
+        return f"{self.rate_limit_hz or 1000 / interval:g} Hz" if interval else "no limit"
+
+    @property
     def publish_interval_ms(self) -> int | None:
         """The shortest time between two samples that PX4 sends; 0 for all samples in uORB's queue. None for `in`."""
         return self._model.publish_interval_ms
@@ -509,14 +546,20 @@ class EndpointView(_View):
         return dict(self._model.entry.extra)
 
     @property
-    def writer_qos(self) -> Qos:
+    def writer_qos(self) -> QosView:
         """The quality of service of the writer: PX4 for `out`, the application for `in`."""
-        return self._model.writer_qos
+        return QosView(*self._model.writer_qos)
 
     @property
-    def reader_qos(self) -> Qos:
+    def reader_qos(self) -> QosView:
         """The quality of service of the reader."""
-        return self._model.reader_qos
+        return QosView(*self._model.reader_qos)
+
+
+class QosView(_View, Qos):  # the view first, so that it is not text
+    """The quality of service of a writer or a reader."""
+
+    _label = "reliability"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from msggen.diagnostics import printable
 from msggen.finding import Excerpt, Finding, Reader, Report
-from msggen.report.line import is_misread, mark, remedies, silent_mark
+from msggen.report.line import conclusion, is_misread, mark, remedies, silent_mark
 
 _DECODE = "decode wrong values without an error"
 _ALARM = "bold white on red"
@@ -46,7 +46,10 @@ def write_full(report: Report, *, width: int, colour: bool) -> str:
             )
         for remedy in remedies(report.findings):
             _print_line(console, Text(remedy))
-        _print_line(console, Text(printable(report.summary), "bold"))
+        *advice, summary = conclusion(report)
+        for text in advice:
+            _print_line(console, Text(text))
+        _print_line(console, Text(summary, "bold"))
     return "\n".join(row.rstrip() for row in capture.get().split("\n")).rstrip("\n")
 
 

@@ -18,6 +18,7 @@ def write_json(report: Report) -> str:
         "current": report.current,
         "summary": report.summary,
         "compared": report.compared,
+        "ignored": report.ignored,
         "findings": [_finding(finding) for finding in report.findings],
     }
     return dump(document)

@@ -13,7 +13,7 @@ from msggen.finding import Finding, Reader, Report, Severity
 
 def write_concise(report: Report) -> str:
     """Return a line for each finding, then the summary."""
-    return "\n".join([*map(line, report.findings), *remedies(report.findings), printable(report.summary)])
+    return "\n".join([*map(line, report.findings), *remedies(report.findings), *conclusion(report)])
 
 
 def line(finding: Finding) -> str:
@@ -30,6 +30,11 @@ def remedies(findings: Iterable[Finding]) -> list[str]:
     """Return a line for each command that mends one of `findings`, in the order in which to run the commands."""
     commands = dict.fromkeys(each.remedy for each in sorted(findings, key=lambda each: each.rank))
     return [printable(f"to fix: {command}") for command in commands if command]
+
+
+def conclusion(report: Report) -> list[str]:
+    """Return the last lines of a report for people: the advice, if there is any, and the summary."""
+    return [printable(text) for text in (report.advice, report.summary) if text]
 
 
 def mark(finding: Finding) -> str:

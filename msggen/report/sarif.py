@@ -33,6 +33,7 @@ def write_sarif(report: Report) -> str:
             "previous": report.previous or None,
             "current": report.current,
             "compared": report.compared,
+            "ignored": report.ignored,
             "summary": report.summary,
         },
     }

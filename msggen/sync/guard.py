@@ -18,19 +18,23 @@ from msggen.sync.target import Target
 
 _FEW = 3
 _IGNORED = "!!"
+_UNTRACKED = ("??", "A ", "AM")
+"""Codes of `git status`: the file is ignored, or the last commit does not have it."""
 
 
-def find_errors(plan: SyncPlan, dependencies: Mapping[str, Location]) -> list[Diagnostic]:
+def find_errors(plan: SyncPlan, dependencies: Mapping[str, Location], *, write: bool) -> list[Diagnostic]:
     """Return the errors of `plan`. `dependencies` are the packages whose messages its definitions nest.
 
-    Raises InputError if the git status cannot be read.
+    Without `write`, changes that are not committed are no error, because nothing can be lost. Raises InputError if the
+    git status cannot be read.
     """
     if plan.target.is_new:
         return [*_no_place(plan)]
     errors = [*_bad_links(plan), *_no_folders(plan), *_no_files(plan), *_other_cases(plan), *_other_source(plan)]
     if not plan.is_stale:
         return errors
-    return [*errors, *_read_only(plan), *_losses(plan), *_orphans(plan), *_missing_dependencies(plan, dependencies)]
+    losses = [found for found in _losses(plan) if write or found.code != "S113"]
+    return [*errors, *_read_only(plan), *losses, *_orphans(plan), *_missing_dependencies(plan, dependencies)]
 
 
 def _no_place(plan: SyncPlan) -> Iterator[Diagnostic]:
@@ -130,11 +134,20 @@ def _losses(plan: SyncPlan) -> Iterator[Diagnostic]:
             text = "git ignores this file, and msggen did not write its content, which would be lost: move or delete it"
             yield _error(plan, name, "S113", text)
         elif state not in (None, _IGNORED):
-            yield _error(plan, name, "S113", "has uncommitted changes: commit or stash them")
+            yield _error(plan, name, "S113", _uncommitted_text(plan.target, name, state))
         elif states is None and plan.known.files and name not in plan.known.files:
             yield _error(
                 plan, name, "S104", "the firmware has a definition of this name, msggen did not write this one: move it"
             )
+
+
+def _uncommitted_text(target: Target, name: str, state: str) -> str:
+    """Return the error about a file with the git status `state`, with the commands that resolve it."""
+    if state in _UNTRACKED:
+        return "is not committed and would be lost: commit or stash it (`git stash -u`), or delete it"
+    staged = " --staged --worktree" if state[0] not in " ?" else ""
+    command = f"git -C {quote(target.path)} restore{staged} {quote(name)}"
+    return f"has uncommitted changes: commit or stash them, or discard them with `{command}`"
 
 
 def _orphans(plan: SyncPlan) -> Iterator[Diagnostic]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from msggen.disk.reading import read_bytes
@@ -41,7 +41,8 @@ class SyncPlan(NamedTuple):
     @property
     def is_unfinished(self) -> bool:
         """Whether there is a record that differs from the new one, as after a run that was killed."""
-        return bool(self.known.files) and self.known.files != self.record.files
+        known, record = self.known, self.record
+        return bool(known.files) and (known.files, known.topics_only) != (record.files, record.topics_only)
 
     @property
     def folders(self) -> tuple[str, ...]:
@@ -55,16 +56,16 @@ class SyncPlan(NamedTuple):
         old, new = self.known.files, self.record.files
         names = {*old, *new, *self.removed}
         digests = {name: [*old.get(name, "").split(), *new.get(name, "").split()] for name in names}
-        return Record({name: " ".join(dict.fromkeys(each)) for name, each in digests.items()})
+        files = {name: " ".join(dict.fromkeys(each)) for name, each in digests.items()}
+        return self.record._replace(files=files, scaffold="")
 
 
-def make_plan(target: Target, files: Mapping[str, bytes], known: Record, scaffold: Scaffold) -> SyncPlan:
-    """Return the changes that make the package contain `files`.
-
-    In a package without a record, definitions count as PX4's if PX4 has, or ever had, one of that name.
-    """
+def make_plan(
+    target: Target, files: Mapping[str, bytes], known: Record, scaffold: Scaffold, *, topics_only: bool = False
+) -> SyncPlan:
+    """Return the changes that make the package contain `files`."""
     before = read_package(target.folder)
-    owned = known.files.keys() or _names_of_px4()
+    owned = owned_names(known)
     surplus = [name for name in before if name not in files]
     digests = {name: digest(data) for name, data in files.items()}
     return SyncPlan(
@@ -78,7 +79,7 @@ def make_plan(target: Target, files: Mapping[str, bytes], known: Record, scaffol
         left_alone=tuple(name for name in surplus if name not in owned),
         scaffold=scaffold.changes,
         known=known,
-        record=Record({**digests, **scaffold.digests}, scaffold.inputs),
+        record=Record({**digests, **scaffold.digests}, scaffold.inputs, topics_only),
     )
 
 
@@ -107,7 +108,12 @@ def read_if_file(path: str) -> bytes | None:
     return read_bytes(path)
 
 
-def _names_of_px4() -> frozenset[str]:
-    """Return the name in px4_msgs of every definition that PX4 has or ever had."""
+def owned_names(known: Record) -> Collection[str]:
+    """Return the names of definitions that sync may remove: those in the record of the package.
+
+    In a package without a record, definitions count as PX4's if PX4 has, or ever had, one of that name.
+    """
+    if known.files:
+        return known.files.keys()
     with open(os.path.join(os.path.dirname(__file__), "names.txt"), encoding="ascii") as stream:
         return frozenset(stream.read().split())

@@ -24,7 +24,7 @@ def sync(sources: Sources, definitions: PackageContents, request: Request, *, wr
     """
     target = open_target(request, sources)
     if target.is_new:
-        plan = _plan(target, sources, definitions)
+        plan = _plan(target, sources, definitions, write=write)
         if not write:
             return plan
         parent = os.path.dirname(target.folder)
@@ -36,17 +36,17 @@ def sync(sources: Sources, definitions: PackageContents, request: Request, *, wr
                 create_package(plan)
                 return plan
     with locked(target.folder):
-        plan = _plan(target, sources, definitions)
+        plan = _plan(target, sources, definitions, write=write)
         if write:
             update_package(plan)
     return plan
 
 
-def _plan(target: Target, sources: Sources, definitions: PackageContents) -> SyncPlan:
+def _plan(target: Target, sources: Sources, definitions: PackageContents, *, write: bool) -> SyncPlan:
     known = read_record(target.folder)
     scaffold = plan_scaffold(target, sources, known, definitions)
-    plan = make_plan(target, definitions.files, known, scaffold)
-    errors = find_errors(plan, definitions.dependencies)
+    plan = make_plan(target, definitions.files, known, scaffold, topics_only=definitions.topics_only)
+    errors = find_errors(plan, definitions.dependencies, write=write)
     if errors:
         raise InputError(errors)
     return plan

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from shlex import quote
 from typing import NamedTuple
 
 from msggen import __version__
@@ -16,7 +17,6 @@ from msggen.firmware.overlap import KINDS
 from msggen.firmware.revision import split_revision
 from msggen.firmware.sources import Sources
 from msggen.firmware.tree import Folder
-from msggen.model import DEFAULT_PACKAGE
 from msggen.sync.contents import PackageContents
 from msggen.sync.target import Target
 
@@ -54,7 +54,7 @@ def plan_scaffold(target: Target, sources: Sources, known: Record, definitions: 
         return Scaffold(known.scaffold, recorded, {})
     origin = origin_of(sources)
     dependencies = tuple(definitions.dependencies)
-    options = _options(target.name, dependencies, topics_only=definitions.topics_only)
+    options = _options(origin, sources.embedded, dependencies)
     state = (target.name, origin, options)
     if known.scaffold == _digest_inputs(state, recorded):
         return Scaffold(known.scaffold, recorded, {})
@@ -105,11 +105,14 @@ def _base(path: str) -> str:
     return "".join(character if character.isprintable() and character not in "`|" else "_" for character in name)
 
 
-def _options(package: str, dependencies: tuple[str, ...], *, topics_only: bool) -> str:
-    """Return the options that the next sync has to repeat, each followed by a space."""
-    folders = "".join(f"--msg-dir {dependency}={dependency} " for dependency in dependencies)
-    name = "" if package == DEFAULT_PACKAGE else f"--ros-package {package} "
-    return folders + name + ("--topics-only " if topics_only else "")
+def _options(origin: Origin, embedded: str, dependencies: tuple[str, ...]) -> str:
+    """Return the options that name the sources of the next sync. The folders of paths are those of the reader.
+
+    The record of the package has its name and the option --topics-only.
+    """
+    further = [*(f"path/to/{name}" for name in origin.further), *(f"{name}=path/to/{name}" for name in dependencies)]
+    first = embedded or f"path/to/{origin.name}"
+    return " ".join([f"--px4 {quote(first)}", *(f"--msg-dir {quote(each)}" for each in further)])
 
 
 def _digest_inputs(state: tuple[object, ...], digests: Mapping[str, str]) -> str:

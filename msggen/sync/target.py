@@ -10,6 +10,7 @@ from msggen.diagnostics import input_error
 from msggen.disk.output import check_links
 from msggen.disk.record import read_record
 from msggen.firmware.overlap import KINDS, source_around
+from msggen.firmware.path_hint import path_hint
 from msggen.firmware.sources import Sources
 from msggen.firmware.tree import Folder
 from msggen.location import Location
@@ -103,8 +104,10 @@ def _check_free(path: str, folder: str, *, create: bool) -> None:
         raise input_error(path, "S111", "not a folder: expected a ROS package such as px4_msgs", 0)
     exists = os.path.isdir(folder)
     if not create:
+        near = "" if exists else path_hint(path)
         problem = "no package.xml here" if exists else "no such folder"
         text = f"{problem}: expected a ROS package such as px4_msgs, or --create to create one"
+        text = f"{problem}{near} --create creates a new package" if near else text
         raise input_error(path, "S111", text, 0)
     check_links(path, [""])
     if exists and os.listdir(folder):

@@ -7,17 +7,32 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from traceback import walk_tb
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from msggen.diagnostics import InputError, input_error, suggestion
 from msggen.disk.reading import read_text
+from msggen.text.words import NotTextError, unknown_name
 
 if TYPE_CHECKING:
     from msggen.text.empy_program import Program
+
+Hint: TypeAlias = "Callable[[BaseException], str]"
+"""A function that returns what to do about an exception of a template, as the end of its message."""
+
+
+def nearest_name(error: BaseException) -> str:
+    """Return a suggestion for an unknown name or attribute, or "" for other errors and if no name is near."""
+    name = getattr(error, "name", None) or ""
+    if isinstance(error, AttributeError):
+        return suggestion(name, (known for known in dir(error.obj) if not known.startswith("_")))
+    if isinstance(error, NameError):
+        frame = [*walk_tb(error.__traceback__)][-1][0]
+        return suggestion(name, (known for known in (*frame.f_locals, *frame.f_globals) if not known.startswith("__")))
+    return ""
 
 
 class EmpyTemplate:
@@ -38,7 +53,7 @@ class EmpyTemplate:
         modules = (getattr(module, "__file__", None) for module in self._modules.values())
         return (self.path, *self._program.included, *filter(None, modules))
 
-    def expand(self, names: Mapping[str, object], prepare_path: Sequence[str] = ()) -> str:
+    def expand(self, names: Mapping[str, object], prepare_path: Sequence[str] = (), hint: Hint = nearest_name) -> str:
         """Return the text of the template for `names`. It may import modules from the folders `prepare_path`.
 
         The mapping of names is not changed. Changes of `sys.path` and `sys.stdout` are undone. Modules from
@@ -52,7 +67,7 @@ class EmpyTemplate:
             except (Exception, SystemExit) as error:
                 if isinstance(error, InputError):
                     raise
-                code, text = _describe(error, self.path)
+                code, text = _describe(error, self.path, hint)
                 raise input_error(self.path, code, text, self._program.line_of(error)) from error
         return text
 
@@ -89,7 +104,7 @@ def _check_empy(path: str) -> None:
         raise input_error(path, "T101", f"{wanted}, found the module 'em' {version} at {em.__file__}", 0)
 
 
-def _describe(error: BaseException, path: str) -> tuple[str, str]:
+def _describe(error: BaseException, path: str, hint: Hint) -> tuple[str, str]:
     """Return the code and the message for an exception that the template at `path` raised."""
     from msggen.text.empy_program import is_of_empy
 
@@ -101,24 +116,24 @@ def _describe(error: BaseException, path: str) -> tuple[str, str]:
         return "T105", f"{type(error).__name__}: {error.msg}, raised at {error.filename}:{error.lineno}"
     if isinstance(error, SystemExit):
         return "T105", f"the template called exit({'' if error.code is None else error.code!r})"
-    text = f"{type(error).__name__}: {error}".rstrip(": ")
-    return "T105", f"{text}{_suggest(error)}{_raised_at(error)}"
+    if isinstance(error, NotTextError):
+        return "T210", f"{error}{_raised_at(error)}"
+    known = unknown_name(error.obj, error.name or "") if isinstance(error, AttributeError) else ""
+    return "T105", f"{known or _text_of(error) + hint(error)}{_raised_at(error)}"
 
 
-def _suggest(error: BaseException) -> str:
-    """Return a suggestion for an unknown name, or ""."""
-    name = getattr(error, "name", None) or ""
-    if isinstance(error, AttributeError):
-        return suggestion(name, (known for known in dir(error.obj) if not known.startswith("_")))
-    if isinstance(error, NameError):
-        frame = [*walk_tb(error.__traceback__)][-1][0]
-        return suggestion(name, (known for known in (*frame.f_locals, *frame.f_globals) if not known.startswith("__")))
-    return ""
+def _text_of(error: BaseException) -> str:
+    """Return the name and the text of an exception, without the number of a system error."""
+    text = str(error)
+    if isinstance(error, OSError) and error.strerror and error.filename is not None:
+        text = f"cannot open {error.filename!r}: {error.strerror}"
+    return f"{type(error).__name__}: {text}".rstrip(": ")
 
 
 def _raised_at(error: BaseException) -> str:
     """Return the place in a module of the template that raised `error`, or "" for the template and for libraries."""
-    libraries = (os.path.dirname(os.__file__), os.path.dirname(os.path.dirname(__file__)), "<")
+    engine = sys.modules["em"].__file__ or "<"
+    libraries = (os.path.dirname(os.__file__), os.path.dirname(os.path.dirname(__file__)), engine, "<")
     places = [(frame.f_code.co_filename, line) for frame, line in walk_tb(error.__traceback__)]
     path, line = next((place for place in reversed(places) if not place[0].startswith(libraries)), ("", 0))
     return f", raised at {path}:{line}" if path.endswith(".py") else ""

@@ -6,6 +6,7 @@ use. EmPy itself runs all rare markup, so the output is the same.
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from bisect import bisect_right
@@ -260,12 +261,12 @@ class Machine(em.Interpreter):  # type: ignore[misc]  # EmPy has no types
     """An interpreter of EmPy that caches compiled code; templates know it as `empy`."""
 
     included: dict[str, None]
-    """The included files."""
+    """The absolute paths of the included files, because a build system may start in another folder."""
 
     def include(self, fileOrFilename: Any, locals: Any = None) -> None:  # noqa: A002, N803 - EmPy's names
         """Include a file as EmPy does, and record it."""
         if isinstance(fileOrFilename, str):
-            self.included[fileOrFilename] = None
+            self.included[os.path.abspath(fileOrFilename)] = None
         super().include(fileOrFilename, locals)
 
     def evaluate(self, expression: str, locals: Mapping[str, object] | None = None) -> object:  # noqa: A002 - EmPy's name

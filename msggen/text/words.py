@@ -3,13 +3,31 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from textwrap import wrap
 from types import MappingProxyType
 
+from msggen.diagnostics import suggestion
 from msggen.model import snake_case
 
 _WIDTH = 100
+
+_OTHER_NAMES = {
+    "array_len": "length",
+    "base_type": "base",
+    "cpp_type": "cpp_base",
+    "ctype": "cpp_base",
+    "full_name": "ros_type",
+    "is_builtin": "message",
+    "parsed_fields": "fields",
+    "short_name": "name",
+    "val": "value",
+}
+"""The names of views for names of genmsg and of the firmware's templates."""
+
+
+class NotTextError(TypeError):
+    """An error: a template writes an object that is not text."""
 
 
 def paragraphs(lines: list[str]) -> list[str]:
@@ -26,10 +44,31 @@ def paragraphs(lines: list[str]) -> list[str]:
     return [" ".join(parts) for parts in found]
 
 
+def kind_of(view: object) -> str:
+    """Return the kind of a view as templates know it, such as `message`, or "" if `view` is not a view."""
+    name = type(view).__name__
+    return name.removesuffix("View").lower() if name.endswith("View") else ""
+
+
+def with_article(noun: str) -> str:
+    """Return `noun` with its indefinite article: `an endpoint`."""
+    return f"{'an' if noun.startswith(tuple('aeio')) else 'a'} {noun}"
+
+
 def unknown_name(owner: object, name: str) -> str:
-    """Return the error for an unknown name of a view, or "" if `owner` is not a view."""
-    kind = type(owner).__name__
-    return f"a {kind.removesuffix('View').lower()} has no '{name}'" if kind.endswith("View") else ""
+    """Return the error for an unknown name of a view or of a list, or "" if `owner` is neither."""
+    kind = kind_of(owner)
+    if not kind:
+        return f"a list has no '{name}': loop over it" if isinstance(owner, (list, tuple)) else ""
+    known = [each for each in dir(owner) if not each.startswith("_")]
+    other = _OTHER_NAMES.get(name)
+    hint = f", did you mean '{other}'?" if other in known else suggestion(name, known)
+    return f"{with_article(kind)} has no '{name}'{hint}"
+
+
+def known_names(names: Iterable[str]) -> str:
+    """Return a hint that lists the names of a template."""
+    return f": the template knows {' and '.join(sorted(names))}"
 
 
 def pascal_case(name: str) -> str:

@@ -94,9 +94,9 @@ def firmware(committed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.fixture
 def edited(firmware: Path) -> None:
-    """Edit the comments of some messages, because a message without changes gets no new version."""
+    """Add a constant to some messages, because a message without changes gets no new version."""
     for name in ("VehicleStatus", "VehicleOdometry", "Event", "Wind"):
-        append(firmware / VERSIONED / f"{name}.msg", "# Edited.")
+        append(firmware / VERSIONED / f"{name}.msg", "uint8 EDITED = 1")
 
 
 def texts_in(release: Tree, folder: str) -> Iterator[tuple[str, str]]:
@@ -112,6 +112,10 @@ def commit(tree: Path) -> None:
     subprocess.run([GIT, "add", "-A"], cwd=tree, check=True)
     who = ["-c", "user.name=Someone", "-c", "user.email=someone@example.org", "-c", "commit.gpgsign=false"]
     subprocess.run([GIT, *who, "commit", "-q", "-m", "State."], cwd=tree, check=True)
+
+
+def git(*arguments: str) -> None:
+    subprocess.run([GIT, *arguments], check=True, capture_output=True)
 
 
 def edit(path: Path, old: str, new: str) -> None:
@@ -174,12 +178,98 @@ def test_a_message_without_changes_gets_no_new_version(
     before = files_of(firmware)
     assert bump("VehicleStatus", *against) == FAILED
     base = against[1] if against else "HEAD"
-    hint = "with --against main" if base == "HEAD" else "with --against"
+    hint = "with --against HEAD~1" if base == "HEAD" else "with --against"
     told = f"'VehicleStatus' has no changes since {base}: edit it first, or name the base of a committed change {hint}"
     assert capsys.readouterr().err == f"{STATUS}: B107 {told}\n1 error, nothing written\n"
     assert files_of(firmware) == before
     assert bump("VehicleStatus", "--against", "HEAD~2") == DONE
     assert "battery_count" not in STATUS_V1.read_text()
+
+
+@pytest.mark.parametrize("branch", ["main", "master", "origin/main"])
+def test_the_hint_names_a_branch_that_exists(branch: str, capsys: pytest.CaptureFixture[str]) -> None:
+    git("branch", "-M", "work")
+    append(STATUS, "uint8 battery_count")
+    assert bump("VehicleStatus", "--against", "HEAD") == DONE
+    git("update-ref", f"refs/{'remotes' if '/' in branch else 'heads'}/{branch}", "HEAD")
+    commit(Path.cwd())
+    capsys.readouterr()
+    assert bump("Wind") == FAILED
+    assert capsys.readouterr().err.splitlines()[0].endswith(f"with --against {branch}")
+
+
+def test_a_repository_of_one_commit_has_no_other_base(capsys: pytest.CaptureFixture[str]) -> None:
+    assert bump("Wind") == FAILED
+    assert capsys.readouterr().err.splitlines()[0].endswith("with --against")
+
+
+@pytest.mark.parametrize("line", ["# A comment.", ""])
+def test_comments_need_no_new_version(line: str, firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    append(STATUS, line)
+    before = files_of(firmware)
+    assert bump("VehicleStatus") == FAILED
+    told = "only comments of 'VehicleStatus' changed since HEAD: no new version is needed"
+    assert capsys.readouterr().err == f"{STATUS}: B107 {told}\n1 error, nothing written\n"
+    assert files_of(firmware) == before
+
+
+def test_comments_of_nested_messages_need_none_either(capsys: pytest.CaptureFixture[str]) -> None:
+    append(VERSIONED / "Event.msg", "# A comment.")
+    assert bump("ArmingCheckReply") == FAILED
+    assert "B107 only comments of 'ArmingCheckReply' changed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("outer", ["Event", "ArmingCheckReply"])
+def test_constants_alone_are_noted(outer: str, capsys: pytest.CaptureFixture[str]) -> None:
+    append(VERSIONED / "Event.msg", "uint8 KIND = 1")
+    assert bump(outer) == DONE
+    told = "B108 note: only constants were added since HEAD: KIND; the new version is optional"
+    assert told in capsys.readouterr().err
+    append(VERSIONED / "Wind.msg", "uint8 KIND = 1\nuint8 more")
+    assert bump("Wind") == DONE
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("depth", range(4))
+def test_the_remains_of_a_version_that_was_taken_back_are_found(
+    depth: int, firmware: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each step of the fix of VERSION_NEEDLESS leaves less to report; after the last one, the tree is as it was."""
+    before = files_of(firmware)
+    append(STATUS, "uint8 battery_count")
+    assert bump("VehicleStatus") == DONE
+    STATUS.write_text(before[str(STATUS)])
+    places = [str(STATUS_V1), str(STATUS_V1_HEADER), str(STATUS_V2_HEADER)]
+    if depth > 0:
+        STATUS_V1.unlink()
+        places.remove(str(STATUS_V1))
+    if depth > 1:
+        STATUS_V1_HEADER.write_text(before[str(STATUS_V1_HEADER)])
+        places.remove(str(STATUS_V1_HEADER))
+    if depth > 2:
+        STATUS_V2_HEADER.unlink()
+        places[-1] = str(ALL)
+    capsys.readouterr()
+    assert main(["breaking", "--against", "HEAD", "--output-format", "json"]) == FINDINGS
+    found = json.loads(capsys.readouterr().out)["findings"]
+    failed = [each for each in found if each["fails"]]
+    assert {each["rule"] for each in failed} == {"TRANSLATION_INVALID"}
+    assert [each["location"]["path"] for each in failed] == places
+    for each in failed:
+        line = Path(each["location"]["path"]).read_text().splitlines()[each["location"]["line"] - 1]
+        assert "VehicleStatusV1" in line or "v2.h" in line or each["location"]["path"] == str(STATUS_V1)
+
+
+def test_the_current_version_may_be_archived_for_another_message(
+    firmware: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """ArmingCheckReply archives the current version of Event, which it nests."""
+    append(VERSIONED / "ArmingCheckReply.msg", "uint8 reason")
+    assert bump("ArmingCheckReply") == DONE
+    assert [path.name for path in (firmware / ARCHIVE).glob("Event*")] == ["EventV1.msg"]
+    complete()
+    capsys.readouterr()
+    assert main(["breaking", "--against", "HEAD"]) == DONE
 
 
 def test_a_removed_message_gets_no_new_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -349,7 +439,7 @@ def test_ros_names_files_of_capitals_in_a_row_its_own_way() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", ["", "uint8 battery_count"])
+@pytest.mark.parametrize("line", ["uint8 EDITED = 1", "uint8 battery_count"])
 @pytest.mark.parametrize("name", ["VehicleStatus", "ArmingCheckReply"])
 def test_a_second_run_changes_nothing(firmware: Path, name: str, line: str, capsys: pytest.CaptureFixture[str]) -> None:
     append(VERSIONED / f"{name}.msg", line)
@@ -555,7 +645,7 @@ def test_a_header_of_another_definition_is_invalid(firmware: Path, capsys: pytes
     append(STATUS, "uint8 acc")
     old = STATUS.read_text()
     commit(firmware)
-    append(STATUS, "# Edited.")
+    append(STATUS, "uint8 EDITED = 1")
     assert bump("VehicleStatus") == DONE
     edit(STATUS_V1, "uint8 acc\n", "")
     capsys.readouterr()
@@ -933,7 +1023,7 @@ def test_headers_of_all_kinds_compile_and_translate(firmware: Path, tmp_path: Pa
     edit(VERSIONED / "Wind.msg", "float32 windspeed_north", "float64 wind_north")
     names = ["VehicleStatus", "Event", "ArmingCheckReply", "VehicleOdometry", "Wind"]
     for name in names:
-        append(VERSIONED / f"{name}.msg", "# Edited.")
+        append(VERSIONED / f"{name}.msg", "uint8 EDITED = 1")
     for name in names:
         assert bump(name) == DONE
     assert run(firmware, tmp_path / "first", names).keys() == set(names)
@@ -942,7 +1032,7 @@ def test_headers_of_all_kinds_compile_and_translate(firmware: Path, tmp_path: Pa
     append(VERSIONED / "Event.msg", "uint8 again")
     edit(STATUS, "float64[4] brand_new", "float32[4] brand_new")
     for name in names:
-        append(VERSIONED / f"{name}.msg", "# Edited again.")
+        append(VERSIONED / f"{name}.msg", "uint8 EDITED_AGAIN = 1")
     for name in names:
         assert bump(name) == DONE
     assert run(firmware, tmp_path / "second", names).keys() == set(names)
@@ -975,7 +1065,7 @@ def test_every_versioned_message_of_a_release_can_be_bumped(tmp_path: Path) -> N
     names = [path.stem for path in sorted((tree / VERSIONED).glob("*.msg"))]
     commit(tree)
     for name in names:
-        append(tree / VERSIONED / f"{name}.msg", "# Edited.")
+        append(tree / VERSIONED / f"{name}.msg", "uint8 EDITED = 1")
         assert bump(name, "--px4", str(tree)) == DONE
     assert run(tree, tmp_path / "cpp", names).keys() == set(names)
 

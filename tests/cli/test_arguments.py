@@ -108,7 +108,7 @@ def test_no_path_is_empty_or_has_a_nul(option: str, argument: str, capsys: pytes
     with pytest.raises(SystemExit) as stopped:
         main(["build", option, argument])
     assert stopped.value.code == 2
-    assert option in capsys.readouterr().err.splitlines()[-1]
+    assert option in capsys.readouterr().err.splitlines()[0]
 
 
 def options_of(name: str) -> list[str]:
@@ -144,12 +144,53 @@ def test_the_examples_of_wrong_arguments(capsys: pytest.CaptureFixture[str]) -> 
         "bump HomePosition VehicleStatus": "unknown argument 'VehicleStatus': expected one MSG per run",
         "check a b c": "unknown argument 'c': expected PKG and B",
         "breaking": "the following arguments are required: --against",
+        "render --message A B": "unknown argument 'B': repeat the option, --message B",
+        "render --message=A B C -o -": "unknown argument 'B': repeat the option, --message B",
+        "build --msg-dir a b": "unknown argument 'b': repeat the option, --msg-dir b",
+        "render bom.txt.j2": "unknown argument 'bom.txt.j2': name the template with --template bom.txt.j2",
+        "render --px4 a.em a.em -o -": "unknown argument 'a.em': name the template with --template a.em",
+        "render --template a.j2": "the following arguments are required: -o/--output: with -o -, the text is printed",
+        "render -o -": "the following arguments are required: --template",
+        "build -q a": "unknown argument 'a': name the firmware with --px4 a",
+        "breaking --against a --ignore B C": "unknown argument 'C': separate rules by commas: --ignore B,C",
+        "breaking --select B, C, D --against a": "unknown argument 'C,': separate rules by commas: --select B,C,D",
+        "breaking --against a --ignore=B C": "unknown argument 'C': separate rules by commas: --ignore B,C",
+        "breaking --against a v1.17": "unknown argument 'v1.17': name the firmware with --px4 v1.17",
+        "bump A B --against C": "unknown argument 'B': expected one MSG per run",
     }
     for words, expected in examples.items():
         with pytest.raises(SystemExit) as stopped:
             main(words.split())
         assert stopped.value.code == 2
-        assert capsys.readouterr().err.endswith(f"{expected}\n")
+        error, hint = capsys.readouterr().err.splitlines()
+        assert error.endswith(expected)
+        program = error.partition(": error: ")[0]
+        assert hint == f"for all arguments: {program} --help"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_an_option_with_a_single_value_is_given_once(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Also in another spelling, and with the same value. Whatever else is wrong comes later."""
+    for action in COMMANDS[name]._actions:
+        if not action.option_strings or action.nargs == 0 or isinstance(action, argparse._AppendAction):
+            continue
+        value = str(next(iter(action.choices))) if action.choices else "x"
+        for spelling in action.option_strings:
+            with pytest.raises(SystemExit) as stopped:
+                main([name, action.option_strings[0], value, spelling, value])
+            assert stopped.value.code == 2
+            spellings = "/".join(action.option_strings)
+            assert f"error: argument {spellings}: given more than once" in capsys.readouterr().err
+
+
+def test_values_are_not_taken_for_unknown_arguments() -> None:
+    for text in ("-qo out", "-qoout", "-o out -q", "--output=out --quiet", "--output out --px4 -"):
+        words = ["build", *text.split(), "--msg-dir", "a", "--msg-dir", "b"]
+        options = parser_for(words).parse_args(words)
+        assert (options.output, options.msg_dir) == ("out", ["a", "b"])
+    words = ["px4-generate", "--headers", "-f", "a", "b", "c", "-o", "d", "-i", "e", "f"]
+    options = parser_for(words).parse_args(words)
+    assert (options.file, options.outputdir, options.include_paths) == (["a", "b", "c"], "d", ["e", "f"])
 
 
 def test_a_word_with_a_space_is_a_value(capsys: pytest.CaptureFixture[str]) -> None:

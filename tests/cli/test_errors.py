@@ -85,6 +85,16 @@ def in_lists(code: str, place: str, fragment: str, lists: str) -> Case:
 ERRORS = [
     # text of a definition
     line("M101", 3, "found 'uint8 = 5'", "  uint8 = 5"),
+    *(
+        line("M101", 1, f"a constant needs '=': expected 'uint8 STATE_OK = 0', found '{text}'", text)
+        for text in ("uint8 STATE_OK 0", "uint8 STATE_OK: 0", "uint8 STATE_OK:0")
+    ),
+    line("M101", 1, "a constant needs a type and '=': expected 'uint8 STATE_OK = 0'", "STATE_OK: 0"),
+    *(
+        line("M101", 1, f"a type has no spaces: expected 'float32[8] x', found '{text}'", text)
+        for text in ("float32[ 8 ] x", "float32 [8] x", "float32[8 ] x")
+    ),
+    line("M101", 1, "the length of an array follows its type: expected 'float32[8] x'", "float32 x[ 8 ]"),
     Case("M102", f"{FOO}:1:1", "byte order mark", {FOO: b"\xef\xbb\xbf" + STAMP.encode()}),
     Case("Y101", f"{YAML}:1:3", "byte 0xe4 is not UTF-8", {FOO: STAMP, YAML: b"# \xe4\n"}),
     Case("M103", f"{FOO}:1:1", "'Foo' is empty", {FOO: ""}),
@@ -126,6 +136,7 @@ ERRORS = [
     line("M305", 15, "expected values with commas between them", 'string[<=2] x ["a" "b"]'),
     in_a_tree("M306", "as 'uint8[32]', found 'uint8[] x'", "uint8[] x"),
     in_a_tree("M306", "as 'float32[32]', found 'float32[<=3] x'", "float32[<=3] x"),
+    in_a_tree("M307", "cannot be built with a default value: expected 'float32 x'", "float32 x 1.0"),
     Case(
         "M306",
         f"{FOO}:2:1",
@@ -137,7 +148,13 @@ ERRORS = [
     Case("M401", f"{FOO}:2:1", "found 'uint32 timestamp'", {FOO: "uint8 x\nuint32 timestamp\n"}),
     line("M402", 10, "no name", "# TOPICS "),
     line("M402", 14, "'two-three' is not a topic name", "# TOPICS one two-three"),
-    line("M403", 14, "already declared in this file", "# TOPICS one one"),
+    line("M403", 14, "topic 'one' is already declared on line 2", "# TOPICS one one"),
+    Case(
+        "M403",
+        f"{FOO}:2:10",
+        f"topic 'bar' is already declared in {BAR}:3:14",
+        {BAR: f"{STAMP}\n# TOPICS foo bar\n", FOO: f"{STAMP}# TOPICS bar\n"},
+    ),
     # the YAML
     bridge("Y101", "1:15", "undefined alias", "publications: *nowhere\n"),
     bridge("Y101", "2:1", "another document", "---\n--- second\n"),
@@ -149,7 +166,12 @@ ERRORS = [
     bridge("Y104", "4:16", "the key 'max_instances' beside 'route_field'", f"{MULTI}  route_field: id\n"),
     bridge("Y205", "2:10", "no field 'ids' to route by, did you mean 'id'?", f"{ROUTED}  route_field: ids\n"),
     bridge("Y205", "2:10", "expected an integer, found float32", f"{ROUTED}  route_field: x\n"),
-    bridge("Y201", "3:9", "no message defines the type 'my_msgs::msg::Foo'", ENTRY.replace("px4_msgs", "my_msgs")),
+    bridge(
+        "Y201",
+        "3:9",
+        "no message defines the type 'my_msgs::msg::Fox'",
+        ENTRY.replace("px4_msgs::msg::Foo", "my_msgs::msg::Fox"),
+    ),
     # files and folders
     Case("S101", "nothing.yaml", "No such file", {FOO: STAMP}, (*TREE, "--topics", "nothing.yaml")),
     Case("S101", FOO, "Is a directory", {f"{FOO}/note.txt": ""}),
@@ -170,6 +192,7 @@ ERRORS = [
 ]
 
 DOUBTS = [
+    doubt("Y110", "3:9", "write 'px4_msgs::msg::Foo' for 'px4_msgs'", ENTRY.replace("px4_msgs", "my_msgs")),
     in_lists(
         "M409",
         "in/msg/CMakeLists.txt:3:25",
@@ -182,6 +205,8 @@ DOUBTS = [
     odd("M205", "2:7", "for example 'FAST'", "uint8 fast = 1"),
     odd("M205", "2:7", "'class' is a C++ keyword", "uint8 class"),
     odd("M205", "2:10", "expects a letter first, and single underscores", "# TOPICS one__two"),
+    odd("M205", "2:10", "topic name 'wheel_Slip' ('wheel__slip' in the firmware): ROS 2", "# TOPICS wheel_Slip"),
+    odd("M205", "2:10", "topic name 'New' ('new' in the firmware) is a C++ keyword", "# TOPICS New"),
     odd("M205", "2:10", "topic name 'new' is a C++ keyword", "# TOPICS new"),
     Case("M205", "in/msg/Class.msg:1:1", "the topic 'class'", {"in/msg/Class.msg": STAMP}, STRICT),
     Case("M205", "in/msg/esc_report.msg:1:1", "for example 'EscReport'", {"in/msg/esc_report.msg": STAMP}, STRICT),
@@ -312,6 +337,20 @@ def test_all_errors_of_all_files_come_in_one_run_in_order(
     assert last == "10 errors, nothing written"
 
 
+@pytest.mark.parametrize(
+    ("text", "codes"),
+    [
+        ("uint8\nfloat32[0] x\n", ["M101", "M303", "M401"]),
+        ("uint8 STATE_OK 0  # timestamp\n", ["M101", "M401"]),
+        ("uint64[0] timestamp\n", ["M303"]),
+        ("uint64 timestamp 0x\n", ["M305"]),
+    ],
+)
+def test_a_missing_timestamp_is_told_in_the_first_run(text: str, codes: list[str]) -> None:
+    """If a line with errors names the timestamp, only these errors are told."""
+    assert sorted(error.code for error in errors_in(text.encode())) == codes
+
+
 def test_both_missing_keys_of_an_entry_are_told() -> None:
     told = "\n".join(error.message for error in errors_in(STAMP.encode(), b"publications:\n- rate_limit: 5\n"))
     assert "'topic'" in told
@@ -325,6 +364,11 @@ def test_two_cycles_are_both_found() -> None:
     with pytest.raises(InputError) as caught:
         read_catalog(sources, {name: text.encode() for name, text in files.items()})
     assert [error.message.split(": ")[1] for error in caught.value.diagnostics] == ["A > B > A", "C > D > E > C"]
+
+
+def test_a_message_is_no_hint_for_its_own_types(working_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert build(working_folder, line("M301", 1, "", "Fooo x")) == FAILED
+    assert capsys.readouterr().err.splitlines()[0].endswith("M301 unknown type 'Fooo'")
 
 
 # No output after an error

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from msggen.cli import DONE, FINDINGS, main
+from msggen.cli import DONE, FAILED, FINDINGS, main
 from support.packages import committed, firmware, package, plain_package
 
 TOO = ("--output-format", "json")
@@ -64,6 +66,57 @@ def test_sync_mends_all_findings_of_check(
     [command] = commands
     assert run(command) == DONE
     assert report(capsys, "check", "--px4", "firmware", *more, name) == []
+
+
+@pytest.mark.parametrize("name", ["px4_msgs", "acme_msgs"])
+def test_a_package_of_topics_only_stays_one(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sync", "-q", "--px4", "firmware", "--create", "--topics-only", name]) == DONE
+    assert main(["check", "--px4", "firmware", name]) == DONE
+    Path(name, "msg/EscStatus.msg").write_text("uint64 timestamp\n")
+    [command] = {each["remedy"] for each in report(capsys, "check", "--px4", "firmware", name)}
+    assert command == f"msggen sync --px4 firmware --topics-only {name}"
+    before = sorted(Path(name, "msg").iterdir())
+    assert run(command) == DONE
+    assert sorted(Path(name, "msg").iterdir()) == before
+    found = report(capsys, "check", "--px4", "firmware", "--no-topics-only", name)
+    [command] = {each["remedy"] for each in found}
+    assert command == f"msggen sync --px4 firmware --no-topics-only {name}"
+    assert run(command) == DONE
+    assert report(capsys, "check", "--px4", "firmware", name) == []
+
+
+@pytest.mark.parametrize("make", [package, plain_package])
+def test_sync_removes_what_the_firmware_no_longer_has(
+    make: Callable[[], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    make()
+    Path("firmware/msg/Rpm.msg").unlink()
+    [found] = report(capsys, "check", "--px4", "firmware", "px4_msgs")
+    assert found["rule"] == "DEFINITION_ADDED"
+    assert run(found["remedy"]) == DONE
+    assert main(["check", "--px4", "firmware", "px4_msgs"]) == DONE
+
+
+def test_a_package_from_another_source_is_not_compared_with_the_embedded_release(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for path in Path("firmware").rglob("*.[ms][sr][gv]"):
+        path.write_text(path.read_text() + "# of the firmware\n")
+    package()
+    assert main(["check", "px4_msgs"]) == FAILED
+    text = "msggen wrote this package from another source than the embedded PX4 v1.18: name it with --px4"
+    assert capsys.readouterr() == ("", f"px4_msgs: S128 {text}\n1 error\n")
+    assert main(["check", "--px4", "firmware", "px4_msgs"]) == DONE
+
+
+@pytest.mark.parametrize("output_format", ["full", "concise", "github"])
+def test_the_note_about_a_firmware_that_nobody_named_is_repeated_at_the_end(
+    output_format: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain_package()
+    assert main(["check", "px4_msgs", "--output-format", output_format]) == FINDINGS
+    text = "no firmware was named, so these are differences from the embedded PX4 v1.18: name the firmware with --px4"
+    assert capsys.readouterr().out.splitlines()[-2] == text
 
 
 def test_a_plain_package_is_mended_but_for_definitions_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
@@ -217,6 +270,27 @@ def test_bump_is_not_named_where_it_cannot_help(tree: Path, capsys: pytest.Captu
     found = report(capsys, "breaking", "--px4", f"{tree}@HEAD", "--against", "HEAD~1")
     assert found
     assert {each["remedy"] for each in found} == {None}
+
+
+@pytest.mark.tools("git")
+@pytest.mark.parametrize("output_format", ["full", "concise", "github"])
+def test_an_intended_change_of_a_package_can_be_accepted(
+    output_format: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy("firmware/src/modules/uxrce_dds_client/dds_topics.yaml", package())
+    committed(Path("px4_msgs"))
+    edit_firmware()
+    assert main(["sync", "-q", "--px4", "firmware", "px4_msgs"]) == DONE
+    yaml = Path("px4_msgs/dds_topics.yaml")
+    yaml.write_text(yaml.read_text().replace("/fmu/out/vehicle", "/other/vehicle"))
+    arguments = ["breaking", "--px4", "px4_msgs", "--against", "HEAD"]
+    assert main([*arguments, "--output-format", output_format]) == FINDINGS
+    advice = capsys.readouterr().out.splitlines()[-2]
+    rows = re.findall(r'(?:\w+|"[\w/]+") = \[[^\]]*\]', advice)
+    assert rows == ['"/other/vehicle_status" = ["TOPIC_MOVED"]', 'Rpm = ["FIELD_ADDED"]']
+    Path("pyproject.toml").write_text("\n".join(["[tool.msggen.per-message-ignores]", *rows]))
+    assert main(arguments) == DONE
+    assert "accept" not in capsys.readouterr().out
 
 
 @pytest.mark.tools("git")

@@ -35,7 +35,7 @@ def test_all_unknown_rules_are_reported(capsys: Capture) -> None:
         "--select: C104 'DRIFT' is a rule of check only",
         "--select: C104 unknown rule 'VERSION_NOT_RAISD', did you mean 'VERSION_NOT_RAISED'?",
         "--select: C104 unknown rule 'WIRES', did you mean 'WIRE'?",
-        "pyproject.toml:2:1: C104 unknown rule 'SURCE', did you mean 'SOURCE'?",
+        "pyproject.toml:2:32: C104 unknown rule 'SURCE', did you mean 'SOURCE'?",
         "5 errors",
     ]
 

@@ -200,7 +200,6 @@ def test_what_is_a_revision_and_a_folder_is_refused_with_both_ways_to_say_it(cap
         ("mian", "--against: S108 'mian' is neither a folder nor a revision of firmware, did you mean 'main'?"),
         ("V1", "--against: S108 'V1' is neither a folder nor a revision of firmware, did you mean 'v1'?"),
         ("0123456", "--against: S108 '0123456' is neither a folder nor a revision of firmware"),
-        ("main..v1", "--against: S108 'main..v1' is neither "),
         ("HEAD:msg", "--against: S108 'HEAD:msg' is neither "),
         ("firmware@v2", "firmware@v2: S108 the repository has no revision 'v2'"),
         ("firmware/src", "firmware/src: S102 no .msg file here"),
@@ -217,6 +216,35 @@ def test_a_bad_revision_with_an_at_in_it_is_told_as_one(against: str, capsys: Ca
     assert told(capsys, "--px4", "firmware", "--against", against).startswith(
         f"--against: S108 '{against}' is neither "
     )
+
+
+@pytest.mark.parametrize("dots", ["..", "..."])
+@pytest.mark.parametrize(("older", "newer"), [("v1", "HEAD"), ("v1", ""), ("", "v1"), ("v1.17.0", "a/b")])
+def test_a_range_is_no_revision(dots: str, older: str, newer: str, capsys: Capture) -> None:
+    text = f"{older}{dots}{newer}"
+    said = f"is a range, expected one revision: use $(git merge-base {older or 'HEAD'} {newer or 'HEAD'})"
+    assert told(capsys, "--px4", "firmware", "--against", text) == f"--against: S108 '{text}' {said}"
+
+
+@pytest.mark.parametrize("path", ["../x", "a/../b", "../..", "a/.."])
+def test_a_path_with_dots_is_no_range(path: str, capsys: Capture) -> None:
+    if not os.path.exists(path):
+        assert "is neither a folder nor a revision" in told(capsys, "--px4", "firmware", "--against", path)
+
+
+@pytest.mark.parametrize("folder", ["firmware", "."])
+@pytest.mark.parametrize("words", [["--against", "v1", "HEAD"], ["HEAD", "--against=main"]])
+def test_a_second_revision_is_told_its_option(
+    words: list[str], folder: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if folder == ".":
+        monkeypatch.chdir(FIRMWARE)
+    with pytest.raises(SystemExit) as stopped:
+        breaking(*words, *([] if folder == "." else ["--px4", folder]))
+    assert stopped.value.code == FAILED
+    advice = f"--against names one side, name the other with --px4 {folder}@HEAD"
+    assert f"unknown argument 'HEAD': {advice}\n" in capsys.readouterr().err
+    assert breaking("--px4", f"{folder}@HEAD", "--against", "v1") == DONE
 
 
 def test_a_firmware_without_a_repository_has_no_revisions(capsys: Capture) -> None:
@@ -419,10 +447,63 @@ def test_rules_do_not_count_for_messages_of_these_names(
     assert broken(capsys) == SEVERAL - gone
 
 
-def test_what_is_ignored_is_not_shown(capsys: Capture) -> None:
+SETTINGS = [
+    'ignore = ["WIRE"]',
+    'per-message-ignores = { Rpm = ["FIELD_ADDED"] }',
+    'per-message-ignores = { "*" = "WIRE" }',
+]
+
+
+@pytest.mark.parametrize("settings", ["", *SETTINGS])
+def test_what_is_ignored_is_only_counted(settings: str, capsys: Capture) -> None:
     add_field()
-    assert breaking(*AGAINST_V1, "--ignore", "WIRE") == DONE
-    assert capsys.readouterr().out == "firmware does not break v1: 8 messages, 1 service\n"
+    add_field(field="uint8 second")
+    Path("pyproject.toml").write_text(f"[tool.msggen]\n{settings}")
+    options = () if settings else ("--ignore", "WIRE")
+    assert breaking(*AGAINST_V1, *options) == DONE
+    assert capsys.readouterr().out == "firmware does not break v1: 8 messages, 1 service, 2 ignored\n"
+    assert breaking(*AGAINST_V1, *options, "--output-format", "json") == DONE
+    document = json.loads(capsys.readouterr().out)
+    assert (document["ignored"], document["findings"]) == (2, [])
+    assert breaking(*AGAINST_V1, *options, "--output-format", "sarif") == DONE
+    (run,) = json.loads(capsys.readouterr().out)["runs"]
+    assert (run["properties"]["ignored"], run["results"]) == (2, [])
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("HomePositon", ", did you mean 'HomePosition'?"),
+        ("rpm", ", did you mean 'Rpm'?"),
+        ("/fmu/out/rmp", ", did you mean '/fmu/out/rpm'?"),
+        ("Zzz*", ""),
+    ],
+)
+def test_a_name_to_ignore_that_matches_nothing_is_told(name: str, hint: str, capsys: Capture) -> None:
+    text = f'[tool.msggen]\n\n[tool.msggen.per-message-ignores]\nRpm = ["WIRE"]\n"{name}" = ["WIRE"]\n'
+    Path("pyproject.toml").write_text(text)
+    add_field()
+    said = f"'{name}' matches no message, service or topic{hint}\n"
+    for options in ((), ("--topics-only",)):
+        assert breaking(*AGAINST_V1, *options) == DONE
+        assert capsys.readouterr().err == f"pyproject.toml:5:1: C105 warning: {said}"
+    assert told(capsys, *AGAINST_V1, "--strict") + "\n" == f"pyproject.toml:5:1: C105 {said}"
+
+
+@pytest.mark.parametrize(
+    "name", ["Rpm", "Gone", "Esc*", "VehicleCommand", "VehicleCommand_Request", "HomePositionV0", "/fmu/out/*", "*"]
+)
+def test_a_name_to_ignore_may_be_that_of_any_subject(name: str, capsys: Capture) -> None:
+    """A message that is gone is one of the previous side. The archived version is missing."""
+    write_definitions(FIRMWARE, {"msg/Gone.msg": STAMP})
+    git(FIRMWARE, "add", "-A")
+    git(FIRMWARE, "commit", "-q", "-m", "more")
+    (FIRMWARE / "msg/Gone.msg").unlink()
+    (FIRMWARE / ARCHIVE / "HomePositionV0.msg").unlink()
+    edit("srv/VehicleCommand.srv", "---", "uint8 more\n---")
+    Path("pyproject.toml").write_text(f'[tool.msggen.per-message-ignores]\n"{name}" = ["WIRE"]\n')
+    breaking("--px4", "firmware", "--against", "HEAD")
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("option", ["select", "ignore"])
@@ -431,28 +512,27 @@ def test_what_is_ignored_is_not_shown(capsys: Capture) -> None:
 )
 def test_an_unknown_rule_is_told_where_it_stands(option: str, name: str, hint: str, capsys: Capture) -> None:
     assert told(capsys, *AGAINST_V1, f"--{option}", f"HASH,{name}") == f"--{option}: C104 unknown rule '{name}'{hint}"
-    Path("pyproject.toml").write_text(f'[tool.msggen]\npx4 = "firmware"\n{option} = ["HASH", "{name}"]\n')
-    assert told(capsys, "--against", "v1") == f"pyproject.toml:3:1: C104 unknown rule '{name}'{hint}"
+    Path("pyproject.toml").write_text(f'[tool.msggen]\npx4 = "firmware"\n{option} = [\n  "HASH",\n  "{name}",\n]\n')
+    assert told(capsys, "--against", "v1") == f"pyproject.toml:5:3: C104 unknown rule '{name}'{hint}"
 
 
 PER_MESSAGE = "[tool.msggen.per-message-ignores]"
 
 
 @pytest.mark.parametrize(
-    ("text", "line"),
+    "text",
     [
-        ('[tool.msggen]\nper-message-ignores = { Rpm = ["X"] }\n', 2),
-        ('[tool.msggen]\nper-message-ignores.Rpm = ["X"]\n', 2),
-        (f'[tool.msggen]\npx4 = "firmware"\n\n{PER_MESSAGE}\nRpm = ["X"]\n', 4),
-        (f'[project]\nname = "x"\n\n{PER_MESSAGE}\nRpm = ["X"]\n', 4),
+        '[tool.msggen]\nper-message-ignores = { Rpm = ["X"] }\n',
+        '[tool.msggen]\nper-message-ignores.Rpm = ["X"]\n',
+        f'[tool.msggen]\npx4 = "firmware"\n\n{PER_MESSAGE}\nRpm = ["X"]\n',
+        f'[project]\nname = "x"\n\n{PER_MESSAGE}\nEscStatus = "WIRE"\n"Rpm" = [\n  "WIRE", "X"]\n',
     ],
 )
-def test_an_unknown_rule_of_a_message_is_told_where_it_stands(text: str, line: int, capsys: Capture) -> None:
+def test_an_unknown_rule_of_a_message_is_told_where_it_stands(text: str, capsys: Capture) -> None:
     Path("pyproject.toml").write_text(text)
-    said = told(capsys, *AGAINST_V1)
-    assert said.endswith(": C104 unknown rule 'X'")
-    assert int(said.split(":")[1]) == line
-    assert int(said.split(":")[2]) == 1
+    before = text[: text.index('"X"')]
+    line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
+    assert told(capsys, *AGAINST_V1) == f"pyproject.toml:{line}:{column}: C104 unknown rule 'X'"
 
 
 @pytest.mark.parametrize(
@@ -873,7 +953,7 @@ def test_a_warning_is_shown_and_fails_nothing(capsys: Capture) -> None:
         "RATE_LIMIT_CHANGED warning: '/fmu/out/rpm' is sent with at most 5 Hz, but with at most 250 Hz in HEAD"
         in finding
     )
-    assert last.endswith("does not break HEAD: 8 messages, 1 service, 1 warning")
+    assert last.endswith("does not break HEAD with 1 warning: 8 messages, 1 service")
 
 
 @pytest.mark.slow
@@ -928,6 +1008,12 @@ def test_a_topic_that_carries_another_message_is_retyped(capsys: Capture) -> Non
     edit("msg/EscStatus.msg", STAMP[:-1], f"# TOPICS esc_status shared\n{STAMP[:-1]}")
     edit(YAML, "::Rpm", "::EscStatus")
     assert broken(capsys, "--px4", "firmware", "--against", "HEAD") == {("TOPIC_RETYPED", "/fmu/out/shared")}
+
+
+def test_a_topic_of_another_package_is_retyped(capsys: Capture) -> None:
+    bridge(ENTRY)
+    edit(YAML, "px4_msgs::msg::Rpm", "acme_msgs::msg::Rpm")
+    assert broken(capsys, "--px4", "firmware", "--against", "HEAD") == {("TOPIC_RETYPED", "/fmu/out/rpm")}
 
 
 def test_without_a_bridge_on_both_sides_topics_are_not_asked_for(capsys: Capture) -> None:

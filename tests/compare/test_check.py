@@ -143,7 +143,7 @@ def test_what_cannot_be_meant_is_refused(arguments: tuple[str, ...], capsys: Cap
         (("--px4", "nowhere", "px4_msgs"), "nowhere: S101 no such folder"),
         (("--px4", "firmware", "nowhere"), "nowhere: S101 no such folder"),
         (("--px4", "firmware/src", "px4_msgs"), "firmware/src: S102 no .msg file here or in msg/"),
-        (("--px4", "firmware", "empty"), "empty: S102 no .msg file here or in msg/"),
+        (("--px4", "firmware", "empty"), "empty: S102 empty folder: a submodule that is not checked out?"),
         (("--px4", "firmware/msg/Rpm.msg", "px4_msgs"), "firmware/msg/Rpm.msg: S101 neither a folder nor an archive"),
         (("--px4", "firmware", "px4_msgs@v1.16"), "px4_msgs@v1.16: S108 "),
         (("--px4", "@HEAD", "px4_msgs"), "@HEAD: S101 "),
@@ -391,6 +391,24 @@ WARNED = [
         "the unit of 'rpm_estimate' is rad/s, but rpm in firmware",
     ),
     (
+        "# [rad] Filtered",
+        "# [rads] Filtered",
+        "UNIT_CHANGED",
+        "the unit of 'rpm_estimate' is rads, but rad in firmware, did you mean 'rad'?",
+    ),
+    (
+        "# [V] Filtered",
+        "# [meterz] Filtered",
+        "UNIT_CHANGED",
+        "the unit of 'rpm_estimate' is meterz, but V in firmware, did you mean 'm'?",
+    ),
+    (
+        "# [rad/s] Filtered",
+        "# [wibble] Filtered",
+        "UNIT_CHANGED",
+        "the unit of 'rpm_estimate' is wibble, but rad/s in firmware",
+    ),
+    (
         "# [@range 0, 9]",
         "# [@range -9, 9]",
         "RANGE_CHANGED",
@@ -418,7 +436,7 @@ def test_another_meaning_is_warned_of_and_fails_nothing(
     line, remedy, last = capsys.readouterr().out.splitlines()
     assert line == f"px4_msgs/msg/Rpm.msg:2:1: {rule} warning: {said}"
     assert remedy == "to fix: msggen sync --px4 firmware px4_msgs"
-    assert last.endswith(", 1 warning")
+    assert last.startswith("px4_msgs matches firmware with 1 warning: ")
 
 
 # --- Other names

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 import tarfile
 from pathlib import Path
 
@@ -281,6 +282,15 @@ def test_conditional_messages_are_named_in_one_note(firmware: Path, capsys: pyte
     assert "MoreA, MoreB, MoreC, MoreD and 4 more with CONFIG_MODULES_TARGET;" in capsys.readouterr().err
 
 
+def test_notes_are_not_printed_before_errors_if_quiet(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_definitions(firmware, {"msg/Always.msg": "float3 x\n"})
+    for quiet in ([], ["-q"]):
+        assert main(["build", "--px4", "firmware", "-o", "out", *quiet]) == FAILED
+        told = capsys.readouterr().err
+        assert "M301" in told
+        assert ("M407 note" in told) == (not quiet)
+
+
 @pytest.mark.usefixtures("firmware")
 @pytest.mark.parametrize("template", ["name.txt.j2", "orb.txt.j2", "object.txt.em", "outer.txt.j2"])
 def test_the_note_about_ids_is_only_for_commands_that_show_ids(
@@ -306,6 +316,31 @@ def _template() -> str:
         Path(), {"message.txt.j2": "{{ message.name }} {{ message.condition }} {{ message.topics[0].condition }}\n"}
     )
     return "message.txt.j2"
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("WheelSlp.msg", "WheelSlip"), ("versioned/WheelSlip.msg", "WheelSlip"), ("Xyz.msg", ""), ("rpm", None)],
+)
+@pytest.mark.parametrize("at_revision", [False, True])
+def test_a_listed_file_that_does_not_exist_is_a_warning(
+    name: str, meant: str | None, firmware: Path, capsys: pytest.CaptureFixture[str], *, at_revision: bool
+) -> None:
+    """Only names that end in .msg are messages. A path that leads elsewhere is found as well."""
+    lists = f"set(msg_files\n\tA.msg\n\t{name}\n\t../more/B.msg)\n"
+    shutil.rmtree(firmware / "msg")
+    write_definitions(firmware, {f"msg/{each}.msg": STAMP for each in ("A", "WheelSlip")})
+    write_definitions(firmware, {"msg/CMakeLists.txt": lists, "more/B.msg": STAMP})
+    for command in (["init", "-q"], ["add", "-A"], ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", "a"]):
+        subprocess.run(["git", *command], cwd=firmware, check=True)
+    write_definitions(Path(), {"none.yaml": ""})
+    source = "firmware@HEAD" if at_revision else "firmware"
+    assert main(["build", "--px4", source, "-o", "out", "--topics", "none.yaml"]) == DONE
+    hint = f", did you mean '{meant}'?" if meant else ""
+    told = (
+        f"{source}/msg/CMakeLists.txt:3:2: M411 warning: '{name}' does not exist, so the firmware's build stops{hint}"
+    )
+    assert [line for line in capsys.readouterr().err.splitlines() if "M411" in line] == [told][: meant is not None]
 
 
 def test_a_message_that_no_list_names_is_a_warning(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:

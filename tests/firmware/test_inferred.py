@@ -10,8 +10,10 @@ import pytest
 
 from msggen import read
 from msggen.check import breaking
+from msggen.firmware.catalog import read_catalog
 from msggen.firmware.embedded import EMBEDDED
-from msggen.firmware.sources import find_sources
+from msggen.firmware.inferred import with_inferred
+from msggen.firmware.sources import find_sources, with_archived
 from msggen.model import Comment, Field
 from support.catalogs import write_definitions
 from support.repository import ROOT
@@ -93,6 +95,23 @@ def test_a_firmware_takes_the_tags_of_the_release_that_it_is_nearest_to(tmp_path
 def test_nothing_is_inferred_for_embedded_definitions(release: str) -> None:
     messages = read(release).messages.values()
     assert not any(field.comment.inferred for message in messages for field in message.fields)
+
+
+@pytest.mark.parametrize("release", [release for release in EMBEDDED if release >= "v1.16"])
+def test_archived_versions_take_the_tags_of_their_message(release: str) -> None:
+    """The definitions in the embedded archive have no comments."""
+    sources = with_archived(find_sources(release))
+    catalog = with_inferred(read_catalog(sources), sources)
+    units = {}
+    for archived in catalog.archived.values():
+        current = {field.name: field for field in catalog.messages[archived.version_of].fields}
+        for field in archived.fields:
+            same = current.get(field.name)
+            if same and same.type == field.type:
+                assert field.comment.tag("unit") == same.comment.tag("unit"), (archived.name, field.name)
+                units[archived.name, field.name] = tags_of(field.comment).get("unit")
+    if release != "v1.16":  # which has one archived version
+        assert units["BatteryStatusV0", "voltage_v"] == ("V", f"embedded {release}")
 
 
 def test_messages_of_other_packages_take_nothing(tmp_path: Path) -> None:

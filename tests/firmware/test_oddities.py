@@ -89,7 +89,7 @@ ROWS = [
     row("`float32 MESSAGE_VERSION = 1`", YES, YES, "M405"),
     row("`uint8 ORB_QUEUE_LENGTH = 0`", YES, YES, "M405"),
     row("`uint8[0] a`", YES, NO, "M303"),
-    row("`uint8 a 5`, a default value", NO, YES, "", "uint8 a 5\n"),
+    row("`uint8 a 5`, a default value", NO, YES, "M307", "uint8 a 5\n"),
     row("`string a`, `uint8[] b`", NO, YES, "M306"),
     Row("no `uint64 timestamp`", NO, YES, "M401", {"Foo.msg": "uint32 timestamp\n"}),
 ]

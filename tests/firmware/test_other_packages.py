@@ -20,7 +20,7 @@ from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.diagnostics import InputError
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources
-from msggen.identity import type_hash, uorb_topics
+from msggen.identity import endpoints, type_hash, uorb_topics
 from msggen.model import Catalog
 from support.catalogs import write_definitions
 from support.packages import BRIDGE_PLACE, PACKAGE, committed, content, definition, firmware, git, plain_package, sync
@@ -176,7 +176,7 @@ class Wrong(NamedTuple):
         Wrong("std__msgs=std_msgs", "--msg-dir: S103 'std__msgs' is not a ROS package name"),
         Wrong("std_msgs=", "--msg-dir: S101 'std_msgs=' names no folder"),
         Wrong("std_msgs=std_mgs", "std_mgs: S101 no such folder, did you mean 'std_msgs'?"),
-        Wrong("std_msgs=empty", "empty: S102 no .msg file here"),
+        Wrong("std_msgs=empty", "empty: S102 empty folder: a submodule"),
         Wrong("geometry_msgs=std_msgs", "std_msgs/package.xml: S106 the package is named 'std_msgs', found"),
         Wrong("class=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 the name of the ROS package"),
         Wrong("topics=builtin_interfaces/msg", "builtin_interfaces/msg/Duration.msg: S103 the name of the ROS package"),
@@ -336,18 +336,39 @@ def test_messages_that_double_at_each_level_are_refused_before_anything_is_made_
     assert "M304" in refused("my_msgs=mine")
 
 
-@pytest.mark.parametrize(
-    ("type_", "said"),
-    [
-        ("my_msgs::msg::Lamp", "'my_msgs::msg::Lamp' is not a uORB message: expected a type of the package 'px4_msgs'"),
-        ("my_msgs::msg::Rpm", "'my_msgs::msg::Rpm' is not a uORB message"),
-    ],
-)
-def test_only_messages_of_uorb_cross_the_bridge(type_: str, said: str) -> None:
-    bridge = f"publications:\n- topic: /fmu/out/rpm\n  type: {type_}\n"
-    write_definitions(firmware(), {BRIDGE_PLACE: bridge})
-    write_definitions(Path("mine"), {"Rpm.msg": "uint8 x\n", "Lamp.msg": STAMP})
+def test_only_messages_of_uorb_cross_the_bridge() -> None:
+    write_definitions(firmware(), {BRIDGE_PLACE: bridge_of("my_msgs::msg::Lamp")})
+    write_definitions(Path("mine"), {"Lamp.msg": STAMP})
+    said = "'my_msgs::msg::Lamp' is not a uORB message: expected a type of the package 'px4_msgs'"
     assert f":3:9: Y201 {said}" in refused("my_msgs=mine", px4="firmware")
+
+
+@pytest.mark.parametrize("folders", [(), ("my_msgs=mine",)])
+def test_the_bridge_carries_the_firmwares_message_whatever_its_package(folders: tuple[str, ...]) -> None:
+    """PX4's script takes the last part of a type as the name of the message."""
+    write_definitions(firmware(), {BRIDGE_PLACE: bridge_of("my_msgs::msg::Rpm")})
+    write_definitions(Path("mine"), {"Rpm.msg": "uint8 x\n"})
+    found = catalog(*folders, px4="firmware")
+    assert [endpoint.message.key for endpoint in endpoints(found)] == ["px4_msgs/Rpm"]
+    assert ":3:9: Y110 messages of the firmware cross the bridge as types of 'my_msgs' (Rpm)" in said_of(found)
+
+
+def test_each_other_package_of_a_bridge_is_warned_of_once() -> None:
+    names = ("Rpm", "EscStatus", "VehicleStatus")
+    entries = "".join(bridge_of(f"my_msgs::msg::{name}").removeprefix("publications:\n") for name in names)
+    write_definitions(firmware(), {BRIDGE_PLACE: f"publications:\n{entries}"})
+    assert said_of(catalog(px4="firmware")).count("Y110") == 1
+
+
+def bridge_of(type_: str) -> str:
+    """Return a dds_topics.yaml with one entry, for the topic of the message that `type_` names."""
+    name = re.sub(r"(?<!^)(?=[A-Z])", "_", type_.rpartition("::")[2]).lower()
+    return f"publications:\n- topic: /fmu/out/{name}\n  type: {type_}\n"
+
+
+def said_of(found: Catalog) -> str:
+    """Return the warnings and notes about a catalog."""
+    return "\n".join(map(str, found.notices))
 
 
 def test_type_hashes_are_those_that_rosidl_computes() -> None:
@@ -535,7 +556,7 @@ def test_a_new_package_depends_on_what_its_messages_nest(capsys: Capture) -> Non
     assert "${definitions} DEPENDENCIES geometry_msgs)\n" in cmake
     assert "ament_export_dependencies(rosidl_default_runtime geometry_msgs)\n" in cmake
     readme = (PACKAGE / "README.md").read_text()
-    assert "msggen sync --px4 PX4-Autopilot --msg-dir geometry_msgs=geometry_msgs px4_msgs" in readme
+    assert "msggen sync --px4 path/to/firmware --msg-dir geometry_msgs=path/to/geometry_msgs ." in readme
     assert "Further definitions" not in readme
     assert sync("--px4", "firmware", *options, "--dry-run", PACKAGE) == DONE
     assert "is up to date with" in capsys.readouterr().out

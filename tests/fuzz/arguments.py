@@ -72,6 +72,7 @@ LIKELY: dict[str, tuple[str, ...]] = {
     "breaking": ("--px4", "PX4", "--against", "HEAD~1"),
     "bump": ("--px4", "PX4", "--against", "HEAD~1", "VehicleStatus"),
     "render": ("--px4", "PX4", "--template", "a.hpp.j2", "-o", "out"),
+    "docs": ("--px4", "PX4", "-o", "out", "--against", "HEAD~1"),
     "px4-generate": ("--headers", "-f", "PX4/msg/Rpm.msg", "-i", "PX4/msg", "-o", "out", "-e", "."),
     "explain": ("FIELD_MOVED",),
 }

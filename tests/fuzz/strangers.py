@@ -42,6 +42,7 @@ COMMANDS = {
     "sync --create": (("sync", "--px4", "new", "--create", "px4_msgs"), "px4_msgs"),
     "sync --diff": (("sync", "--px4", "new", "px4_msgs", "--diff"), ""),
     "render": (("render", "--px4", "new", "--template", "a.hpp.j2", "-o", "rendered"), "rendered"),
+    "docs": (("docs", "--px4", "new", "-o", "rendered"), "rendered"),
     "bump": (("bump", "--px4", "tree", "--against", "HEAD"), "tree"),
     "check": (("check", "px4_msgs", "new"), ""),
     "breaking": (("breaking", "--px4", "tree", "--against", "HEAD"), ""),
@@ -193,7 +194,7 @@ def put(folder: Path, oddity: Oddity) -> None:
 
 
 def _put_git(folder: Path, path: Path, text: str) -> None:
-    if not path.parent.joinpath("HEAD").exists():
+    if path.is_symlink() or not path.is_file() or not path.parent.joinpath("HEAD").exists():
         return
     config = text.format(p=folder / "program", r=folder / "outside", h=folder / "work" / "hooks")
     with path.open("a", encoding="utf-8") as stream:

@@ -73,6 +73,17 @@ def test_rules_are_selected(
     assert found(capsys, *options) == expected
 
 
+def test_ignored_findings_are_counted_and_names_that_match_nothing_reported(capsys: pytest.CaptureFixture[str]) -> None:
+    names = '"Lmap" = ["UNIT"]\n"Lamp" = ["UNIT"]\n"/fmu/out/lamp" = ["TOPIC"]\n'
+    Path("pyproject.toml").write_text(f"[tool.msggen.per-message-ignores]\n{names}")
+    assert main(["lint", *PX4, "--ignore", "TAG", "--output-format", "concise"]) == DONE
+    told = capsys.readouterr()
+    assert told.out.splitlines()[-1] == "px4: 1 warning in 1 definition, 4 ignored"
+    assert told.err == (
+        "pyproject.toml:2:1: C105 warning: 'Lmap' matches no message, service or topic, did you mean 'Lamp'?\n"
+    )
+
+
 def test_settings_for_lint_do_not_disturb_breaking(capsys: pytest.CaptureFixture[str]) -> None:
     Path("pyproject.toml").write_text('[tool.msggen]\nignore = ["UNIT_UNKNOWN"]\nselect = ["TAG", "FIELD_ADDED"]\n')
     assert main(["breaking", *PX4, "--against", "px4"]) == DONE

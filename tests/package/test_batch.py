@@ -508,6 +508,59 @@ def test_errors_name_the_index_of_the_sample(number: int, px4_types: Any) -> Non
             cls.decode_batch(iter(samples))
 
 
+@pytest.mark.parametrize("name", SOME)
+def test_valid_samples_of_any_length_are_a_batch(name: str, vectors: dict[str, Samples], px4_types: Any) -> None:
+    """Samples are kept with the surplus bytes of DDS; the others are those that `decode_batch` refuses beside them."""
+    cls = getattr(px4_types, name)
+    samples = vectors[name]
+    for encoding, other in itertools.permutations(ENCODINGS, 2):
+        usual = samples[encoding][0]
+        payloads: list[Any] = [b"", usual[:-1], *(usual + bytes(surplus) for surplus in range(5)), None, usual]
+        payloads += [b"\0\5" + usual[2:], samples[other][0], memoryview(usual)]
+        found, others = valid = batch_of(cls).valid(cls, payloads)
+        assert valid == ([*payloads[2:6], payloads[8], payloads[11]], [0, 1, 6, 7, 9, 10])
+        assert len(cls.decode_batch(found)) == 6
+        for number in others:
+            with pytest.raises(px4_types.DecodeError):
+                cls.decode_batch([usual, payloads[number]])
+    assert batch_of(cls).valid(cls, iter([])) == ([], [])
+
+
+def test_valid_takes_no_buffer(px4_types: Any) -> None:
+    """The elements of a buffer are numbers, so that it would have no valid sample."""
+    with pytest.raises(
+        px4_types.DecodeError, match=r"^SensorCombined: expected an iterable of samples, got a buffer: "
+    ):
+        batch_of(px4_types.SensorCombined).valid(px4_types.SensorCombined, px4_types.SensorCombined().encode())
+
+
+@pytest.mark.parametrize("padding", [0, 1])
+def test_a_recording_that_stopped_early_is_cut(padding: int, px4_types: Any) -> None:
+    """The error names the size of the samples, which tells whether they are rounded up."""
+    cls = px4_types.EscStatus
+    recording = b"".join(cls(timestamp=number).encode() + bytes(padding) for number in range(5))
+    size = 495 + padding
+    for rest in (1, 100, 494):
+        text = f"EscStatus: expected a multiple of {size} bytes, got {4 * size + rest}, {rest} too many"
+        with pytest.raises(px4_types.DecodeError, match=f"^{text}$"):
+            cls.decode_batch(recording[: 4 * size + rest])
+    if padding:  # cut to a multiple of the size without the padding
+        with pytest.raises(
+            px4_types.DecodeError, match=r"^EscStatus: expected a multiple of 496 bytes, got 1980, 492 "
+        ):
+            cls.decode_batch(recording[: 4 * 495])
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_a_buffer_with_another_encoding_in_it_is_not_cut_otherwise(count: int, px4_types: Any) -> None:
+    """The samples of EscStatus have 495 bytes, so that a single one could also be one of 496 bytes."""
+    usual = px4_types.EscStatus().encode()
+    with pytest.raises(
+        px4_types.DecodeError, match=rf"^sample {count}: EscStatus: expected the header 00 01 of sample 0"
+    ):
+        px4_types.EscStatus.decode_batch(usual * count + b"\0\0" + usual[2:])
+
+
 @pytest.mark.parametrize("wrong", ["released", "dates"])
 def test_a_sample_that_cannot_be_read_is_named(wrong: str, px4_types: Any) -> None:
     released = memoryview(b"x")

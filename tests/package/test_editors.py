@@ -62,7 +62,8 @@ COMPLETED = [
     (f"{IMPORT}topics.endpoint('/fmu/out/vehicle_status_v4').qos.reader.", {"reliability", "depth"}),
     (f"{IMPORT}topics.out.vehicle_st", {"vehicle_status"}),
     (f"{IMPORT}topics.in_.trajectory_set", {"trajectory_setpoint"}),
-    (f"{IMPORT}topics.out.vehicle_status.", {"dds_name", "message", "qos"}),
+    (f"{IMPORT}topics.out.vehicle_status.", {"dds_name", "dds_type", "message", "qos"}),
+    (f"{IMPORT}topics.namespaced('uav_1').out.vehicle_st", {"vehicle_status"}),
     (f"{IMPORT}topics.out.vehicle_status.message.ARMING", {"ARMING_STATE_ARMED"}),
     (f"{IMPORT}topics.out.vehicle_status.message().arming", {"arming_state"}),
     ("from px4_types.srv import VehicleCommand\nVehicleCommand.Re", {"Request", "Response"}),
@@ -140,6 +141,7 @@ topics.out.vehicle_statuss
 topics.in_.trajectory_setpoints
 topics.out.vehicle_status.message.ARMING_STATE_ARMD
 topics.out.vehicle_status.dds_nam
+topics.namespaced("uav_1").out.vehicle_statuss
 VehicleStatus.__msg__.ros_typ
 px4_types.cdr.MessageInf
 """
@@ -150,6 +152,8 @@ cls: type[VehicleStatus] = topics.out.vehicle_status.message
 state: int = topics.out.vehicle_status.message.decode(b"").arming_state
 endpoint: topics.Endpoint[VehicleStatus] = topics.out.vehicle_status
 every: tuple[topics.Endpoint, ...] = topics.ENDPOINTS
+within: tuple[topics.Endpoint, ...] = topics.namespaced("uav_1")
+named: topics.Endpoint[VehicleStatus] = topics.namespaced("uav_1").out.vehicle_status
 text: str = by_type("px4_msgs/msg/EscStatus").__msg__.definition
 name: str = topics.endpoint("/fmu/out/vehicle_status_v4").message.__msg__.name
 """

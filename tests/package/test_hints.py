@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,9 @@ import pytest
 from support.catalogs import catalog_of, import_package
 
 NOT_BRIDGED = ": 'esc_status' is a uORB topic that does not cross the bridge: it is not in dds_topics.yaml"
+
+
+OTHER = "another definition? If so, build a package of it: msggen's docs/package.md, Recordings"
 
 
 def refused(error: type[Exception], function: Any, *arguments: object) -> str:
@@ -39,6 +43,14 @@ def meant(name: str) -> str:
 def test_a_wrong_attribute_names_the_right_one(direction: str, name: str, hint: str, px4_types: Any) -> None:
     side = getattr(px4_types.topics, direction)
     assert refused(AttributeError, getattr, side, name) == f"no endpoint '{direction}.{name}'{hint}"
+
+
+def test_a_package_without_endpoints_says_why(tmp_path: Path) -> None:
+    types = import_package(catalog_of(tmp_path, {"Rpm.msg": "uint64 timestamp\n"}), tmp_path)
+    why = ": the package has no endpoints, because it was built without a dds_topics.yaml: name one with --topics"
+    for name in ("rpm", "Rpm", "zzzz"):
+        assert refused(AttributeError, getattr, types.topics.out, name) == f"no endpoint 'out.{name}'{why}"
+        assert refused(KeyError, types.topics.endpoint, f"/fmu/out/{name}") == f"no endpoint '/fmu/out/{name}'{why}"
 
 
 @pytest.mark.parametrize(
@@ -124,6 +136,55 @@ def test_a_direction_says_what_it_is(px4_types: Any) -> None:
     assert len(topics.out) + len(topics.in_) == len(topics.ENDPOINTS)
 
 
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("vehicle_statu", meant("vehicle_status")),
+        ("VehicleStatus", meant("vehicle_status")),
+        ("/fmu/out/vehicle_status", meant("vehicle_status")),
+        ("zzzz", ""),
+    ],
+)
+def test_a_wrong_topic_names_the_right_one(name: str, hint: str, px4_types: Any) -> None:
+    topics = px4_types.topics
+    for table in (topics.UORB, topics.ORB_ID):
+        assert refused(KeyError, table.__class__.__getitem__, table, name) == f"no uORB topic '{name}'{hint}"
+    assert refused(TypeError, topics.UORB.__getitem__, 5).startswith("expected a name such as 'vehicle_status'")
+    assert (topics.UORB.get(name), name in topics.UORB) == (None, False)
+    assert topics.ORB_ID["vehicle_status"] is topics.ORB_ID.vehicle_status
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [("topic", meant("topics")), ("batches", meant("batch")), ("EscStatu", meant("EscStatus")), ("zzzz", "")],
+)
+def test_a_wrong_name_in_the_package_names_the_right_one(name: str, hint: str, px4_types: Any) -> None:
+    text = f"module 'px4_types' has no attribute '{name}'{hint}"
+    assert refused(AttributeError, getattr, px4_types, name) == text
+
+
+def test_a_suffix_is_the_version_of_a_message(px4_types: Any) -> None:
+    for name in ("vehicle_status", "vehicle_status_v1", "vehicle_status_v9"):
+        text = refused(KeyError, px4_types.topics.endpoint, f"/uav_1/fmu/out/{name}")
+        assert text == (
+            f"no endpoint '/uav_1/fmu/out/{name}': the suffix is the version of the message, and this package has only "
+            "'/uav_1/fmu/out/vehicle_status_v4'; another version needs a package of its release"
+        )
+
+
+def test_columns_of_an_array_are_not_those_of_a_class(px4_types: Any) -> None:
+    array_ = px4_types.EscStatus.decode_batch([])
+    assert (
+        refused(TypeError, px4_types.batch.units, array_) == "expected a message class, got an object of type ndarray"
+    )
+
+
+def test_a_sample_without_a_header_is_told_so(px4_types: Any) -> None:
+    data = px4_types.SensorCombined(timestamp=0x1234).encode()[4:]
+    expected = "SensorCombined: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got 34 12: no header?"
+    assert refused(px4_types.DecodeError, px4_types.SensorCombined.decode, data) == expected
+
+
 @pytest.mark.parametrize("method", ["decode", "lazy"])
 def test_what_is_not_bytes_names_the_message(method: str, px4_types: Any) -> None:
     cls = px4_types.SensorCombined
@@ -136,16 +197,21 @@ def test_what_is_not_bytes_names_the_message(method: str, px4_types: Any) -> Non
         (b"hello", 'expected 127 bytes, got 5: pad it with .ljust(127, b"\\0")'),
         (bytearray(126), 'expected 127 bytes, got 126: pad it with .ljust(127, b"\\0")'),
         (bytes(128), "expected 127 bytes, got 128"),
+        ("hello", """expected 127 bytes, got 'hello': use its .encode().ljust(127, b"\\0")"""),
+        ("é" * 64, f"expected 127 bytes, got '{'é' * 56}...: use its .encode()"),
+        ([0] * 127, "expected 127 bytes, got a list of 127: use bytes([...])"),
+        (array("B", [0] * 127), "expected 127 bytes, got an array of 127: use bytes(values.tolist())"),
+        (None, "expected 127 bytes, got None"),
     ],
 )
-def test_text_that_is_too_short_is_told_how_to_pad(text: bytes, problem: str, px4_types: Any) -> None:
+def test_text_that_is_too_short_is_told_how_to_pad(text: Any, problem: str, px4_types: Any) -> None:
     assert refused(px4_types.EncodeError, px4_types.LogMessage(text=text).encode) == f"LogMessage.text: {problem}"
 
 
 def test_a_sample_of_another_size_may_be_of_another_definition(px4_types: Any) -> None:
     data = px4_types.EscStatus().encode()
     short = refused(px4_types.DecodeError, px4_types.EscStatus.decode, data[:335])
-    expected = "EscStatus.esc: expected 491 bytes after the header, got 331: truncated, or of another definition?"
+    expected = "EscStatus.esc: expected 491 bytes after the header, got 331: truncated, or of " + OTHER
     assert short == expected
     assert refused(px4_types.DecodeError, px4_types.EscStatus.decode_batch, [data[:335]]) == f"sample 0: {expected}"
-    assert refused(px4_types.DecodeError, px4_types.EscStatus.decode, data + bytes(9)).endswith(": another definition?")
+    assert refused(px4_types.DecodeError, px4_types.EscStatus.decode, data + bytes(9)).endswith(f": {OTHER}")

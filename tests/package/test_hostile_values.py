@@ -124,7 +124,15 @@ def test_a_small_array_is_any_sequence(value: Any, package: Any) -> None:
     assert package.Few.decode(package.Few(flags=[True, False, True]).encode()).flags == (True, False, True)
 
 
-@pytest.mark.parametrize("value", [array("b", [-1]), memoryview(bytes(4)).cast("B", (2, 2)), np.ones(2, np.int8)])
+NO_BYTES = (
+    array("b", [-1]),
+    memoryview(bytes(4)).cast("B", (2, 2)),
+    np.ones(2, np.int8),
+    np.datetime64(1, "s"),  # its buffer is one of bytes
+)
+
+
+@pytest.mark.parametrize("value", NO_BYTES)
 def test_only_a_buffer_of_bytes_is_bytes(value: Any, package: Any) -> None:
     with pytest.raises(package.EncodeError, match=r"^Free\.raw: expected bytes"):
         package.Free(raw=value).encode()

@@ -85,7 +85,7 @@ def run(command: list[str], folder: Path) -> None:
 
 
 MISSPELT = {
-    "px4_types.escstatus": "module 'px4_types.msg' has no message 'escstatus', did you mean 'EscStatus'?",
+    "px4_types.escstatus": "module 'px4_types' has no attribute 'escstatus', did you mean 'EscStatus'?",
     "px4_types.msg.sensor_combined": "module 'px4_types.msg' has no message 'sensor_combined', "
     "did you mean 'SensorCombined'?",
     "px4_types.topics.out.vehicle_statuss": "no endpoint 'out.vehicle_statuss', did you mean 'out.vehicle_status'?",

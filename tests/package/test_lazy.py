@@ -303,14 +303,17 @@ def ways_to_call(cls: Any, data: Any, *, allow_surplus: bool) -> Iterator[Any]:
 @pytest.mark.parametrize("octets", [1, 2, 3, 4, 5, 6, 7, 8])
 def test_decode_takes_up_to_three_bytes_more_and_none_less(octets: int, kind: Any, tmp_path: Path) -> None:
     files = {"msg/Foo.msg": f"uint64 timestamp\nuint8[{octets}] a\n"}
-    cls = import_package(catalog_of(tmp_path, files), tmp_path).Foo
+    package: Any = import_package(catalog_of(tmp_path, files), tmp_path)
+    cls, encapsulation = package.Foo, package.encapsulation
     message = cls(2**64 - 1, b"\xfe" * octets)
     for difference in range(-4, 9):
         data = kind((message.encode() + bytes(8))[: 12 + octets + difference])
         field = "" if difference > 0 else ".timestamp" if octets + difference < 0 else ".a"
         refused = (
-            f"DecodeError: Foo{field}: expected {8 + octets} bytes after the header, got {8 + octets + difference}: "
-        ) + ("another definition?" if difference > 0 else "truncated, or of another definition?")
+            (f"DecodeError: Foo{field}: expected {8 + octets} bytes after the header, got {8 + octets + difference}: ")
+            + ("" if difference > 0 else "truncated, or of ")
+            + encapsulation.OTHER
+        )
         without = plain(message) if 0 <= difference <= 3 else refused
         assert list(ways_to_call(cls, data, allow_surplus=False)) == [without] * 6
         with_surplus = plain(message) if difference >= 0 else refused

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import re
 from pathlib import Path
 from random import Random
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from msggen.cli import main
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources, with_archived
 from msggen.identity import message_hash, type_hash
@@ -103,14 +105,69 @@ def test_definitions_have_the_hashes_of_their_message(release: str, tmp_path: Pa
 
 def test_a_package_is_built_from_a_recorded_schema(tmp_path: Path, monkeypatch: Any, px4_types: Any) -> None:
     """The code of docs/package.md writes definitions with the hash of the recorded message."""
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "package.md").read_text(encoding="utf-8"), re.DOTALL)
-    (code,) = [block for block in blocks if "re.split" in block]
+    page = (ROOT / "docs" / "package.md").read_text(encoding="utf-8")
+    (code,) = [block for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "re.split" in block]
+    (command,) = re.findall(r"^\$ msggen (build .* --package rec_types)$", page, re.MULTILINE)
+    file = io.BytesIO()
+    writer: Any = Writer(file)
+    writer.start()
     info = px4_types.EscStatus.__msg__
+    line = "=" * 80
+    header = f"builtin_interfaces/Time stamp\n{line}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+    for name, encoding, text in [
+        (info.ros_type, "ros2msg", info.definition),
+        ("std_msgs/msg/String", "ros2msg", "string data\n"),
+        ("std_msgs/msg/Header", "ros2msg", header),
+        ("else/Where", "protobuf", "\0"),
+    ]:
+        schema = writer.register_schema(name, encoding, text.encode())
+        writer.register_channel(f"/{name}", "cdr", schema)
+    writer.finish()
     monkeypatch.chdir(tmp_path)
-    schema = SimpleNamespace(name=info.ros_type, data=info.definition.encode())
-    exec(code, {"Path": Path, "re": re, "schema": schema})  # noqa: S102 - our own text
-    package: Any = import_package(read_catalog(find_sources("rec")), tmp_path)
+    file.seek(0)
+    exec(code, {"Path": Path, "re": re, "file": file, "make_reader": make_reader})  # noqa: S102 - our own text
+    assert main([*command.split(), "-q", "-o", "."]) == 0
+    monkeypatch.syspath_prepend(str(tmp_path))
+    package = importlib.import_module("rec_types")
     assert package.EscStatus.__msg__.message_hash == info.message_hash
+    others = ("--msg-dir", "std_msgs=rec/std_msgs", "--msg-dir", "builtin_interfaces=rec/builtin_interfaces")
+    assert main([*command.split(), "-q", "-o", "more", *others]) == 0
+
+
+RESPELT = {
+    "with comments and spaces": (r"(?m)^(\S+) +(\w+)$", r"  \1 \t \2   # [m/s] x=1", True),
+    "with blank lines": (r"(?m)^(\S+ \w+)$", "\\1\n\n# a comment", True),
+    "of Windows": (r"\n", "\r\n", True),
+    "with the package of nested types": (r"(?m)^EscReport", "px4_msgs/EscReport", True),
+    "with other constants": (r"(?m)=(\d+)$", r" =  7\1", True),
+    "with a field of another type": ("uint16 counter", "int16 counter", False),
+    "with a field of another name": ("uint16 counter", "uint16 counted", False),
+    "with a nested field of another name": ("int32 esc_rpm", "int32 rpm", False),
+    "with another length": (r"EscReport\[12\]", "EscReport[8]", False),
+    "without a field": ("uint16 counter\n", "", False),
+    "with one more field": (r"uint16 counter\n", "uint16 counter\nuint8 more\n", False),
+    "without its nested message": (r"(?s)={80}.*", "", False),
+}
+
+
+@pytest.mark.parametrize(("pattern", "new", "is_same"), RESPELT.values(), ids=RESPELT)
+def test_a_recorded_schema_matches_if_it_has_the_same_fields(
+    pattern: str, new: str, *, is_same: bool, px4_types: Any
+) -> None:
+    cls = px4_types.EscStatus
+    schema, changes = re.subn(pattern, new, cls.__msg__.definition)
+    assert changes
+    for each in (schema, schema.encode()):
+        assert px4_types.recordings.matches(cls, each) is is_same
+
+
+def test_only_the_own_schema_matches(px4_types: Any) -> None:
+    """Messages with the same fields, such as those of actuators, have the same hash."""
+    hashes = {name: getattr(px4_types, name).__msg__ for name in px4_types.msg.__all__[::5]}
+    for name, info in hashes.items():
+        for other, schema in hashes.items():
+            matches = px4_types.recordings.matches(getattr(px4_types, name), schema.definition)
+            assert matches is (info.message_hash == schema.message_hash), (name, other)
 
 
 def defaults_of(message: Message) -> dict[str, object]:
@@ -174,8 +231,6 @@ def test_an_mcap_file_is_read_by_others(px4_types: Any) -> None:
     writer.add_message(channel, log_time=0, data=message.encode(), publish_time=0)
     writer.finish()
     file.seek(0)
-    from mcap.reader import make_reader
-
     ((found, _, _, decoded),) = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
     assert found is not None
     assert px4_types.by_type(found.name) is px4_types.EscStatus

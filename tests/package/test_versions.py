@@ -27,7 +27,7 @@ import pytest
 
 from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources, with_archived
+from msggen.firmware.sources import Sources, find_sources, with_archived
 from msggen.generate.python.package import list_package, render_package
 from msggen.model import ArrayKind, Catalog, FieldType, Message
 from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES, STRINGS
@@ -158,6 +158,27 @@ def test_an_archived_version_is_to_the_wire_what_the_earlier_release_had(
         assert (found == as_released) == (archived.name not in OTHER_THAN_RELEASED)
         compared += 1
     assert compared == number
+
+
+def differing(sources: Sources) -> set[tuple[str, str]]:
+    """Return the archived versions that differ from an embedded release, each with this release."""
+    notices = read_catalog(with_archived(sources)).notices
+    texts = (re.match(r"'(\w+)' differs from version \d+ in PX4 (v[\d.]+): ", each.message) for each in notices)
+    return {(text[1], text[2]) for text in texts if text}
+
+
+@pytest.mark.parametrize("release", ["v1.16", "v1.17", "v1.18"])
+def test_archived_versions_that_their_release_did_not_have_are_warnings(release: str) -> None:
+    expected = set() if release == "v1.16" else {(name, "v1.16") for name in OTHER_THAN_RELEASED}
+    assert differing(find_sources(f"embedded:{release}")) == expected
+
+
+def test_an_archived_version_differs_if_a_message_in_it_does(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "msg", tmp_path / "msg")
+    nested = tmp_path / ARCHIVE / "EventV0.msg"
+    nested.write_text(nested.read_text().replace("uint16 event_sequence", "uint32 event_sequence"))
+    before = differing(find_sources(str(ROOT)))
+    assert differing(find_sources(str(tmp_path))) - before == {("ArmingCheckReplyV0", "v1.16")}
 
 
 UNVERSIONED = {"EstimatorStatusFlags", "FailsafeFlags", "SensorGps", "TelemetryStatus"}
@@ -836,13 +857,21 @@ def test_namespaced_has_the_current_versions(topics: Any) -> None:
     assert all(topics.endpoint(endpoint.ros_name) == endpoint for endpoint in found)
 
 
+def only(*names: str) -> str:
+    """Return the end of an error about a version without a type."""
+    quoted = ", ".join(f"'{name}'" for name in names)
+    own = ", the last one for its own firmware" if len(names) > 1 else ""
+    text = f": the suffix is the version of the message, and this package has only {quoted}{own}"
+    return f"{text}; another version needs a package of its release"
+
+
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("/fmu/out/lamp_v2", ": there are '/fmu/out/lamp', '/fmu/out/lamp_v1', '/fmu/out/lamp_v3'"),
-        ("rt/uav/fmu/in/lamp_v9", ": there are 'rt/uav/fmu/in/lamp', 'rt/uav/fmu/in/lamp_v1', 'rt/uav/fmu/in/lamp_v3'"),
-        ("/fmu/out/fan_v1", ", did you mean '/fmu/out/fan'?"),
-        ("/fmu/out/lamp_v0", ": there are '/fmu/out/lamp', '/fmu/out/lamp_v1', '/fmu/out/lamp_v3'"),
+        ("/fmu/out/lamp_v2", only("/fmu/out/lamp", "/fmu/out/lamp_v1", "/fmu/out/lamp_v3")),
+        ("rt/uav/fmu/in/lamp_v9", only("rt/uav/fmu/in/lamp", "rt/uav/fmu/in/lamp_v1", "rt/uav/fmu/in/lamp_v3")),
+        ("/fmu/out/fan_v1", only("/fmu/out/fan")),
+        ("/fmu/out/lamp_v0", only("/fmu/out/lamp", "/fmu/out/lamp_v1", "/fmu/out/lamp_v3")),
         ("/fmu/out/lump_v1", ", did you mean '/fmu/out/lamp_v1'?"),
         ("fmu/out/lamp", ", did you mean '/fmu/out/lamp'?"),
         ("/1uav/fmu/out/lamp", ", did you mean '/fmu/out/lamp'?"),
@@ -879,7 +908,7 @@ def test_without_versions_in_names_a_name_leads_to_the_current_type(release: str
     topics = importlib.import_module(f"{package.__name__}.topics")
     assert topics.endpoint("/fmu/out/lamp").message is package.Lamp
     assert [endpoint.message for endpoint in topics.versions_of("/fmu/out/lamp")] == [package.Lamp]
-    with pytest.raises(KeyError, match="did you mean '/fmu/out/lamp'"):
+    with pytest.raises(KeyError, match="this package has only '/fmu/out/lamp'; another version needs"):
         topics.endpoint("/fmu/out/lamp_v1")
     assert type(package.LampV0().upgrade().message) is package.LampV1
 

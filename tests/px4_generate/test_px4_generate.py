@@ -244,7 +244,7 @@ REFUSED = {
     "msg/Own.msg:2:14: M402 doubled space: the firmware would read a topic without a name here": (
         f"{STAMP}# TOPICS one  two\n"
     ),
-    "msg/Own.msg:2:10: M403 topic 'cell_report' is already declared by msg/CellReport.msg": (
+    "msg/Own.msg:2:10: M403 topic 'cell_report' is already declared in msg/CellReport.msg:1:1": (
         f"{STAMP}# TOPICS cell_report\n"
     ),
     "msg/Own.msg:2:1: T106 'x' has a default value, which the firmware's templates do not support": (
@@ -424,6 +424,12 @@ def test_a_message_that_a_template_asks_for_in_vain_is_told(capsys: pytest.Captu
 def test_templates_that_are_not_there_are_told(folder: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert generate("--json", templates=folder) == FAILED
     assert errors(capsys) == [said]
+
+
+def test_a_template_of_another_name_is_told_the_name_that_it_needs(capsys: pytest.CaptureFixture[str]) -> None:
+    write_definitions(Path("mine"), {"rust.rs.em": "", "notes.txt": ""})
+    assert generate("--headers", templates="mine") == FAILED
+    assert errors(capsys) == ["mine: T102 has no template 'msg.h.em': the template needs this name, found rust.rs.em"]
 
 
 def test_all_folders_that_have_the_template_are_named(capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import shlex
 import shutil
@@ -25,11 +24,13 @@ import pytest
 from markdown_it import MarkdownIt
 
 from msggen.cli import main
+from msggen.identity import endpoints, uorb_topics
 from msggen.layout import lay_out
 from msggen.location import Location
 from msggen.model import ArrayKind, Catalog, Message, snake_case
 from support.capture import capture
 from support.catalogs import write_definitions
+from support.programs import required
 from support.reference import HEADERS, Values, deserialize, serialize
 from support.repository import NAMES, ROOT, VECTORS, every_message
 
@@ -38,14 +39,6 @@ PAGE = (ROOT / "docs" / "render.md").read_text(encoding="utf-8")
 HELPERS = Path(__file__).resolve().parent / "gallery"
 USUAL = ("little", 1)
 REFUSED = "refused"
-
-
-def required(name: str, *, is_there: bool) -> None:
-    """Skip the test if a tool is missing, or fail it in CI, which has all tools."""
-    if not is_there and os.environ.get("MSGGEN_CI"):
-        pytest.fail(f"CI must have {name}: .ci/run installs it")
-    if not is_there:
-        pytest.skip(f"needs {name}")
 
 
 def run(*command: str | Path, given: str = "", cwd: Path | None = None) -> str:
@@ -522,6 +515,19 @@ def test_a_page_has_every_field_and_every_constant_in_its_tables(name: str, page
     assert [text for text, row in zip(said, fields[1:], strict=True) if not row[4].startswith(text)] == []
     rows = [tuple(row[:2]) for table in constants for row in table[1:]]
     assert sorted(rows) == sorted((constant.name, str(constant.value)) for constant in message.constants)
+
+
+def test_the_page_of_topics_has_every_topic_and_endpoint(tmp_path: Path, embedded: Catalog) -> None:
+    render(GALLERY / "topics.md.j2", tmp_path, "--each", "catalog")
+    [[head, *rows]] = tables(tmp_path / "topics.md")
+    assert head == ["topic", "message", "endpoint", "direction", "rate limit"]
+    assert {(topic, message) for topic, message, *_ in rows} == {
+        (topic.name, topic.message.name) for topic in uorb_topics(embedded)
+    }
+    shown = sorted((name, topic) for topic, _, name, *_ in rows if name)
+    assert shown == sorted((found.ros_name, found.entry.uorb_topic) for found in endpoints(embedded))
+    assert {rate for *_, direction, rate in rows if direction == "in"} == {""}
+    assert all(rate.endswith(" Hz") for *_, direction, rate in rows if direction == "out")
 
 
 def test_links_between_pages_lead_somewhere(pages: Path) -> None:

@@ -59,8 +59,9 @@ def write(**files: str) -> None:
 
 
 def render(template: str, *options: str) -> int:
-    """Run `msggen render` on the small tree, into `out`; return the exit code."""
-    return main(["render", "--template", template, "--px4", "in", "-o", "out", *options])
+    """Run `msggen render` on the small tree or another source, into `out`; return the exit code."""
+    source = [] if "--px4" in options else ["--px4", "in"]
+    return main(["render", "--template", template, "-o", "out", *source, *options])
 
 
 def made() -> dict[str, str]:
@@ -291,6 +292,24 @@ ERRORS = [
     Case("any.h.j2:2:1", "T204", f"{BOTH}ZeroDivisionError: division by zero", "\n{{ 1 / 0 }}"),
     Case("any.h.j2:1:1", "T204", "TypeError: ", "{{ message.name + 1 }}"),
     Case("any.h.j2:1:1", "T204", "JSON", "{{ message | tojson }}"),
+    # names of other templates, and lists
+    Case("any.h.j2:1:1", "T202", "'name' is not defined: the template knows catalog and message", "{{ name }}"),
+    Case(
+        "any.h.j2:1:1",
+        "T202",
+        "a field has no 'array_len', did you mean 'length'?",
+        "{{ message.fields[0].array_len }}",
+    ),
+    Case("any.h.j2:1:1", "T202", "a field has no 'ctype', did you mean 'cpp_base'?", "{{ message.fields[0].ctype }}"),
+    Case("any.h.j2:1:1", "T202", "a message has no 'val'", "{{ message.val }}"),
+    Case("any.h.j2:1:1", "T202", "a list has no 'Rpm': loop over it", "{{ catalog.messages.Rpm ~ message }}"),
+    Case("any.h.j2:1:1", "T210", f"{BOTH}a message is not text", "{{ message }}"),
+    Case(
+        "any.h.j2:1:1",
+        "T202",
+        "a qos has no 'relability', did you mean 'reliability'?",
+        "{{ catalog.endpoints[0].writer_qos.relability ~ message }}",
+    ),
     Case("any.h.j2:1:1", "T204", "RecursionError", "{% include 'any.h.j2' %}"),
     Case("any.h.j2", "T204", "cannot be written as UTF-8", "{{ '\\udc80' }}"),
     # EmPy
@@ -304,6 +323,15 @@ ERRORS = [
     Case("any.em:1:1", "T105", "did you mean 'message'?", "@mesage.name", template="any.em"),
     Case("any.em:2:1", "T104", f"{BOTH}not Python", "\n@(message..name)", template="any.em"),
     Case("any.em:2:1", "T103", "", "\n@[for x in y]@", template="any.em"),
+    Case(
+        "any.em:1:1",
+        "T105",
+        "'name' is not defined: the template knows catalog and message",
+        "@name",
+        template="any.em",
+    ),
+    Case("any.em:1:1", "T105", "a list has no 'Rpm': loop over it", "@catalog.messages.Rpm", template="any.em"),
+    Case("any.em:1:1", "T105", "as in snake_case(message.name)", "@(message.name | snake_case)", template="any.em"),
     # neither Jinja2 nor EmPy
     Case("any.h", "T205", "expected a Jinja2 template (*.j2) or an EmPy template (*.em)", template="any.h"),
     # names of outputs
@@ -318,6 +346,8 @@ ERRORS = [
     named("{{ message.name }}/", "T206", "'Bar/' is a folder"),
     named("{{ message.name }}/..", "T206", "is a folder"),
     named("{{ message.name }}\n", "T206", "control character"),
+    named("{message.name}.proto", "T207", "Foo: --name has no {{ ... }}, as in '{{ message.name }}.h'"),
+    named("%s.proto", "T207", "Foo: --name has no {{ ... }}"),
     named("types.h", "T207", "'types.h' would be the output for both Bar and Foo: did you mean --each catalog?"),
     named("{{ {'Bar': 'x.h', 'Foo': 'a/../X.h'}[message.name] }}", "T207", "'X.h' would be the output for both"),
     named(
@@ -664,11 +694,160 @@ def test_both_templates_of_the_page_make_the_same() -> None:
     assert "foo[1].x" in texts["Bar.j2"]
 
 
-def test_a_whole_written_by_mistake_is_a_short_text(embedded: Catalog) -> None:
+# --- Objects that are not text
+
+OBJECTS = {
+    "message": "a message is not text, did you mean message.name?",
+    "message.fields[0]": "a field is not text, did you mean field.name?",
+    "catalog": "a catalog is not text, did you mean catalog.package?",
+    "catalog.endpoints[0]": "an endpoint is not text, did you mean endpoint.ros_name?",
+    "catalog.endpoints[0].reader_qos": "a qos is not text, did you mean qos.reliability?",
+    "catalog.topics[0]": "a topic is not text, did you mean topic.name?",
+    "catalog.services[0]": "a service is not text, did you mean service.name?",
+    "message.leaves[0]": "a leaf is not text, did you mean leaf.path?",
+    "message.fields": "a list is not text: loop over it",
+    "message.fields[0].enum_constants": "a list is not text: loop over it",
+}
+WRITTEN = {
+    "any.j2": tuple(
+        f"{{{{{{{{ message and ({text}) }}}}}}}}" for text in ("({})", "'a' ~ ({})", "[{}] | join", "'%s' | format({})")
+    ),
+    "any.em": ("@({})", "@('a' + str({}))", "@(f'{{{}}}')", "@('%s' % ({},))"),
+}
+
+
+@pytest.mark.parametrize("template", WRITTEN)
+@pytest.mark.parametrize("name", OBJECTS)
+def test_an_object_is_not_text(name: str, template: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for text in WRITTEN[template]:
+        Path(template).write_text(text.format(name))
+        assert render(template) == FAILED, text
+        assert capsys.readouterr().err.splitlines()[0] == f"{template}:1:1: T210 {BOTH}{OBJECTS[name]}"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("{{ [message] }}", "a message is not text, did you mean message.name?"),
+        ("{{ {'a': message} }}", "a message is not text, did you mean message.name?"),
+        ("{{ message.fields | list }}", "a field is not text, did you mean field.name?"),
+        ("{{ message.name.upper }}", "a builtin function or method is not text: call it"),
+        ("{{ message.fields | map(attribute='name') }}", "a generator is not text: loop over it"),
+        ("{% macro m() %}{% endmacro %}{{ m }}", "a Macro is not text: call it"),
+        ("{{ message.fields[0].message or message }}", "a message is not text, did you mean message.name?"),
+    ],
+)
+def test_an_object_of_python_is_not_text(text: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2=text)
+    assert render("any.j2") == FAILED
+    assert capsys.readouterr().err.splitlines()[0] == f"any.j2:1:1: T210 {BOTH}{told}"
+    write(any__j2="x")
+    assert render("any.j2", "--name", text) == FAILED
+    assert capsys.readouterr().err.splitlines()[0] == f"--name: T210 {BOTH}{told}"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("{{ message.cdr_size }} {{ message.is_static }} {{ none }} {{ 1.5 }}", "20 True None 1.5"),
+        ("{{ message.fields | map(attribute='name') | list }}", "['timestamp', 'x']"),
+        ("{{ [1, none, {'a': [2]}] }} {{ message.fields[1].tags }}", "[1, None, {'a': [2]}] {}"),
+        ("{{ message.comment | escape }}", "What it is."),
+    ],
+)
+def test_numbers_and_lists_of_text_are_text(text: str, expected: str) -> None:
+    write(any__j2=text)
+    assert render("any.j2", "--message", "Foo") == DONE
+    assert made()["foo"] == expected
+
+
+def test_a_view_describes_itself_to_python(embedded: Catalog) -> None:
     catalog = Views(embedded).catalog
     message = catalog.messages[0]
-    assert f"{message} {message.fields[:1]}" == "<message ActionRequest> (<field timestamp>,)"
-    assert str(catalog) == "<catalog px4_msgs>"
+    assert f"{message!r} {message.fields[:1]!r}" == "<message ActionRequest> (<field timestamp>,)"
+    assert repr(catalog) == "<catalog px4_msgs>"
+
+
+# --- Templates in the firmware's style
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "@[for field in spec.parsed_fields()]@field.name@[end for]",
+        "@{from px_generate_uorb_topic_helper import *}",
+        "@file_name_in",
+        "@name_snake_case",
+        "@(', '.join(all_topics))",
+        "@type_includes",
+        "@[for each in publications]x@[end for]",
+    ],
+)
+def test_a_template_in_the_firmwares_style_is_told_its_command(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__em=f"\n{text}")
+    assert render("any.em") == FAILED
+    first = capsys.readouterr().err.splitlines()[0]
+    assert first.startswith("any.em:2:1: T105 ")
+    assert first.endswith(": msggen px4-generate renders templates in the firmware's style")
+
+
+def test_genmsg_is_told_its_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setitem(sys.modules, "genmsg", None)
+    write(any__em="@{import genmsg.msgs}")
+    assert render("any.em") == FAILED
+    assert "msggen px4-generate" in capsys.readouterr().err
+
+
+def test_the_names_that_replace_those_of_the_firmware_exist(catalog: CatalogView) -> None:
+    section = PAGE.partition("### Templates in the firmware's style\n")[2].partition("\n## ")[0]
+    names = [name for row in section.splitlines()[5:] for name in re.findall(r"`([^`]+)`", row.split("|")[2:][0])]
+    assert len(names) > 10
+    message = next(message for message in catalog.messages if message.constants)
+    known = {"message": message, "field": message.fields[0], "constant": message.constants[0], "catalog": catalog}
+    for name in names:
+        eval(name, {**FILTERS, **known, "name": "", "direction": ""})  # noqa: S307 - of the page
+
+
+@pytest.mark.parametrize(("name", "hint"), [("part.em", ", did you mean 'templates/part.em'?"), ("prat.em", "")])
+def test_a_missing_include_of_empy_is_told_in_words(name: str, hint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    write_definitions(Path("templates"), {"any.em": f"@empy.include('{name}')", "part.em": "x"})
+    assert render("templates/any.em") == FAILED
+    first = capsys.readouterr().err.splitlines()[0]
+    text = f"FileNotFoundError: cannot open '{name}': No such file or directory{hint}"
+    assert first == f"templates/any.em:1:1: T105 {BOTH}{text}"
+
+
+# --- Topics and rates
+
+
+def test_a_topic_has_its_own_endpoints(catalog: CatalogView) -> None:
+    endpoints = [endpoint for topic in catalog.topics for endpoint in topic.endpoints]
+    assert sorted(map(repr, endpoints)) == sorted(map(repr, catalog.endpoints))
+    assert all(endpoint.topic is topic for topic in catalog.topics for endpoint in topic.endpoints)
+    assert any(topic.endpoints != topic.message.endpoints for topic in catalog.topics)
+
+
+BRIDGE = """publications:
+- {topic: /fmu/out/a, type: 'px4_msgs::msg::Foo', rate_limit: 12.5}
+- {topic: /fmu/out/b, type: 'px4_msgs::msg::Foo', rate_limit: 0}
+- {topic: /fmu/out/c, type: 'px4_msgs::msg::Foo'}
+subscriptions:
+- {topic: /fmu/in/d, type: 'px4_msgs::msg::Foo'}
+"""
+
+
+@pytest.mark.parametrize(
+    ("release", "expected"),
+    [
+        ("v1.18", ["12.5 Hz", "no limit", "250 Hz", ""]),
+        ("v1.17", ["12.5 Hz", "100 Hz", "100 Hz", ""]),
+    ],
+)
+def test_a_rate_limit_is_text(release: str, expected: list[str]) -> None:
+    write_definitions(Path("in"), {"msg/Foo.msg": f"{STAMP}# TOPICS a b c d\n", "dds_topics.yaml": BRIDGE})
+    write(any__j2="{% for each in catalog.endpoints %}{{ each.rate_limit }},{% endfor %}")
+    assert render("any.j2", "--each", "catalog", "--release", release) == DONE
+    assert made() == {"any": "".join(f"{each}," for each in expected)}
 
 
 def test_an_indent_is_a_number() -> None:
@@ -690,6 +869,37 @@ def test_only_the_named_messages_are_rendered_to_stdout(
     assert not (working_folder / "-").exists()
     assert main([*arguments, "made"]) == 0
     assert sorted(path.name for path in (working_folder / "made").iterdir()) == ["esc_report.txt", "rpm.txt"]
+
+
+@pytest.mark.parametrize("kind", ["j2", "em"])
+def test_texts_on_stdout_start_on_a_line_of_their_own(kind: str, capfdbinary: pytest.CaptureFixture[bytes]) -> None:
+    Path(f"any.{kind}").write_text("{{ message.name }}" if kind == "j2" else "@message.name")
+    assert main(["render", "--template", f"any.{kind}", "--px4", "in", "-o", "-"]) == DONE
+    assert capfdbinary.readouterr().out == b"Bar\nFoo"
+    assert render(f"any.{kind}") == DONE
+    assert made() == {"bar": "Bar", "foo": "Foo"}
+
+
+@pytest.mark.parametrize("kind", ["j2", "em"])
+def test_a_byte_order_mark_of_a_template_is_not_written(kind: str) -> None:
+    Path(f"any.{kind}").write_text("x\n", encoding="utf-8-sig")
+    assert render(f"any.{kind}") == DONE
+    assert made() == {"bar": "x\n", "foo": "x\n"}
+
+
+@pytest.mark.parametrize("name", ["Foo,Bar", "Foo Bar", "F*", "Fo?", "[FB]*"])
+def test_a_list_or_a_pattern_of_messages_is_told_the_option(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="")
+    assert render("any.j2", "--message", name) == FAILED
+    hint = "name one message, and repeat --message for more"
+    assert capsys.readouterr().err.startswith(f"--message: T208 the sources have no message '{name}': {hint}\n")
+
+
+def test_an_output_below_a_file_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    write(any__j2="", file="")
+    for command in (["render", "--template", "any.j2"], ["build"]):
+        assert main([*command, "--px4", "in", "-o", "file/out"]) == FAILED
+        assert capsys.readouterr().err.startswith("file: S129 this is not a folder, and the output needs one here: ")
 
 
 def test_unknown_messages_are_reported_with_the_nearest_name(
@@ -723,7 +933,7 @@ def test_options_that_contradict_each_other_are_refused(
     with pytest.raises(SystemExit) as stopped:
         main(["render", "--template", "name.txt.j2", *options])
     assert stopped.value.code == 2
-    assert capsys.readouterr().err.endswith(f"error: {told}\n")
+    assert capsys.readouterr().err.splitlines()[0].endswith(f"error: {told}")
 
 
 WHOLE = "{{ catalog.messages | length }}"
@@ -760,5 +970,5 @@ def test_an_output_that_is_no_folder_is_told_how_to_print(output: str, capsys: p
     with pytest.raises(SystemExit) as stopped:
         main(["render", "--template", "any.h.j2", "-o", output])
     assert stopped.value.code == FAILED
-    told = f"-o names a folder, and '{output}' is not one: to print the text, use -o -\n"
-    assert capsys.readouterr().err.endswith(told)
+    told = f"-o names a folder, and '{output}' is not one: to print the text, use -o -"
+    assert capsys.readouterr().err.splitlines()[0].endswith(told)

@@ -248,8 +248,9 @@ def test_brackets_are_no_markup() -> None:
 
 def test_json_says_everything() -> None:
     document = json.loads(rendered("json"))
-    assert list(document) == ["previous", "current", "summary", "compared", "findings"]
+    assert list(document) == ["previous", "current", "summary", "compared", "ignored", "findings"]
     assert document["compared"] == 236
+    assert document["ignored"] == 0
     assert document["findings"][4] == {
         "rule": "FIELD_MOVED",
         "category": "WIRE",
@@ -476,7 +477,7 @@ def test_explain_lists_the_rules_of_a_category(capsys: pytest.CaptureFixture[str
     ("wrong", "said"),
     [
         ("WIRES", "unknown rule 'WIRES', did you mean 'WIRE'?"),
-        ("m399", "unknown code 'm399', did you mean 'M306'?"),
+        ("m399", "unknown code 'm399', did you mean 'M307'?"),
         ("M3011", "unknown rule 'M3011', did you mean 'M301'?"),
         ("X301", "unknown rule 'X301', did you mean 'M301'?"),
     ],
@@ -503,9 +504,9 @@ def test_the_nearest_command_is_suggested(
     with pytest.raises(SystemExit) as stopped:
         main(arguments)
     assert stopped.value.code == 2
-    last = capsys.readouterr().err.splitlines()[-1]
-    assert f": invalid choice: '{wrong}' (choose from " in last
-    assert last.endswith(f"), did you mean '{meant}'?")
+    told = capsys.readouterr().err.splitlines()[0]
+    assert f": invalid choice: '{wrong}' (choose from " in told
+    assert told.endswith(f"), did you mean '{meant}'?")
 
 
 @pytest.mark.slow

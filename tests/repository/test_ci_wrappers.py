@@ -274,7 +274,10 @@ CONSOLE: list[list[str]] = [block.splitlines() for block in re.findall(r"```cons
 
 @pytest.fixture
 def documented(working_folder: Path) -> None:
-    """Create the example of the page: a firmware with two fields swapped and one renamed, and an older package."""
+    """Create the example of the page: a firmware with two fields swapped and one renamed, and an older package.
+
+    Another package has a new field that is not committed.
+    """
     firmware, package = working_folder / "PX4-Autopilot", working_folder / "src" / "px4_msgs"
     for name in ("msg", "srv"):
         shutil.copytree(ROOT / name, firmware / name)
@@ -287,6 +290,10 @@ def documented(working_folder: Path) -> None:
     setpoint, armed = (firmware / "msg" / name for name in ("versioned/TrajectorySetpoint.msg", "ActuatorArmed.msg"))
     setpoint.write_text(swap(setpoint.read_text(encoding="utf-8"), "acceleration", "jerk"), encoding="utf-8")
     armed.write_text(armed.read_text(encoding="utf-8").replace("bool kill ", "bool killed "), encoding="utf-8")
+    rotor = "uint64 timestamp\nfloat32 vibration\n"
+    own = {"package.xml": "<package><name>acme_msgs</name></package>", "msg/RotorHealth.msg": rotor}
+    commit_all(write_definitions(working_folder / "src" / "acme_msgs", own))
+    (working_folder / "src/acme_msgs/msg/RotorHealth.msg").write_text(f"{rotor}float32 temperature\n")
 
 
 def console(command: str) -> list[str]:
@@ -318,6 +325,17 @@ def test_the_page_shows_what_the_hook_prints(capsys: pytest.CaptureFixture[str])
 
 def snippets() -> list[Any]:
     return [yaml.safe_load(text) for text in re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)]
+
+
+def test_the_snippets_see_warnings_and_commits_of_submodules() -> None:
+    """Only `--strict` fails for a changed unit, and only `always_run` sees a new commit of a submodule."""
+    hooks = {hook["id"]: hook for hook in next(each for each in snippets() if "repos" in each)["repos"][0]["hooks"]}
+    assert "--strict" in hooks["msggen-check"]["args"]
+    assert all(hook.get("always_run") for hook in hooks.values() if "PX4-Autopilot" in hook["args"])
+    blocks = re.findall(r"```(?:yaml|groovy)\n(.*?)```", PAGE, re.DOTALL)
+    checks = [line for block in blocks for line in block.splitlines() if "PX4-Autopilot src/px4_msgs" in line]
+    assert len(checks) == 4
+    assert all("--strict" in line for line in checks)
 
 
 def test_the_snippets_name_hooks_and_inputs_that_exist() -> None:

@@ -1,4 +1,4 @@
-"""Tests that the snippet of docs/cmake.md, copied unchanged, builds, rebuilds and does nothing when up to date."""
+"""Tests that the snippets of docs/cmake.md, copied unchanged, build, rebuild and do nothing when up to date."""
 
 from __future__ import annotations
 
@@ -24,12 +24,18 @@ MARKER = "__init__.py"
 GENERATORS = {"Unix Makefiles": "make", "Ninja": "ninja"}
 
 
-def snippet() -> str:
-    """Return the first CMake block of the page."""
+START = "cmake_minimum_required(VERSION 3.20)\nproject(all LANGUAGES NONE)\nfind_package(msggen REQUIRED)\n"
+"""The beginning of a CMakeLists.txt."""
+
+
+def snippets() -> list[str]:
+    """Return the CMake blocks of the page: a whole project, an installation, and a call of msggen_render."""
     page = (ROOT / "docs" / "cmake.md").read_text(encoding="utf-8")
-    found = re.search(r"^```cmake\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
-    assert found is not None
-    return found[1]
+    return re.findall(r"^```cmake\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+
+
+def snippet() -> str:
+    return snippets()[0]
 
 
 class Project:
@@ -201,8 +207,7 @@ def test_the_function_takes_the_sources_of_build(arguments: str, tmp_path: Path)
         },
     )
     made, text = VARIATIONS[arguments]
-    start = "cmake_minimum_required(VERSION 3.20)\nproject(all LANGUAGES NONE)\nfind_package(msggen REQUIRED)\n"
-    (tmp_path / "CMakeLists.txt").write_text(f"{start}msggen_generate(all_types {arguments})\n")
+    (tmp_path / "CMakeLists.txt").write_text(f"{START}msggen_generate(all_types {arguments})\n")
     project.configure()
     assert project.build() == 1
     assert project.build() == 0
@@ -220,8 +225,7 @@ def test_paths_with_two_dots_are_normalised_in_messages(tmp_path: Path) -> None:
     project = Project(tmp_path, "Ninja")
     write_definitions(tmp_path, {"fw/msg/Fan.msg": "float3 x\n"})
     call = "msggen_generate(all_types PX4 fw/../fw MSG_DIRS msg/../msg OUTPUT a/../b)"
-    start = "cmake_minimum_required(VERSION 3.20)\nproject(all LANGUAGES NONE)\nfind_package(msggen REQUIRED)\n"
-    (tmp_path / "CMakeLists.txt").write_text(f"{start}{call}\n")
+    (tmp_path / "CMakeLists.txt").write_text(f"{START}{call}\n")
     done = project.attempt("-S", ".", "-B", "build", "-G", "Ninja", *project.found())
     assert f"{tmp_path}/fw/msg/Fan.msg:1:1: M301" in "".join(done.stderr.split("\n"))
     assert "/../" not in project.log.read_text()
@@ -231,9 +235,7 @@ def test_paths_with_two_dots_are_normalised_in_messages(tmp_path: Path) -> None:
 @pytest.mark.tools("cmake", "ninja")
 def test_the_page_installs_a_package_without_the_records_of_msggen(tmp_path: Path) -> None:
     project = Project(tmp_path, "Ninja")
-    page = (ROOT / "docs" / "cmake.md").read_text(encoding="utf-8")
-    call = re.findall(r"^```cmake\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[1]
-    (tmp_path / "CMakeLists.txt").write_text(snippet() + call)
+    (tmp_path / "CMakeLists.txt").write_text(snippet() + snippets()[1])
     project.configure()
     project.build()
     project.run("--install", "build", "--prefix", str(tmp_path / "prefix"))
@@ -252,8 +254,109 @@ def test_the_page_installs_a_package_without_the_records_of_msggen(tmp_path: Pat
 )
 def test_a_wrong_call_stops_the_configuration(arguments: str, told: str, tmp_path: Path) -> None:
     project = Project(tmp_path, "Ninja")
-    start = "cmake_minimum_required(VERSION 3.20)\nproject(all LANGUAGES NONE)\nfind_package(msggen REQUIRED)\n"
-    (tmp_path / "CMakeLists.txt").write_text(f"{start}msggen_generate(all_types {arguments})\n")
+    (tmp_path / "CMakeLists.txt").write_text(f"{START}msggen_generate(all_types {arguments})\n")
+    done = project.attempt("-S", ".", "-B", "build", "-G", "Ninja", *project.found())
+    assert done.returncode != 0
+    assert told in " ".join(done.stderr.split())
+
+
+# --- msggen_render
+
+TEMPLATES = {
+    "templates/message.hpp.j2": '{% include "start.j2" %}\n// {{ message.name }}: {{ message.fields | length }}\n',
+    "templates/start.j2": "#pragma once\n",
+    "templates/names.txt.em": "@empy.include('templates/start.j2')@[for m in catalog.messages] @m.name@[end for]\n",
+}
+
+
+@pytest.fixture(
+    params=[pytest.param(name, marks=pytest.mark.tools("cmake", program)) for name, program in GENERATORS.items()]
+)
+def rendered(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
+    """A built project with the page's call of msggen_render and one of an EmPy template, and all files one day old."""
+    made = Project(tmp_path, request.param)
+    of_catalog = "msggen_render(names TEMPLATE templates/names.txt.em EACH catalog MSG_DIRS msg OUTPUT include)\n"
+    text = snippets()[2] + of_catalog
+    write_definitions(tmp_path, {**TEMPLATES, "CMakeLists.txt": START + text})
+    made.package = made.build_folder / "include"
+    made.configure()
+    assert made.build() == len(re.findall("msggen_render", text))
+    made.age()
+    return made
+
+
+@pytest.mark.slow
+def test_rendered_files_are_made_once(rendered: Project) -> None:
+    before = rendered.times()
+    assert (rendered.package / "LampReport.hpp").read_text() == "#pragma once\n// LampReport: 2\n"
+    assert (rendered.package / "names.txt").read_text() == "#pragma once\n Lamp LampReport\n"
+    assert rendered.build() == 0
+    assert rendered.times() == before
+
+
+@pytest.mark.slow
+def test_an_edited_definition_renders_again(rendered: Project) -> None:
+    before = rendered.times()
+    with (rendered.source / "msg" / "LampReport.msg").open("a") as stream:
+        stream.write("uint8 last\n")
+    assert rendered.build() == 2
+    after = rendered.times()
+    assert {name for name in before if after[name] != before[name]} == {"Lamp.hpp", "LampReport.hpp", "names.txt"}
+    assert after["Lamp.hpp"][0] == before["Lamp.hpp"][0], "the first file is only touched"
+    assert (rendered.package / "LampReport.hpp").read_text().endswith(": 3\n")
+    assert rendered.build() == 0
+
+
+@pytest.mark.slow
+def test_an_added_definition_is_rendered_however_old_it_is(rendered: Project) -> None:
+    added = rendered.source / "msg" / "Switch.msg"
+    added.write_text("uint64 timestamp\nbool on\n")
+    os.utime(added, (10**9, 10**9))
+    assert rendered.build() == 2
+    assert (rendered.package / "Switch.hpp").is_file()
+    assert rendered.build() == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "runs"), [("message.hpp.j2", 1), ("start.j2", 2), ("names.txt.em", 1)])
+def test_an_edited_template_or_include_renders_again(name: str, runs: int, rendered: Project) -> None:
+    path = rendered.source / "templates" / name
+    path.write_text(path.read_text() + "// edited\n")
+    assert rendered.build() == runs
+    assert "// edited" in "".join(path.read_text() for path in rendered.package.iterdir())
+    assert rendered.build() == 0
+
+
+@pytest.mark.slow
+def test_an_error_in_a_template_stops_the_build_and_ends_its_output(rendered: Project) -> None:
+    path = rendered.source / "templates" / "message.hpp.j2"
+    path.write_text("\n{{ message.nam }}\n")
+    done = rendered.attempt("--build", str(rendered.build_folder))
+    assert done.returncode != 0
+    said = (done.stdout if rendered.generator == "Ninja" else done.stderr).splitlines()
+    place = next(number for number, line in enumerate(said) if line.startswith(f"{path}:2:1: T202 "))
+    assert said[place].endswith("Lamp and 1 other: a message has no 'nam', did you mean 'name'?")
+    assert len(said) - place < 6
+    path.write_text("")
+    assert rendered.build() == 1
+    assert rendered.build() == 0
+
+
+@pytest.mark.slow
+@pytest.mark.tools("cmake", "ninja")
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ("TEMPLATE a.j2", "msggen_render: OUTPUT is missing"),
+        ("OUTPUT include", "msggen_render: TEMPLATE is missing"),
+        ("TEMPLATE a.j2 OUTPUT include EECH catalog", "msggen_render: unknown argument"),
+        ("TEMPLATE a.j2 OUTPUT include MSG_DIRS msg EACH mesage", "did you mean 'message'"),
+        ("TEMPLATE templates/a.j2 OUTPUT include MSG_DIRS msg", "T102 cannot read the template"),
+    ],
+)
+def test_a_wrong_call_of_msggen_render_stops_the_configuration(arguments: str, told: str, tmp_path: Path) -> None:
+    project = Project(tmp_path, "Ninja")
+    (tmp_path / "CMakeLists.txt").write_text(f"{START}msggen_render(all_types {arguments})\n")
     done = project.attempt("-S", ".", "-B", "build", "-G", "Ninja", *project.found())
     assert done.returncode != 0
     assert told in " ".join(done.stderr.split())

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -413,17 +414,43 @@ def test_a_package_may_have_a_name_of_its_own() -> None:
     for name in ("package.xml", "CMakeLists.txt", "README.md"):
         assert "my_msgs" in Path("my_msgs", name).read_text()
         assert name == "README.md" or "px4_msgs" not in Path("my_msgs", name).read_text()
-    assert "msggen sync --px4 PX4-Autopilot --ros-package my_msgs my_msgs" in Path("my_msgs/README.md").read_text()
     assert sync("-q", "--px4", "firmware", "--package", "my_msgs", "my_msgs") == 0
 
 
-def test_the_readme_has_the_option_that_the_next_sync_needs_too() -> None:
+def test_the_command_of_the_readme_updates_the_package(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command needs only the paths of the machine: no name, no option, and no source is forgotten."""
+    firmware("path/to/firmware")
+    write_definitions(Path("path/to/my extra"), {"Arm.msg": "uint64 timestamp\ngeometry_msgs/Point at\n"})
+    write_definitions(Path("path/to/geometry_msgs"), {"msg/Point.msg": "float64 x\n"})
+    further = ("--msg-dir", "path/to/my extra", "--msg-dir", "geometry_msgs=path/to/geometry_msgs")
+    first = ("--px4", "path/to/firmware", *further, "--create", "--ros-package", "my_msgs", "--topics-only")
+    assert sync("-q", *first, "ws/src/rest") == 0
+    Path("ws/src/rest/path").symlink_to(Path("path").resolve())
+    monkeypatch.chdir("ws/src/rest")
+    [command] = [line for line in Path("README.md").read_text().splitlines() if line.startswith("$ msggen sync ")]
+    for name in ("msg/EscStatus.msg", "msg/Arm.msg"):
+        Path(name).unlink(missing_ok=True)
+    capsys.readouterr()
+    assert sync(*shlex.split(command)[3:]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].endswith(": 1 added, 5 unchanged")
+    assert main(["check", *shlex.split(command)[3:]]) == 0
+
+
+def test_the_readme_of_an_embedded_release_names_it() -> None:
+    assert sync("-q", "--create", PACKAGE) == 0
+    assert "$ msggen sync --px4 v1.18 .\n" in (PACKAGE / "README.md").read_text()
+
+
+def test_a_package_keeps_the_choice_of_topics_only() -> None:
     firmware()
     assert sync("-q", "--px4", "firmware", "--create", "--topics-only", PACKAGE) == 0
-    assert "msggen sync --px4 PX4-Autopilot --topics-only px4_msgs" in (PACKAGE / "README.md").read_text()
-    assert sync("-q", "--px4", "firmware", "--topics-only", "--dry-run", PACKAGE) == 0
-    assert sync("-q", "--px4", "firmware", PACKAGE) == 0
+    for more in ((), ("--topics-only",)):
+        assert sync("-q", "--px4", "firmware", *more, "--dry-run", PACKAGE) == 0
+    assert sync("-q", "--px4", "firmware", "--no-topics-only", PACKAGE) == 0
     assert content(PACKAGE) == content(package("fresh"))
+    assert sync("-q", "--px4", "firmware", "--dry-run", PACKAGE) == 0
 
 
 @pytest.mark.parametrize("place", ["new", "a/b/new", "empty"])

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import shutil
 import stat
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -299,11 +302,11 @@ REFUSALS = [
         ("--px4", "firmware", "--create", "--package", "my_msgs", "new"),
     ),
     # dirty target
-    Refusal("S113", str(RPM), "commit or stash", uncommitted_edit),
-    Refusal("S113", str(RPM), "commit or stash", staged_edit),
+    Refusal("S113", str(RPM), "discard them with `git -C px4_msgs restore msg/Rpm.msg`", uncommitted_edit),
+    Refusal("S113", str(RPM), "with `git -C px4_msgs restore --staged --worktree msg/Rpm.msg`", staged_edit),
     Refusal("S113", str(RPM), "commit or stash", uncommitted_and_obsolete),
     Refusal("S113", str(RPM), "commit or stash", uncommitted_in_a_workspace),
-    Refusal("S113", "px4_msgs/msg/Wheel.msg", "commit or stash", untracked_in_the_way),
+    Refusal("S113", "px4_msgs/msg/Wheel.msg", "commit or stash it (`git stash -u`)", untracked_in_the_way),
     Refusal("S113", str(RPM), "git ignores this file", ignored_edit),
     Refusal("S113", "px4_msgs/msg/Wheel.msg", "git ignores this file", ignored_in_the_way),
     Refusal("S113", "px4_msgs", "cannot read the git status", broken_repository),
@@ -353,6 +356,10 @@ def test_it_is_refused_with_its_place_and_everything_stays(
     edit_firmware()
     refusal.prepare()
     before = state(Path())
+    if looking and refusal.code == "S113" and "git status" not in refusal.fragment:
+        assert sync(*refusal.arguments, *looking) == 1
+        assert state(Path()) == before
+        return
     assert sync(*refusal.arguments, *looking) == 2
     output = capsys.readouterr()
     first, last = output.err.splitlines()
@@ -526,6 +533,52 @@ def test_a_package_that_no_repository_has_is_not_guarded_by_the_one_around_it() 
     edit(RPM)
     edit_firmware()
     assert sync("-q", *SYNC) == 0
+
+
+@pytest.mark.parametrize("cause", [uncommitted_edit, staged_edit, uncommitted_in_a_workspace])
+def test_the_command_for_uncommitted_changes_makes_sync_possible(
+    cause: Callable[[], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    firmware()
+    package()
+    edit_firmware()
+    cause()
+    assert sync(*SYNC) == 2
+    [command] = re.findall(r"`(git .*)`", capsys.readouterr().err)
+    subprocess.run(shlex.split(command), check=True)
+    assert sync("-q", *SYNC) == 0
+
+
+def test_the_patch_shows_uncommitted_changes(capsys: pytest.CaptureFixture[str]) -> None:
+    firmware()
+    package()
+    uncommitted_edit()
+    before = state(Path())
+    assert sync("-q", *SYNC, "--diff") == 1
+    assert "+++ px4_msgs/msg/Rpm.msg" in capsys.readouterr().out
+    assert state(Path()) == before
+
+
+def test_a_misspelt_package_is_suggested(capsys: pytest.CaptureFixture[str]) -> None:
+    firmware()
+    package("ws/src/acme_msgs")
+    for name in ("ws/src/acme_mgs", "ws/scr/acme_msgs"):
+        near = "ws/src" if "scr" in name else "ws/src/acme_msgs"
+        assert sync("--px4", "firmware", name) == 2
+        text = f"{name}: S111 no such folder, did you mean '{near}'? --create creates a new package\n"
+        assert capsys.readouterr().err.startswith(text)
+        assert main(["check", "--px4", "firmware", name]) == 2
+        assert capsys.readouterr().err.startswith(f"{name}: S101 no such folder, did you mean '{near}'?\n")
+
+
+def test_an_empty_folder_may_be_a_submodule(capsys: pytest.CaptureFixture[str]) -> None:
+    firmware()
+    package()
+    Path("PX4-Autopilot").mkdir()
+    for command in ("sync", "check"):
+        assert main([command, "--px4", "PX4-Autopilot", "px4_msgs"]) == 2
+        text = "PX4-Autopilot: S102 empty folder: a submodule that is not checked out?\n"
+        assert capsys.readouterr().err.startswith(text)
 
 
 def test_a_hook_of_another_repository_does_not_mislead(monkeypatch: pytest.MonkeyPatch) -> None:

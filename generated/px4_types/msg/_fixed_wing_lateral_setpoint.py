@@ -36,13 +36,13 @@ class FixedWingLateralSetpoint(_cdr.Message):
     """uint64 [us] Time since boot."""
 
     course: float
-    """float32 [rad] [@range -pi, pi] [@invalid NaN] Direction over ground to fly, clockwise from true
-    north.
+    """float32 [rad] [@range -pi, pi] [@invalid NaN] [@frame NED] Direction over ground to fly, clockwise
+    from true north.
     """
 
     airspeed_direction: float
-    """float32 [rad] [@range -pi, pi] [@invalid NaN] Direction through the air, from true north. If set,
-    course is ignored.
+    """float32 [rad] [@range -pi, pi] [@invalid NaN] [@frame NED] Direction through the air, from true
+    north. If set, course is ignored.
     """
 
     lateral_acceleration: float
@@ -101,11 +101,12 @@ class FixedWingLateralSetpoint(_cdr.Message):
         fields=(
             info.Field("timestamp", "uint64", 0, 8, unit="us", description="Time since boot."),
             info.Field(
-                "course", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN",
+                "course", "float32", 8, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
                 description="Direction over ground to fly, clockwise from true north.",
             ),
             info.Field(
                 "airspeed_direction", "float32", 12, 4, unit="rad", range="-pi, pi", invalid="NaN",
+                frame="NED",
                 description="Direction through the air, from true north. If set, course is ignored.",
             ),
             info.Field(

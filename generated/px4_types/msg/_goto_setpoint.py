@@ -51,8 +51,8 @@ class GotoSetpoint(_cdr.Message):
     """bool True to turn to heading as well. Otherwise the heading is left free."""
 
     heading: float
-    """float32 [rad] [@range -pi, pi] Target heading, 0 is north, clockwise positive. Read only with
-    flag_control_heading.
+    """float32 [rad] [@range -pi, pi] [@frame NED] Target heading, 0 is north, clockwise positive. Read
+    only with flag_control_heading.
     """
 
     flag_set_max_horizontal_speed: bool
@@ -158,7 +158,7 @@ class GotoSetpoint(_cdr.Message):
                 description="True to turn to heading as well. Otherwise the heading is left free.",
             ),
             info.Field(
-                "heading", "float32", 24, 4, unit="rad", range="-pi, pi",
+                "heading", "float32", 24, 4, unit="rad", range="-pi, pi", frame="NED",
                 description="Target heading, 0 is north, clockwise positive. Read only with flag_control_heading.",
             ),
             info.Field(

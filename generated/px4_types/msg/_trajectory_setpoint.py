@@ -54,7 +54,9 @@ class TrajectorySetpoint(_cdr.Message):
     """float32[3] [m/s^3] [@invalid NaN] [@frame NED] Recorded in the log, has no effect on control."""
 
     yaw: float
-    """float32 [rad] [@range -pi, pi] [@invalid NaN] Heading to hold, 0 is north, clockwise positive."""
+    """float32 [rad] [@range -pi, pi] [@invalid NaN] [@frame NED] Heading to hold, 0 is north, clockwise
+    positive.
+    """
 
     yawspeed: float
     """float32 [rad/s] [@invalid NaN] [@frame NED] Turn rate about the down axis, clockwise positive seen
@@ -150,7 +152,7 @@ class TrajectorySetpoint(_cdr.Message):
                 description="Recorded in the log, has no effect on control.",
             ),
             info.Field(
-                "yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN",
+                "yaw", "float32", 56, 4, unit="rad", range="-pi, pi", invalid="NaN", frame="NED",
                 description="Heading to hold, 0 is north, clockwise positive.",
             ),
             info.Field(

@@ -40,7 +40,9 @@ class VehicleAttitude(_cdr.Message):
     """uint64 [us] When the IMU data behind the estimate was taken."""
 
     q: tuple[float, float, float, float]
-    """float32[4] Unit Hamilton quaternion (w, x, y, z) turning body FRD vectors into local NED."""
+    """float32[4] [@frame NED] Unit Hamilton quaternion (w, x, y, z) turning body FRD vectors into local
+    NED.
+    """
 
     delta_q_reset: tuple[float, float, float, float]
     """float32[4] Rotation (w, x, y, z) by which q jumped at the latest estimator reset."""
@@ -115,7 +117,7 @@ class VehicleAttitude(_cdr.Message):
                 description="When the IMU data behind the estimate was taken.",
             ),
             info.Field(
-                "q", "float32[4]", 16, 16,
+                "q", "float32[4]", 16, 16, frame="NED",
                 description="Unit Hamilton quaternion (w, x, y, z) turning body FRD vectors into local NED.",
             ),
             info.Field(

@@ -40,7 +40,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
     """float32 [rad/s] Demanded yaw rate, mostly the pilot's, fed forward to the rate controller."""
 
     q_d: tuple[float, float, float, float]
-    """float32[4] Target attitude as a unit quaternion (w, x, y, z), rotating body FRD to NED."""
+    """float32[4] [@frame NED] Target attitude as a unit quaternion (w, x, y, z), rotating body FRD to NED."""
 
     thrust_body: tuple[float, float, float]
     """float32[3] [@range -1, 1] [@frame FRD] Share of full thrust per axis. Multicopters use -z (up is
@@ -111,7 +111,7 @@ class VehicleAttitudeSetpoint(_cdr.Message):
                 description="Demanded yaw rate, mostly the pilot's, fed forward to the rate controller.",
             ),
             info.Field(
-                "q_d", "float32[4]", 12, 16,
+                "q_d", "float32[4]", 12, 16, frame="NED",
                 description="Target attitude as a unit quaternion (w, x, y, z), rotating body FRD to NED.",
             ),
             info.Field(

@@ -108,8 +108,8 @@ class VehicleOdometry(_cdr.Message):
     """
 
     q: tuple[float, float, float, float]
-    """float32[4] [-] [@invalid NaN First value if invalid/unknown] Rotation from body axes to pose_frame
-    as Hamilton quaternion w, x, y, z.
+    """float32[4] [-] [@invalid NaN First value if invalid/unknown] [@frame @pose_frame] Rotation from body
+    axes to pose_frame as Hamilton quaternion w, x, y, z.
     """
 
     velocity_frame: int
@@ -126,13 +126,15 @@ class VehicleOdometry(_cdr.Message):
     """
 
     position_variance: tuple[float, float, float]
-    """float32[3] [m^2] Uncertainty of position, per axis."""
+    """float32[3] [m^2] [@frame @pose_frame] Uncertainty of position, per axis."""
 
     orientation_variance: tuple[float, float, float]
-    """float32[3] [rad^2] Uncertainty of the attitude as roll, pitch and yaw about the body axes."""
+    """float32[3] [rad^2] [@frame @VELOCITY_FRAME_BODY_FRD] Uncertainty of the attitude as roll, pitch and
+    yaw about the body axes.
+    """
 
     velocity_variance: tuple[float, float, float]
-    """float32[3] [m^2/s^2] Uncertainty of velocity, per axis."""
+    """float32[3] [m^2/s^2] [@frame @velocity_frame] Uncertainty of velocity, per axis."""
 
     reset_counter: int
     """uint8 [-] Increments when the source jumps, so that the consumer can restart instead of fusing the
@@ -262,6 +264,7 @@ class VehicleOdometry(_cdr.Message):
             ),
             info.Field(
                 "q", "float32[4]", 32, 16, unit="-", invalid="NaN First value if invalid/unknown",
+                frame="@pose_frame",
                 description="Rotation from body axes to pose_frame as Hamilton quaternion w, x, y, z.",
             ),
             info.Field(
@@ -277,15 +280,15 @@ class VehicleOdometry(_cdr.Message):
                 frame="@VELOCITY_FRAME_BODY_FRD", description="Rate of turn around the body axes.",
             ),
             info.Field(
-                "position_variance", "float32[3]", 76, 12, unit="m^2",
+                "position_variance", "float32[3]", 76, 12, unit="m^2", frame="@pose_frame",
                 description="Uncertainty of position, per axis.",
             ),
             info.Field(
-                "orientation_variance", "float32[3]", 88, 12, unit="rad^2",
+                "orientation_variance", "float32[3]", 88, 12, unit="rad^2", frame="@VELOCITY_FRAME_BODY_FRD",
                 description="Uncertainty of the attitude as roll, pitch and yaw about the body axes.",
             ),
             info.Field(
-                "velocity_variance", "float32[3]", 100, 12, unit="m^2/s^2",
+                "velocity_variance", "float32[3]", 100, 12, unit="m^2/s^2", frame="@velocity_frame",
                 description="Uncertainty of velocity, per axis.",
             ),
             info.Field(

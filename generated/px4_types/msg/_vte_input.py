@@ -38,7 +38,7 @@ class VteInput(_cdr.Message):
     """
 
     q_att: tuple[float, float, float, float]
-    """float32[4] [-] Attitude: quaternion that rotates body FRD into NED."""
+    """float32[4] [-] [@frame NED] Attitude: quaternion that rotates body FRD into NED."""
 
     acc_sample_count: int
     """uint32 [-] Samples behind the average in acc_xyz."""
@@ -110,7 +110,7 @@ class VteInput(_cdr.Message):
                 description="Acceleration without sensor bias, gravity included, averaged over the cycle.",
             ),
             info.Field(
-                "q_att", "float32[4]", 28, 16, unit="-",
+                "q_att", "float32[4]", 28, 16, unit="-", frame="NED",
                 description="Attitude: quaternion that rotates body FRD into NED.",
             ),
             info.Field(

@@ -239,8 +239,8 @@ def message_class(catalog: Catalog, message: Message) -> MessageClass:
     is_own = message.released_as[0] == catalog.package
     layout = lay_out(catalog, message) if is_static(catalog, message) else None
     enums = enumerations(message)
-    enum_classes = enum_names(enums, {*attributes.values(), *names.values()})
-    classes_of_fields = {field: enum_classes[enum] for enum in enums for field in enum.fields}
+    classes = enum_names(enums, {*attributes.values(), *names.values()})
+    classes_of_fields = {field: classes[enum] for enum in enums for field in enum.fields}
 
     def class_of(nested: Message) -> str:
         return names[nested.key]
@@ -251,7 +251,7 @@ def message_class(catalog: Catalog, message: Message) -> MessageClass:
         root=".." if is_own else "...",
         topic_names=message.topic_names if is_own and message.folder == "msg" else (),
         constants=tuple(_constants(message, attributes)),
-        enums=tuple(_enum_class(enum, enum_classes[enum], attributes) for enum in enums),
+        enums=tuple(_enum_class(enum, classes[enum], attributes) for enum in enums),
         fields=tuple(
             _attribute(
                 field, _renamed(message, field, names, attributes), extents.get(field.name, _NO_EXTENT), prefix
@@ -272,6 +272,14 @@ def message_class(catalog: Catalog, message: Message) -> MessageClass:
         else any(_is_sequence(field.type) for field in message.fields),
         adjacent=adjacent_versions(catalog, message) if catalog.archived else (),
     )
+
+
+def enum_classes(catalog: Catalog, message: Message) -> Mapping[str, str]:
+    """Return the classes of the enums of `message`, by the content of their tag."""
+    names = _class_names(catalog, message)
+    attributes = attribute_names(message, names.values())
+    found = enum_names(enumerations(message), {*attributes.values(), *names.values()})
+    return {enum.tag: name for enum, name in found.items()}
 
 
 def _row_entry(constant: ClassConstant) -> str:

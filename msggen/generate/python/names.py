@@ -88,7 +88,7 @@ def attribute_names(message: Message, classes: Collection[str] = ()) -> Mapping[
     found = {name: name for name in names}
     for name in names:
         if name in reserved or name in classes:
-            found[name] = _free(name, {*names, *found.values(), *reserved, *classes})
+            found[name] = free_name(name, {*names, *found.values(), *reserved, *classes})
     return found
 
 
@@ -96,7 +96,7 @@ def enum_names(enums: Sequence[Enumeration], taken: Collection[str]) -> Mapping[
     """Return the class of each of `enums` in the class of their message; `taken` are the other names there."""
     found: dict[Enumeration, str] = {}
     for enum in enums:
-        found[enum] = _free(enum.name, {*taken, *found.values(), *reserved_attributes()})
+        found[enum] = free_name(enum.name, {*taken, *found.values(), *reserved_attributes()})
     return found
 
 
@@ -105,7 +105,7 @@ def member_names(names: Collection[str]) -> Mapping[str, str]:
     found = {name: name for name in names}
     for name in names:
         if name in _OF_ENUMS or name[0] == name[-1] == "_":
-            found[name] = _free(name, {*names, *found.values(), *_OF_ENUMS})
+            found[name] = free_name(name, {*names, *found.values(), *_OF_ENUMS})
     return found
 
 
@@ -115,7 +115,7 @@ def endpoint_attributes(endpoints: Sequence[Endpoint]) -> list[str]:
     for endpoint in endpoints:
         instance = endpoint.entry.instance
         found.append(
-            _free(f"{endpoint.entry.uorb_topic}{'' if instance is None else instance}", {*keyword.kwlist, *found})
+            free_name(f"{endpoint.entry.uorb_topic}{'' if instance is None else instance}", {*keyword.kwlist, *found})
         )
     return found
 
@@ -124,7 +124,8 @@ def _is_unusual(name: str) -> bool:
     return "_" in name or not name[:1].isupper()
 
 
-def _free(name: str, taken: Collection[str]) -> str:
+def free_name(name: str, taken: Collection[str]) -> str:
+    """Return `name`, with underscores appended until it is not in `taken`."""
     while name in taken:
         name += "_"
     return name

@@ -9,8 +9,17 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError
-from msggen.disk.resources import template_text
-from msggen.generate.python.formatting import arguments, documentation, joined_by, literal, wrapped, wrapped_tuple
+from msggen.disk.resources import module_text, template_text
+from msggen.generate.python.commands import command_classes, example, has_commands
+from msggen.generate.python.formatting import (
+    arguments,
+    documentation,
+    joined_by,
+    literal,
+    long_literal,
+    wrapped,
+    wrapped_tuple,
+)
 from msggen.generate.python.message import message_class
 from msggen.generate.python.names import class_name, endpoint_attributes, member_names, module_name
 from msggen.generate.python.versions import translation_table
@@ -125,6 +134,10 @@ class _Package:
         """Whether it has archived versions of messages."""
         return bool(self.catalog.archived)
 
+    def has_types(self, *types: str) -> bool:
+        """Whether it has these messages of other ROS packages, such as `geometry_msgs/Point`."""
+        return {f"{part.package}/{message.name}" for part in self.parts for message in part.messages}.issuperset(types)
+
     @cached_property
     def topics(self) -> list[dict[str, object]]:
         """The uORB topics in the order of their ids, each with its member of ORB_ID and its arguments of UorbTopic."""
@@ -150,6 +163,14 @@ Condition = Callable[[_Package], bool]
 
 _HAS_STREAMS: Condition = attrgetter("has_streams")
 _HAS_VERSIONS: Condition = attrgetter("has_versions")
+
+
+_GEOMETRY = tuple(f"geometry_msgs/{name}" for name in ("Point", "Pose", "Quaternion", "Vector3"))
+_TIME = "builtin_interfaces/Time"
+
+
+def _has_geometry(package: _Package) -> bool:
+    return package.has_types(*_GEOMETRY)
 
 
 def _always(_: _Package) -> bool:
@@ -192,6 +213,14 @@ def _home(part: _Part) -> str:
     return f'f"{{__name__}}.{part.package}"' if part.prefix else "__name__"
 
 
+def _commands(package: _Package) -> str:
+    commands = command_classes(package.catalog)
+    attribute, arguments = example(commands)
+    return _render(
+        "commands", name=package.name, commands=commands, example={"attribute": attribute, "arguments": arguments}
+    )
+
+
 def _topics(package: _Package) -> str:
     catalog = package.catalog
     found = endpoints(catalog)
@@ -202,6 +231,11 @@ def _topics(package: _Package) -> str:
         directions=_directions(found),
         versions=_versions(catalog),
     )
+
+
+def _ros(package: _Package) -> str:
+    has_odometry = package.has_types(_TIME, "nav_msgs/Odometry")
+    return _render("ros", time=package.has_types(_TIME), odometry=has_odometry)
 
 
 class _Direction(NamedTuple):
@@ -235,25 +269,37 @@ FILES = (
     _support("arrays.py"),
     _support("batch.py"),
     _support("cdr.py"),
+    _support("clock.py"),
+    _support("covariances.py"),
+    _File("commands.py", _commands, lambda package: has_commands(package.catalog)),
     _support("encapsulation.py"),
     _support("explain.py"),
+    _support("frames.py"),
     _support("hints.py"),
     _File("info.py", lambda _: _render("info", tags=ATTRIBUTES)),
     _support("lazy.py"),
     _support("lookup.py"),
     _File("orb_id.py", lambda package: _render("orb_id", topics=package.topics)),
+    _support("parameters.py", lambda package: has_commands(package.catalog)),
     _support("places.py"),
     _support("primitives.py"),
     _File("py.typed", lambda _: ""),
+    _support("quantities.py"),
+    _support("recordings.py"),
     _support("records.py"),
     _support("registry.py"),
+    _File("ros.py", _ros, _has_geometry),
+    _support("rotations.py"),
     _support("stream.py", _HAS_STREAMS),
+    _support("timesync.py"),
     _File("topics.py", _topics),
     _File(
         "translations.py",
         lambda package: _render("translations", table=translation_table(package.catalog)),
         _HAS_VERSIONS,
     ),
+    _File("unit.py", lambda _: module_text("unit.py")),
+    _support("units.py"),
     _support("versions.py", _HAS_VERSIONS),
 )
 """All files that do not belong to one definition. A new file of the generated package needs a row here."""
@@ -308,7 +354,15 @@ def _folder(part: _Part, folder: str) -> str:
 @lru_cache(maxsize=1)
 def _environment() -> jinja2.Environment:
     return make_environment(
-        arguments, class_name, documentation, endpoint_documentation, joined_by, literal, wrapped, wrapped_tuple
+        arguments,
+        class_name,
+        documentation,
+        endpoint_documentation,
+        joined_by,
+        literal,
+        long_literal,
+        wrapped,
+        wrapped_tuple,
     )
 
 

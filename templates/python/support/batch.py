@@ -13,11 +13,12 @@ from .records import Record, record_of
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from typing import Any, NoReturn, TypeAlias, TypeVar
 
     from numpy import void  # type: ignore[import-not-found, unused-ignore]
     from numpy.typing import NDArray  # type: ignore[import-not-found, unused-ignore]
+    from typing_extensions import Buffer
 
     MessageType = TypeVar("MessageType", bound=Message)
     numpy: Any  # its types of structured arrays change between versions; Message has the public types
@@ -29,7 +30,7 @@ else:
 _BLOCK = 2048
 """The number of elements that are copied to columns at a time: they should fit into the processor's caches."""
 
-__all__ = ["columns", "decode_batch", "dtype_of", "encode_batch", "from_row", "units"]
+__all__ = ["columns", "decode_batch", "dtype_of", "encode_batch", "from_row", "units", "valid"]
 
 
 def dtype_of(cls: type[Message]) -> Any:
@@ -78,6 +79,33 @@ def from_row(cls: type[MessageType], row: Any) -> MessageType:
     if record.in_place and row.dtype == record.dtype:
         return cls.decode(HEADER + row.tobytes()[len(HEADER) :])
     return cls.decode(encode_batch(cls, numpy.asarray(row).reshape(1))[0])
+
+
+def valid(cls: type[Message], payloads: Iterable[Buffer]) -> tuple[list[Buffer], list[int]]:
+    """Return the samples of `cls` in an iterable, which `decode_batch` accepts, and the indices of the others.
+
+    The samples returned have the encapsulation of the first valid one. Raises DecodeError if `payloads` is one buffer,
+    and TypeError if `cls` has no batches.
+    """
+    record = record_of(cls)
+    if _buffer(record, payloads) is not None:
+        raise DecodeError(f"{record.name}: expected an iterable of samples, got a buffer: {_kind(payloads)}")
+    found: list[Buffer] = []
+    others: list[int] = []
+    encapsulation = b""
+    for number, payload in enumerate(payloads):
+        try:
+            sample = _bytes(record, number, payload)
+            cls.lazy(sample)  # checks a sample without decoding its values
+        except DecodeError:
+            others.append(number)
+            continue
+        encapsulation = encapsulation or sample[:2]
+        if sample[:2] == encapsulation:
+            found.append(payload)
+        else:
+            others.append(number)
+    return found, others
 
 
 def columns(array: NDArray[void]) -> dict[str, NDArray[Any]]:
@@ -233,19 +261,23 @@ def _cut(record: Record, buffer: memoryview) -> Octets:
     data = numpy.frombuffer(buffer, numpy.uint8)
     size = _size_like(record, data[: record.wire.size].tobytes())
     lengths = sorted({-(-size // 4) * 4, size}, reverse=True)
-    fitting = [data.reshape(-1, length) for length in lengths if data.size % length == 0]
-    if not fitting:
-        expected = " or ".join(str(length) for length in sorted(lengths))
-        rest = f", {data.size % size} too many" if len(lengths) == 1 else ""
-        raise DecodeError(f"{record.name}: expected a multiple of {expected} bytes, got {data.size}{rest}")
-    alike = [rows for rows in fitting if _first_other_header(rows) is None]
-    if len(alike) > 1:
+    cuts = [data[: data.size - data.size % length].reshape(-1, length) for length in lengths]
+    alike = [rows for rows in cuts if len(rows) and _first_other_header(rows) is None]
+    fitting = [rows for rows in cuts if rows.size == data.size]
+    found = [rows for rows in alike if rows.size == data.size]
+    if len(found) > 1:
         both = " and of ".join(str(length) for length in sorted(lengths))
         raise DecodeError(f"{record.name}: samples of {both} bytes fit, pass them as a list")
-    if not alike:
+    if found:
+        return found[0]
+    sure = [rows for rows in alike if len(rows) > 1]
+    if fitting and not sure:
         number = _first_other_header(fitting[0]) or 0
         _refuse(record, number, fitting[0][number].tobytes(), data[: len(HEADER)].tobytes())
-    return alike[0]
+    expected = sorted([rows.shape[1] for rows in sure] or lengths)
+    rest = f", {data.size % expected[0]} too many" if len(expected) == 1 else ""
+    text = " or ".join(str(length) for length in expected)
+    raise DecodeError(f"{record.name}: expected a multiple of {text} bytes, got {data.size}{rest}")
 
 
 def _size_like(record: Record, sample: bytes) -> int:

@@ -464,6 +464,8 @@ def layout_of(cls: type[Message]) -> Layout:
     """Return the layout of the samples of `cls`. Raises TypeError if they vary in size."""
     layout: Layout | None = getattr(cls, "__layout__", None)
     if layout is None:
+        if not hasattr(cls, "__msg__"):
+            raise TypeError(f"expected a message class, got an object of type {type(cls).__name__}")
         raise TypeError(f"{cls.__msg__.name} has no views and no batches, because its samples vary in size: use decode")
     return layout
 

@@ -13,7 +13,7 @@ TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from .cdr import BytesLike, Layout
 
-__all__ = ["ENCODINGS", "canonical", "encapsulation_of", "encode_as", "sample_bytes", "words_of"]
+__all__ = ["ENCODINGS", "OTHER", "canonical", "encapsulation_of", "encode_as", "sample_bytes", "words_of"]
 
 ENCODINGS = {
     b"\x00\x00": (">", 1),
@@ -22,6 +22,9 @@ ENCODINGS = {
     b"\x00\x07": ("<", 2),
 }
 """The byte order and the XCDR version of each encapsulation."""
+
+OTHER = "another definition? If so, build a package of it: msggen's docs/package.md, Recordings"
+"""The end of errors about samples of another size."""
 
 _AS_UNSIGNED = str.maketrans({"?": "B", "b": "B", "h": "H", "i": "I", "q": "Q", "f": "I", "d": "Q"})
 
@@ -61,7 +64,9 @@ def encapsulation_of(cls: type[Message], sample: bytes) -> bytes:
         raise DecodeError(f"{name}: expected an encapsulation header of 4 bytes, got {len(sample)} in all")
     if encapsulation not in ENCODINGS:
         given = encapsulation.hex(" ")
-        raise DecodeError(f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {given}")
+        raise DecodeError(
+            f"{name}: expected the encapsulation header 00 01, 00 00, 00 07 or 00 06, got {given}: no header?"
+        )
     return encapsulation
 
 
@@ -86,9 +91,9 @@ def canonical(cls: type[Message], data: BytesLike, allow_surplus: bool) -> bytes
     if len(body) < size:
         field = _field_at(cls, len(body)) if version == 1 else ""
         text = f"{name}{field}: expected {size} bytes after the header, got {len(body)}"
-        raise DecodeError(f"{text}: truncated, or of another definition?")
+        raise DecodeError(f"{text}: truncated, or of {OTHER}")
     if len(body) > size + SURPLUS and not allow_surplus:
-        raise DecodeError(f"{name}: expected {size} bytes after the header, got {len(body)}: another definition?")
+        raise DecodeError(f"{name}: expected {size} bytes after the header, got {len(body)}: {OTHER}")
     if version == 2:
         _check_delimiters(name, layout, order, body)
     return HEADER + struct.pack("<" + words_of(layout, 1), *struct.unpack_from(words, body))

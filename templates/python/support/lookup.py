@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from importlib import import_module
 
-from .hints import UnknownName, alike, check_name, hint, nearest, not_bridged
+from .hints import NO_ENDPOINTS, UnknownName, alike, check_name, hint, nearest, not_bridged
 from .registry import NAMESPACE, Endpoint, in_namespace, renamed
 
 TYPE_CHECKING: bool = False
@@ -32,7 +32,11 @@ def find(endpoints: Sequence[Endpoint], versions: Versions, uorb: Iterable[str],
         if endpoint.ros_name == plain:
             return _within(namespace, (endpoint,))[0]
     front = name[: len(name) - len(plain)]
-    raise UnknownName(f"no endpoint '{name}'{hint(*[front + endpoint.ros_name for endpoint in topic])}")
+    names = ", ".join([f"'{front}{endpoint.ros_name}'" for endpoint in topic])
+    own = ", the last one for its own firmware" if len(topic) > 1 else ""
+    text = "the suffix is the version of the message"
+    needs = "another version needs a package of its release"
+    raise UnknownName(f"no endpoint '{name}': {text}, and this package has only {names}{own}; {needs}")
 
 
 def find_versions(
@@ -67,6 +71,8 @@ def _endpoint_hint(endpoints: Sequence[Endpoint], names: Iterable[str], uorb: It
 
     A hint has the namespace of the wrong name.
     """
+    if not endpoints:
+        return NO_ENDPOINTS
     dds, plain = ("rt", wrong[2:]) if wrong.startswith("rt/") else ("", wrong)
     front, rest = _split_namespace(endpoints, plain)
     last = alike(_unversioned(rest.rpartition("/")[2]))

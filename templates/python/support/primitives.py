@@ -37,7 +37,7 @@ PRIMITIVES = {
 OCTETS = ("byte", "char", "uint8")
 """The types whose arrays are held as bytes."""
 
-OCTET_FORMATS = ("B", "c", "?")
+_OCTET_FORMATS = ("B", "c", "?")
 """The formats of buffers of such values. Signed numbers would be wrapped."""
 
 STRINGS = ("string", "wstring")
@@ -78,6 +78,18 @@ def listed(values: Any, most: int) -> list[Any]:
     if len(items) != count:
         raise WrongNumber(count)
     return items
+
+
+def octets_of(value: Any) -> memoryview | None:
+    """Return the buffer of an object if it is a sequence of octets, else None.
+
+    A date of numpy has a buffer of octets, too, but no length.
+    """
+    try:
+        view = memoryview(value)
+    except (BufferError, TypeError, ValueError):
+        return None
+    return view if hasattr(value, "__len__") and view.format in _OCTET_FORMATS and view.ndim == 1 else None
 
 
 def is_sequence(values: Any) -> bool:

@@ -25,8 +25,8 @@ from .cdr import (
     encode_error,
     new,
 )
-from .encapsulation import ENCODINGS, encapsulation_of, sample_bytes
-from .primitives import OCTET_FORMATS, listed
+from .encapsulation import ENCODINGS, OTHER, encapsulation_of, sample_bytes
+from .primitives import listed, octets_of
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class Stream:
         surplus = len(sample) - end
         if surplus > SURPLUS and not allow_surplus and surplus > SURPLUS + 8 * _overestimated(message):
             name, size, given = cls.__msg__.name, end - len(HEADER), len(sample) - len(HEADER)
-            raise DecodeError(f"{name}: expected {size} bytes after the header, got {given}: another definition?")
+            raise DecodeError(f"{name}: expected {size} bytes after the header, got {given}: {OTHER}")
         return message
 
     def encode(self, message: Message, header: bytes = HEADER) -> bytes:
@@ -357,8 +357,8 @@ def octets_bytes(value: BytesLike, wire: int, most: int = 0) -> bytes:
     if type(value) is bytes:
         raw = value
     else:
-        view = memoryview(value)
-        if view.format not in OCTET_FORMATS or view.ndim != 1 or (most and view.nbytes > most):
+        view = octets_of(value)
+        if view is None or (most and view.nbytes > most):
             raise Refused
         raw = view.tobytes()
     if most and len(raw) > most:

@@ -1,0 +1,144 @@
+// The theme and the search. The index is a script that is loaded when the search begins, because files cannot be fetched.
+"use strict";
+
+const remembered = {
+  get theme() { try { return localStorage.getItem("msggen-theme"); } catch { return null; } },
+  set theme(name) { try { localStorage.setItem("msggen-theme", name); } catch { /* the theme lasts for this page */ } },
+};
+if (remembered.theme) document.documentElement.dataset.theme = remembered.theme;
+
+const MOST = 30;
+const KINDS = {
+  message: "message", service: "service", topic: "topic of the bridge", enum: "enum", guide: "guide",
+  index: "page", messages: "page", topics: "page", enums: "page", nesting: "page", changes: "page",
+};
+
+/** Return how well a name matches: 0 is the name itself, 3 any part of it, and -1 is no match. */
+function rank(name, word) {
+  const text = name.toLowerCase();
+  const at = text.indexOf(word);
+  if (at < 0) return -1;
+  if (text === word) return 0;
+  if (at === 0) return 1;
+  const isStart = /[^a-z0-9]/.test(text[at - 1]) || (name[at] !== text[at] && name[at - 1] === text[at - 1]);
+  return isStart ? 2 : 3;
+}
+
+/** Return the worst rank of all words in a name, -1 if one is not in it, and 0 for no words. */
+function rankAll(name, words) {
+  const ranks = words.map((word) => rank(name, word));
+  return ranks.includes(-1) ? -1 : Math.max(0, ...ranks);
+}
+
+/** Return the entries that match a query, the best first. An anchor may match words of its page too. */
+function search(index, query) {
+  const words = query.toLowerCase().split(/\s+/).filter(Boolean);
+  const found = [];
+  if (!words.length) return found;
+  for (const [kind, name, url, text, anchors] of index) {
+    const own = rankAll(name, words);
+    if (own >= 0) found.push({ score: own, name, url, text: `${KINDS[kind]}${text && `: ${text}`}` });
+    else if (text && rankAll(text, words) >= 0) found.push({ score: 6, name, url, text: `${KINDS[kind]}: ${text}` });
+    for (const anchor of anchors) {
+      const whole = `${name}.${anchor}`;
+      const rest = words.filter((word) => rank(anchor, word) < 0);
+      if (rest.length === words.length || rankAll(whole, rest) < 0) continue;
+      const best = rankAll(anchor, words.filter((word) => !rest.includes(word)));
+      found.push({ score: best + 0.5, name: anchor, url: `${url}#${anchor}`, text: `in ${name}` });
+    }
+  }
+  found.sort((a, b) => a.score - b.score || a.name.length - b.name.length);
+  return found.slice(0, MOST);
+}
+
+document.addEventListener("DOMContentLoaded", () => {
+  const root = document.body.dataset.root;
+  const box = document.getElementById("search-box");
+  const list = document.getElementById("search-results");
+  const button = document.getElementById("theme-button");
+  let chosen = -1;
+
+  button.addEventListener("click", () => {
+    const system = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+    const theme = (document.documentElement.dataset.theme || system) === "dark" ? "light" : "dark";
+    document.documentElement.dataset.theme = theme;
+    remembered.theme = theme;
+  });
+
+  function load() {
+    if (document.getElementById("search-index")) return;
+    const script = document.createElement("script");
+    script.id = "search-index";
+    script.src = `${root}search.js`;
+    script.addEventListener("load", show);
+    document.head.append(script);
+  }
+
+  function choose(number) {
+    const options = list.querySelectorAll("[role=option]");
+    if (chosen >= 0) options[chosen].setAttribute("aria-selected", "false");
+    chosen = options.length ? (number + options.length) % options.length : -1;
+    if (chosen < 0) return;
+    options[chosen].setAttribute("aria-selected", "true");
+    options[chosen].scrollIntoView({ block: "nearest" });
+    box.setAttribute("aria-activedescendant", options[chosen].id);
+  }
+
+  function hide() {
+    list.hidden = true;
+    box.setAttribute("aria-expanded", "false");
+    box.removeAttribute("aria-activedescendant");
+  }
+
+  function show() {
+    const query = box.value.trim();
+    if (!window.msggenIndex || !query) return hide();
+    const found = search(window.msggenIndex, query);
+    chosen = -1;
+    list.replaceChildren(...found.map((each, number) => {
+      const item = document.createElement("li");
+      const link = document.createElement("a");
+      const about = document.createElement("small");
+      item.id = `search-result-${number}`;
+      item.setAttribute("role", "option");
+      item.setAttribute("aria-selected", "false");
+      link.href = root + each.url;
+      link.tabIndex = -1;
+      about.textContent = each.text;
+      link.append(each.name, about);
+      item.append(link);
+      return item;
+    }));
+    if (!found.length) {
+      const none = document.createElement("li");
+      none.className = "none";
+      none.textContent = "nothing found";
+      list.append(none);
+    }
+    list.hidden = false;
+    box.setAttribute("aria-expanded", "true");
+    choose(0);
+  }
+
+  box.addEventListener("focus", load);
+  box.addEventListener("input", show);
+  box.addEventListener("keydown", (event) => {
+    if (event.key === "ArrowDown") choose(chosen + 1);
+    else if (event.key === "ArrowUp") choose(chosen - 1);
+    else if (event.key === "Escape") hide();
+    else if (event.key === "Enter" && chosen >= 0 && !list.hidden) {
+      list.querySelectorAll("[role=option] a")[chosen].click();
+      hide();
+    } else return;
+    event.preventDefault();
+  });
+  list.addEventListener("click", hide);
+  document.addEventListener("click", (event) => { if (!event.target.closest(".search")) hide(); });
+  document.addEventListener("keydown", (event) => {
+    const isTyping = event.target.closest("input, textarea, select");
+    if (event.key !== "/" || isTyping || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    box.focus();
+    box.select();
+  });
+});

@@ -1,0 +1,110 @@
+"""Units as dimensions and factors, compared with pint."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from typing import Any
+
+import numpy as np
+import pint
+import pytest
+
+from msggen import read
+from support.repository import shared
+
+OF_PINT = {"dB", "dBm", "Ga"}
+"""pint converts the first two to ratios; here they are dimensions. Its gauss is not a unit of SI."""
+
+NO_UNITS = {"Kb/s", "bool", "boolean", "dBHz", "enum"}
+"""The tags of the firmware that are no units: `Kb` is a kilobit or a kilobyte, and the others are no units."""
+
+
+@pytest.fixture(scope="module")
+def units(px4_types: Any) -> Any:
+    return importlib.import_module(f"{px4_types.__name__}.units")
+
+
+@pytest.fixture(scope="module")
+def registry() -> Any:
+    return pint.UnitRegistry()
+
+
+def tags(path: str) -> set[str]:
+    """Return the units of a source."""
+    messages = read(path).messages.values()
+    return {unit for message in messages for field in message.fields if (unit := field.comment.tag("unit"))}
+
+
+def test_every_unit_of_the_embedded_definitions_is_known(px4_types: Any, units: Any) -> None:
+    messages = [getattr(px4_types.msg, name) for name in px4_types.msg.__all__]
+    found = {field.unit for cls in messages for field in cls.__msg__.fields if field.unit}
+    unknown = set()
+    for text in found:
+        try:
+            units.parse(text)
+        except units.UnknownUnit:
+            unknown.add(text)
+    assert unknown <= NO_UNITS
+
+
+@pytest.mark.parametrize("tree", ["v1.14", "v1.16", "v1.18", "main-2026-03"])
+def test_every_unit_of_the_firmware_is_known(tree: str, units: Any) -> None:
+    for text in tags(str(shared(f"firmware/{tree}"))) - NO_UNITS:
+        units.parse(text)
+
+
+def test_units_are_those_of_pint(units: Any, registry: Any) -> None:
+    for name in units._BASES.keys() - OF_PINT:
+        for text in (name, f"{name}^2", f"m/{name}", f"({name}/s)^2"):
+            unit = units.parse(text)
+            if text == "°C" or "°C" not in text:
+                check(unit, registry)
+
+
+def check(unit: Any, registry: Any) -> None:
+    """Check that pint converts values to SI units as `unit` does."""
+    si = registry.Quantity(2.0, unit.pint).to_base_units()
+    names = {"m": "meter", "kg": "kilogram", "s": "second", "A": "ampere", "K": "kelvin", "byte": "bit"}
+    expected = {names[name]: power for name, power in unit.dimension if name != "rad"}
+    found = {name: power for name, power in si.unit_items() if name != "radian"}
+    assert found == expected, unit
+    bits = 8 ** dict(unit.dimension).get("byte", 0)
+    assert math.isclose(si.magnitude, (2.0 * unit.factor + unit.offset) * bits, rel_tol=1e-12), unit
+
+
+@pytest.mark.parametrize(
+    ("value", "text", "to", "expected"),
+    [
+        (1.0, "rad/s", "deg/s", 180 / math.pi),
+        (25.0, "degC", "K", 298.15),
+        (298.15, "K", "°C", 25.0),
+        (1000, "mAh", "A h", 1.0),
+        (60, "rpm", "rad/s", 2 * math.pi),
+        (1, "(m/s)^2", "cm^2/s^2", 10_000.0),
+        (473977418, "1e-7 deg", "deg", 47.3977418),
+        (5, "-", "%", 500.0),
+        (1.5, "Ga", "Gs", 1.5),
+    ],
+)
+def test_convert(units: Any, value: float, text: str, to: str, expected: float) -> None:
+    assert math.isclose(units.convert(value, text, to), expected)
+    assert np.allclose(units.convert(np.full(3, value, float), text, to), expected)
+
+
+def test_fields_have_units(px4_types: Any, units: Any) -> None:
+    unit = units.of(px4_types.SensorCombined, "gyro_rad")
+    assert (unit.text, unit.factor, unit.dimension) == ("rad/s", 1.0, (("rad", 1), ("s", -1)))
+    assert units.of(px4_types.VehicleStatus, "nav_state") is None
+    with pytest.raises(KeyError, match="did you mean 'gyro_rad'"):
+        units.of(px4_types.SensorCombined, "gyrorad")
+
+
+def test_errors_name_the_nearest_unit(units: Any) -> None:
+    with pytest.raises(ValueError, match="unknown unit 'rads', did you mean 'rad'"):
+        units.parse("rads")
+    with pytest.raises(ValueError, match="cannot convert 'm' to 's': they have different dimensions"):
+        units.convert(1.0, "m", "s")
+    for text in ("", "m/(s", "m s)", "@"):
+        with pytest.raises(units.UnknownUnit):
+            units.parse(text)

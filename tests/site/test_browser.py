@@ -1,0 +1,196 @@
+"""Tests of a site in headless Chromium, opened from its folder, with real clicks and keys."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from msggen.model import Catalog
+from msggen.site.pages import render_site
+from msggen.site.prose import read_documents
+from msggen.site.site import Project, Site
+from support.catalogs import write_definitions
+from support.markup_attacks import hostile
+from support.programs import required
+from support.repository import ROOT
+
+if TYPE_CHECKING:
+    from selenium.webdriver import Chrome
+
+pytestmark = pytest.mark.tools
+
+CSS, WAIT = "css selector", 20
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, embedded: Catalog) -> Path:
+    site = Site(embedded, "PX4 v1.18", project=Project(str(ROOT), read_documents(str(ROOT))[:2]))
+    return write_definitions(tmp_path_factory.mktemp("site"), render_site(site))
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+    """A browser that reaches no network."""
+    program, driver_program = shutil.which("chromium"), shutil.which("chromedriver")
+    required("chromium", is_there=program is not None)
+    required("chromedriver", is_there=driver_program is not None)
+    webdriver = pytest.importorskip("selenium.webdriver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = program
+    profile = tmp_path_factory.mktemp("profile")
+    for argument in (
+        *("--headless=new", "--disable-dev-shm-usage", f"--user-data-dir={profile}"),
+        "--no-sandbox",  # which needs rights that containers do not give, and the pages are ours
+        "--host-resolver-rules=MAP * ~NOTFOUND",
+    ):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options, webdriver.ChromeService(driver_program))
+    driver.implicitly_wait(WAIT)
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def browser(chromium: Chrome) -> Chrome:
+    """The browser with a window of a desktop."""
+    chromium.set_window_size(1200, 900)
+    return chromium
+
+
+def opened(browser: Chrome, folder: Path, page: str) -> Any:
+    """Open a page, and return a function that finds an element of the current page."""
+    browser.get((folder / "index.html").as_uri().replace("index.html", page))
+    return lambda selector: browser.find_element(CSS, selector)
+
+
+def place(browser: Chrome) -> str:
+    """Return the file and the anchor of the current page."""
+    return browser.current_url.rpartition("/")[2]
+
+
+def wait_for(browser: Chrome, condition: str) -> None:
+    """Wait until an expression is true in the page."""
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    WebDriverWait(browser, WAIT).until(lambda each: each.execute_script(f"return {condition}"))
+
+
+def complaints(browser: Chrome) -> list[Any]:
+    """Return what the console has been told since the last call."""
+    found: list[Any] = browser.get_log("browser")  # type: ignore[no-untyped-call]
+    return found
+
+
+def test_a_reader_clicks_from_the_first_page_to_a_field(browser: Chrome, folder: Path) -> None:
+    find = opened(browser, folder, "index.html")
+    find("header nav a[href='messages.html']").click()
+    browser.find_element("link text", "VehicleStatus").click()
+    assert find("h1").text == "VehicleStatus"
+    find(".bytes a[href='#nav_state']").click()
+    assert place(browser) == "VehicleStatus.html#nav_state"
+    assert find("tr:target code").text == "uint8"
+    find("tr:target a[href*='enum/']").click()
+    assert find("h1").text == "VehicleStatus.NavigationState"
+    browser.back()
+    assert place(browser) == "VehicleStatus.html#nav_state"
+
+
+def test_the_search_finds_while_typing(browser: Chrome, folder: Path) -> None:
+    find = opened(browser, folder, "msg/EscReport.html")
+    find("body").send_keys("/")
+    box = browser.switch_to.active_element
+    assert box.get_attribute("id") == "search-box"
+    box.send_keys("nav_st")
+    assert find("#search-results li:first-child a").text.startswith("nav_state")
+    box.send_keys("ate vehiclestatus")
+    wait_for(browser, "document.querySelector('#search-results a')?.href.endsWith('#nav_state')")
+    box.send_keys("\ue007")  # Enter
+    wait_for(browser, "location.hash === '#nav_state'")
+    assert place(browser) == "VehicleStatus.html#nav_state"
+
+
+def test_results_are_chosen_with_keys_and_clicks(browser: Chrome, folder: Path) -> None:
+    find = opened(browser, folder, "index.html")
+    box = find("#search-box")
+    box.send_keys("sensor")
+    assert find("#search-results [aria-selected=true]").get_attribute("id") == "search-result-0"
+    box.send_keys("\ue015\ue015\ue013")  # down, down, up
+    assert box.get_attribute("aria-activedescendant") == "search-result-1"
+    box.send_keys("\ue00c")  # Escape
+    assert box.get_attribute("aria-expanded") == "false"
+    box.clear()
+    box.send_keys("/fmu/out/vehicle_status")
+    find("#search-results li:first-child a").click()
+    wait_for(browser, "location.pathname.includes('/topic/')")
+    assert find("h1").text == "/fmu/out/vehicle_status_v4"
+    find("#search-box").send_keys("no such thing")
+    assert find("#search-results").text == "nothing found"
+
+
+def test_guide_pages_are_found_by_their_headings(browser: Chrome, folder: Path) -> None:
+    find = opened(browser, folder, "topics.html")
+    find("#search-box").send_keys("keep-px4_msgs")
+    find("#search-results a").click()
+    wait_for(browser, "location.pathname.endsWith('guide/index.html')")
+    assert find("h2:target").text == "Keep px4_msgs up to date"
+
+
+def test_light_and_dark_follow_the_system_until_the_button_is_pressed(browser: Chrome, folder: Path) -> None:
+    def paper() -> str:
+        return str(browser.execute_script("return getComputedStyle(document.body).backgroundColor"))
+
+    def prefer(scheme: str) -> None:
+        browser.execute_cdp_cmd(
+            "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+        )
+
+    light, dark = "rgb(255, 255, 255)", "rgb(20, 24, 29)"
+    find = opened(browser, folder, "index.html")
+    prefer("dark")
+    assert paper() == dark
+    prefer("light")
+    assert paper() == light
+    find("#theme-button").click()
+    assert paper() == dark
+    opened(browser, folder, "msg/Rpm.html")
+    assert paper() == dark, "the next page keeps the choice"
+    find("#theme-button").click()
+    assert paper() == light
+
+
+PAGES = (
+    *("index", "messages", "topics", "enums", "nesting", "msg/EscStatus", "msg/VehicleCommand", "srv/VehicleCommand"),
+    *("topic/fmu.in.aux_global_position", "enum/VehicleStatus.NavigationState", "guide/index"),
+)
+
+
+def test_pages_load_nothing_else_report_no_error_and_fit_a_telephone(browser: Chrome, folder: Path) -> None:
+    for page in PAGES:
+        opened(browser, folder, f"{page}.html")
+        browser.find_element(CSS, "#search-box").send_keys("a")
+        browser.set_window_size(500, 800)
+        loaded = browser.execute_script("return performance.getEntries().map((entry) => entry.name)")
+        assert not [name for name in loaded if ":" in name and not name.startswith("file:")]
+        assert complaints(browser) == [], page
+        wide = browser.execute_script("return document.documentElement.scrollWidth - innerWidth")
+        assert wide <= 0, page
+
+
+def test_a_definition_runs_no_script(browser: Chrome, tmp_path: Path) -> None:
+    """The attacks of `test_site.py`, in a browser; and a script that had got into a page would not run."""
+    folder = write_definitions(tmp_path / "site", render_site(Site(hostile(tmp_path / "in"), "<b>&")))
+    for page in ("msg/Bad.html", "msg/Outer.html", "srv/Ask.html", "messages.html", "enums.html"):
+        opened(browser, folder, page)
+        browser.find_element(CSS, "#search-box").send_keys("script")
+        assert browser.execute_script("return window.pwned") is None
+        assert complaints(browser) == []
+    page_with_script = folder / "index.html"
+    page_with_script.write_text(page_with_script.read_text().replace("<h1>", "<script>window.pwned = 1</script><h1>"))
+    opened(browser, folder, "index.html")
+    assert browser.execute_script("return window.pwned") is None
+    assert "Content Security Policy" in str(complaints(browser))

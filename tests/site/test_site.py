@@ -1,0 +1,294 @@
+"""Tests of the pages: links, anchors, bytes, changes, and definitions that try to be markup."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+from markdown_it import MarkdownIt
+
+from msggen.firmware.catalog import read_catalog
+from msggen.firmware.sources import find_sources
+from msggen.layout import is_static, lay_out
+from msggen.model import Catalog
+from msggen.render.views import Views
+from msggen.site.changes import changes_since
+from msggen.site.drawing import PER_ROW, rows_of
+from msggen.site.graph import draw, inner_of
+from msggen.site.pages import render_site
+from msggen.site.site import Site
+from support.catalogs import catalog_of
+from support.html import Elements, broken_links
+from support.markup_attacks import ATTACKS, hostile
+from support.ros_packages import DEFINITIONS
+
+
+@pytest.fixture(scope="module")
+def site(embedded: Catalog) -> Site:
+    changes = changes_since(find_sources("embedded:v1.17"), "PX4 v1.17", find_sources(None), embedded)
+    return Site(embedded, "PX4 v1.18", changes=changes)
+
+
+@pytest.fixture(scope="module")
+def files(site: Site) -> dict[str, str]:
+    return render_site(site)
+
+
+@pytest.fixture(scope="module")
+def pages(files: Mapping[str, str]) -> dict[str, Elements]:
+    return {name: Elements(text) for name, text in files.items() if name.endswith(".html")}
+
+
+# --- Links and anchors
+
+
+def test_every_link_leads_to_a_page_and_an_anchor(files: Mapping[str, str]) -> None:
+    assert list(broken_links(files)) == []
+
+
+def test_the_check_of_links_finds_broken_ones() -> None:
+    files = {
+        "a.html": "<a href='b/c.html#x'><a href='b/c.html#y'><a href='d.html'>",
+        "b/c.html": "<p id=x><a href='#z'>",
+    }
+    assert list(broken_links(files)) == ["a.html: b/c.html#y", "a.html: d.html", "b/c.html: #z"]
+
+
+def test_no_anchor_is_there_twice(pages: Mapping[str, Elements]) -> None:
+    assert [name for name, page in pages.items() if len(page.ids) != len({*page.ids})] == []
+
+
+def test_pages_load_only_files_of_the_site(files: Mapping[str, str], pages: Mapping[str, Elements]) -> None:
+    assert {word for text in files.values() for word in re.findall(r"https?://|//\w+\.\w+|url\(", text)} == set()
+    assert all(page.all("img", "src") == [] for page in pages.values())
+    for page in pages.values():
+        assert not any(name in ("style", "iframe", "object", "embed", "base", "form") for name, _ in page.found)
+        assert not any(key.startswith("on") or key == "style" for _, found in page.found for key in found)
+
+
+def test_every_field_and_constant_has_an_anchor_with_its_name(embedded: Catalog, pages: Mapping[str, Elements]) -> None:
+    for message in embedded.messages.values():
+        names = [*(field.name for field in message.fields), *(constant.name for constant in message.constants)]
+        assert {*names} <= {*pages[f"msg/{message.name}.html"].ids}
+
+
+def test_urls_stay_when_a_message_gets_a_new_version(files: Mapping[str, str]) -> None:
+    assert "topic/fmu.out.vehicle_status.html" in files
+    assert "/fmu/out/vehicle_status_v4" in files["topic/fmu.out.vehicle_status.html"]
+
+
+def test_names_that_differ_in_case_get_files_that_differ_in_more(embedded: Catalog) -> None:
+    """A folder on Windows or macOS can hold all files."""
+    message = embedded.messages["px4_msgs/Rpm"]
+    twins = [message._replace(name=name, topics=()) for name in ("Rpm", "RPM", "RpM")]
+    catalog = embedded._replace(messages={each.key: each for each in twins}, services=(), bridge=())
+    found = [name for name in render_site(Site(catalog, "")) if name.startswith("msg/")]
+    assert len({name.casefold() for name in found}) == 3
+
+
+# --- The search index
+
+
+def test_every_entry_of_the_search_index_leads_somewhere(
+    files: Mapping[str, str], pages: Mapping[str, Elements], embedded: Catalog
+) -> None:
+    entries = json.loads(files["search.js"].removeprefix("window.msggenIndex = ").removesuffix(";\n"))
+    for _, _, url, _, anchors in entries:
+        assert {*anchors} <= {*pages[url].ids}
+    assert {url for _, _, url, _, _ in entries} == {*pages}
+    assert {message.name for message in embedded.uorb_messages} <= {name for _, name, _, _, _ in entries}
+
+
+# --- The bytes
+
+
+def drawn(site: Site, name: str) -> Iterator[tuple[int, str]]:
+    """Yield each drawn byte of a message and its field, "" for padding; hidden rows continue the row before them."""
+    message = next(each for each in site.messages if each.name == name)
+    above = ""
+    for row in rows_of(message.leaves):
+        for cell in row.cells:
+            assert row.start <= cell.start < cell.end <= row.start + PER_ROW
+            above = cell.run.field
+            yield from ((byte, above) for byte in range(cell.start, cell.end))
+        if not row.cells:
+            yield from ((byte, above) for byte in range(row.start, row.end))
+
+
+def test_every_byte_is_drawn_once_in_the_field_that_has_it(embedded: Catalog, site: Site) -> None:
+    for message in embedded.messages.values():
+        if not is_static(embedded, message):
+            continue
+        layout = lay_out(embedded, message)
+        extents = layout.extents()
+        slow = [
+            next((name for name, (start, size) in extents.items() if start <= byte < start + size), "")
+            for byte in range(layout.size)
+        ]
+        found = list(drawn(site, message.name))
+        assert [byte for byte, _ in found] == list(range(layout.size)), message.name
+        for (byte, name), expected in zip(found, slow, strict=True):
+            assert name in ("", expected), (message.name, byte)
+        values = {byte for leaf in layout.leaves for byte in range(leaf.offset, leaf.offset + leaf.size)}
+        assert all(name for byte, name in found if byte in values)
+
+
+def test_long_arrays_are_shortened(site: Site) -> None:
+    message = next(each for each in site.messages if each.name == "EscStatus")
+    rows = rows_of(message.leaves)
+    assert len(rows) * PER_ROW < (message.cdr_size or 0) / 2
+    assert "esc[1] to esc[11]" in {cell.run.label for row in rows for cell in row.cells}
+
+
+# --- Enums
+
+
+def test_a_page_of_an_enum_shows_members_values_and_bits(pages: Mapping[str, Elements]) -> None:
+    text = " ".join(pages["enum/BatteryStatus.Fault.html"].text.split())
+    assert "Bits of faults. A value combines members." in text
+    assert "OVER_CURRENT8FAULT_OVER_CURRENT bit 3Current above the limit." in text.replace(" </td>", "")
+    assert "NAVIGATION_STATE_OFFBOARD" in pages["enum/VehicleStatus.NavigationState.html"].ids
+
+
+def test_a_constant_in_two_enums_has_one_anchor(tmp_path: Path) -> None:
+    text = (
+        "uint64 timestamp\nuint8 a  # [@enum A B]\nuint8 b  # [@enum B]\nuint8 A_X = 0\nuint8 B_X = 0\nuint8 B_Y = 1\n"
+    )
+    files = render_site(Site(catalog_of(tmp_path, {"msg/Two.msg": text}), ""))
+    ids = Elements(files["msg/Two.html"]).ids
+    assert len(ids) == len({*ids})
+    assert list(broken_links(files)) == []
+
+
+# --- Commands
+
+
+def test_the_parameters_of_a_command_are_a_list(files: Mapping[str, str]) -> None:
+    row = files["msg/VehicleCommand.html"].partition('<tr id="VEHICLE_CMD_NAV_TAKEOFF">')[2].partition("</tr>")[0]
+    assert "<td>Take off.\n" in row
+    items = re.findall("<li>(.*?)</li>", row)
+    assert len(items) == 7
+    assert items[1:3] == ["Unused", "Unused"]
+    assert items[6].startswith("[m] Altitude")
+    row = (
+        files["msg/VehicleCommand.html"]
+        .partition('<tr id="VEHICLE_CMD_NAV_RETURN_TO_LAUNCH">')[2]
+        .partition("</tr>")[0]
+    )
+    assert "<li>" not in row, "no list of unused parameters"
+    assert "<li>VEHICLE_ROI: What to look at</li>" in files["msg/VehicleCommand.html"]
+
+
+# --- The graph
+
+
+def test_the_graph_has_every_nesting_from_left_to_right(tmp_path: Path) -> None:
+    inner = {"A": "B b\nC[2] c\n", "B": "D d\n", "C": "D d\nE e\n", "D": "", "E": "", "F": "G g\n", "G": "", "H": ""}
+    texts = {
+        f"msg/M{name}.msg": f"uint64 timestamp\n{re.sub('(?m)^', 'M', text) if text else ''}"
+        for name, text in inner.items()
+    }
+    texts = {name: text.removesuffix("M") for name, text in texts.items()}
+    messages = Views(catalog_of(tmp_path, texts)).catalog.messages
+    graph = draw(messages)
+    expected = {(outer.name, one.name) for outer in messages for one in inner_of(outer)}
+    assert {(edge.outer.message.name, edge.inner.message.name) for edge in graph.edges} == expected
+    assert len(expected) == 6
+    assert {node.message.name for node in graph.nodes} == {"MA", "MB", "MC", "MD", "ME", "MF", "MG"}
+    assert all(edge.outer.x + edge.outer.width < edge.inner.x for edge in graph.edges)
+    boxes = [(node.x, node.y) for node in graph.nodes]
+    assert len({*boxes}) == len(boxes)
+    assert all(
+        x + node.width <= graph.width and y + node.height <= graph.height
+        for (x, y), node in zip(boxes, graph.nodes, strict=True)
+    )
+
+
+# --- Changes
+
+
+def test_a_page_tells_what_changed(pages: Mapping[str, Elements]) -> None:
+    text = pages["msg/EscReport.html"].text
+    assert "Changes since PX4 v1.17" in text
+    assert "FIELD_REMOVED 'uint8 esc_address' at byte 28 of PX4 v1.17 is missing" in " ".join(text.split())
+    assert "DEFINITION_ADDED" in pages["changes.html"].text
+
+
+def test_nothing_changed_between_a_release_and_itself(embedded: Catalog) -> None:
+    sources = find_sources(None)
+    assert changes_since(sources, "itself", sources, embedded).by_subject == {}
+
+
+def test_without_a_previous_release_no_page_mentions_changes(tmp_path: Path) -> None:
+    files = render_site(Site(catalog_of(tmp_path, {"msg/Rpm.msg": "uint64 timestamp\n"}), "mine"))
+    assert "changes.html" not in files
+    assert not [name for name, text in files.items() if name.endswith(".html") and "hange" in text]
+
+
+# --- Other definitions
+
+
+def test_messages_of_other_packages_and_of_varying_size_have_pages(tmp_path: Path) -> None:
+    packages = ("builtin_interfaces", "std_msgs", "geometry_msgs")
+    folders = []
+    for package in packages:
+        for path, text in DEFINITIONS[package].items():
+            (tmp_path / package / path).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / package / path).write_text(text)
+        folders.append(f"{package}={tmp_path / package}")
+    catalog = read_catalog(find_sources("embedded:v1.18", tuple(folders)))
+    files = render_site(Site(catalog, "mixed"))
+    assert list(broken_links(files)) == []
+    assert "varies" in files["msg/std_msgs.Header.html"]
+
+
+def test_the_order_of_reading_does_not_matter(embedded: Catalog, files: Mapping[str, str], site: Site) -> None:
+    assert render_site(Site(embedded, "PX4 v1.18", changes=site.changes)) == files
+
+
+# --- Definitions that try to be markup
+
+
+def test_no_text_of_a_definition_becomes_markup(tmp_path: Path, files: Mapping[str, str]) -> None:
+    usual = {(name, key) for text in files.values() for name, found in Elements(text).found for key in found}
+    pages = {name: Elements(text) for name, text in render_site(Site(hostile(tmp_path), "<b>&")).items()}
+    for name, page in pages.items():
+        if name.endswith(".html"):
+            assert {(each, key) for each, found in page.found for key in found} <= usual, name
+            assert page.all("script", "src") in (["site.js"], ["../site.js"])
+            assert not [link for link in page.all("a", "href") if ":" in link]
+    text = " ".join(pages["msg/Bad.html"].text.split())
+    assert all(attack.replace("`", "") in text for attack in ATTACKS)
+
+
+OF_MARKDOWN = {"a", "br", "h1", "h2", "p", "ul", "li", "table", "thead", "tbody", "tr", "th", "td", "code", "pre"}
+
+
+def test_no_text_of_a_definition_becomes_markup_in_markdown(tmp_path: Path) -> None:
+    markdown = MarkdownIt("commonmark", {"html": True}).enable("table")
+    for name, text in render_site(Site(hostile(tmp_path), "<b>&", "markdown")).items():
+        page = Elements(markdown.render(text))
+        assert {each for each, _ in page.found} <= OF_MARKDOWN, name
+        assert not [link for link in page.all("a", "href") if ":" in link], name
+
+
+def test_the_index_of_the_search_has_no_markup(tmp_path: Path) -> None:
+    script = render_site(Site(hostile(tmp_path), ""))["search.js"]
+    json.loads(script.removeprefix("window.msggenIndex = ").removesuffix(";\n"))
+
+
+# --- Markdown
+
+
+def test_every_link_in_markdown_leads_somewhere(embedded: Catalog, site: Site) -> None:
+    files = render_site(Site(embedded, "PX4 v1.18", "markdown", site.changes))
+    markdown = MarkdownIt("commonmark", {"html": True}).enable("table")
+    pages = {
+        name.replace(".md", ".html"): markdown.render(text).replace(".md", ".html") for name, text in files.items()
+    }
+    assert list(broken_links(pages)) == []
+    assert all(name.endswith(".md") for name in files)
+    assert "README.md" in files
