@@ -1,4 +1,4 @@
-"""`check` and `breaking`: read both sides, apply the rules, summarize the findings."""
+"""`check`, `breaking` and `lint`: read the sources, apply the rules, summarize the findings."""
 
 from __future__ import annotations
 
@@ -9,21 +9,27 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 
 from msggen.compare.comparison import Comparison, Extra, Side
-from msggen.compare.finding import Category, Finding, Report, Rule, Severity
 from msggen.compare.renaming import nearest_message
 from msggen.compare.rules import BREAKING, CHECKED, find
 from msggen.diagnostics import OF_BOARDS, Diagnostic, InputError, counted, suggestion
 from msggen.disk.record import NO_RECORD, RECORD_NAME, Record, parse_record
+from msggen.finding import Category, Finding, Report, Rule, Severity
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
 from msggen.firmware.inferred import Inference
-from msggen.firmware.sources import Sources, find_sources
+from msggen.firmware.sources import Sources, find_sources, read_files
 from msggen.firmware.tree import Folder, Snapshot
+from msggen.lint.definition import definitions_of
+from msggen.lint.rules import LINT
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
 
 _OF_NEW_VERSIONS = ("S119",)
 """Notes about a tree that is newer than the known releases. A new version in the change itself would cause one."""
+
+
+_OF_TAGS = ("M107",)
+"""Warnings about unknown tags, which are findings of `lint`."""
 
 
 def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> Report:
@@ -91,6 +97,42 @@ def breaking(
     return replace(report, notices=_without(notices, OF_BOARDS + _OF_NEW_VERSIONS), unmatched=unmatched)
 
 
+def lint(
+    sources: Sources,
+    rules: Sequence[Rule] | None = None,
+    ignored: Mapping[str, Collection[Rule]] | None = None,
+) -> Report:
+    """Return the findings of `rules`, by default those that are applied unless others are selected.
+
+    Embedded definitions are only looked at if there are no others, and definitions of other packages never. `ignored`
+    is as in `breaking`. Raises InputError if the sources cannot be read.
+    """
+    contents = read_files(sources)
+    catalog = read_catalog(sources, contents, tolerated=_OF_TAGS)
+    chosen = [rule for rule in LINT if rule.is_default] if rules is None else rules
+    applied = _as_strict(chosen, sources)
+    definitions = list(definitions_of(sources, catalog, contents))
+    ignored = ignored or {}
+    found = [Finding(rule, change) for each in definitions for rule in applied for change in rule.find(each)]
+    findings = [finding for finding in found if not _is_ignored(finding, ignored)]
+    hidden = len(found) - len(findings)
+    subjects = {finding.change.subject for finding in findings}
+    word = "finding" if sources.strict else "warning"
+    counts = f"{counted(len(findings), word)} in {counted(len(subjects), 'definition')}" if findings else "no findings"
+    names = _subjects(sources, catalog)
+    return Report(
+        previous="",
+        current=sources.label,
+        rules=tuple(rule for rule in applied if rule.id not in {each.id for each in ignored.get("*", ())}),
+        findings=_ordered(findings),
+        compared=len({each.message.location.path for each in definitions}),
+        summary=", ".join([f"{sources.label}: {counts}", *_count(hidden, "ignored")]),
+        notices=_without(catalog.notices, OF_BOARDS + _OF_NEW_VERSIONS),
+        ignored=hidden,
+        unmatched={name: suggestion(name, names) for name in ignored if not _is_matched(name, names)},
+    )
+
+
 def _as_strict(rules: Sequence[Rule], current: Sources) -> tuple[Rule, ...]:
     """Return `rules`, whose warnings are errors if the sources are read with `--strict`."""
     return tuple(replace(rule, severity=Severity.ERROR) if current.strict else rule for rule in rules)
@@ -101,19 +143,21 @@ def _without(notices: Iterable[Diagnostic], codes: Collection[str]) -> tuple[Dia
 
 
 def example_of(rule: Rule) -> Report:
-    """Return the findings of `rule` in its example, a pair of folders `previous` and `current`."""
-    previous, current = (find_sources(_example(rule, side)) for side in ("previous", "current"))
+    """Return the findings of `rule` in its example: a pair of folders `previous` and `current`, or a single folder."""
+    if rule in LINT:
+        return lint(find_sources(_example("lint", rule.id)), (rule,))
+    previous, current = (find_sources(_example("compare", rule.id, side)) for side in ("previous", "current"))
     report = check(previous, current) if rule.category is Category.DRIFT else breaking(previous, current, (rule,))
     findings = tuple(finding for finding in report.findings if finding.rule is rule)
     return replace(report, rules=(rule,), findings=findings)
 
 
-def _example(rule: Rule, side: str) -> Snapshot:
-    root = os.path.join(os.path.dirname(__file__), "compare", "examples", rule.id, side)
+def _example(room: str, *names: str) -> Snapshot:
+    root = os.path.join(os.path.dirname(__file__), room, "examples", *names)
     paths = [os.path.join(folder, name) for folder, _, names in os.walk(root) for name in names]
     folder = Folder(root)
-    names = [os.path.relpath(path, root).replace(os.sep, "/") for path in paths]
-    return Snapshot(side, {name: folder.read(name) for name in names}, {})
+    found = [os.path.relpath(path, root).replace(os.sep, "/") for path in paths]
+    return Snapshot(names[-1], {name: folder.read(name) for name in found}, {})
 
 
 def _side(sources: Sources, wanted: Collection[str] | None) -> Side:
@@ -228,16 +272,19 @@ def _report(
         counts.append(warnings)
     caveat = f" with {warnings}" if warned and not failing else ""
     summary = f"{current.label} {verdicts[bool(failing)]} {previous.label}{caveat}: {', '.join(counts)}"
-    ordered = sorted(findings, key=lambda finding: (finding.change.subject, finding.change.location))
     return Report(
         previous=previous.label,
         current=current.label,
         rules=tuple(rules),
-        findings=tuple(ordered),
+        findings=_ordered(findings),
         compared=len(messages) + len(services),
         summary=summary,
         ignored=ignored,
     )
+
+
+def _ordered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    return tuple(sorted(findings, key=lambda finding: (finding.change.subject, finding.change.location)))
 
 
 def _files(catalog: Catalog) -> set[str]:

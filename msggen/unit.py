@@ -7,6 +7,7 @@ Generated packages have a copy of this module. It imports the standard library o
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator
@@ -51,11 +52,13 @@ _SPELLINGS = {
     "Ohm": "ohm ohms Ohms Ω Ω",
     "dB": "decibel decibels",
     "dBm": "",
+    "dBHz": "",
     "rpm": "RPM",
     "bytes": "byte",
     "kB": "",
-    "KiB": "",
     "MB": "",
+    "KiB": "",
+    "kbit": "Kb kb Kbit",
     "%": "percent",
 }
 _NAMES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings.split()}
@@ -65,6 +68,9 @@ _UNITS = frozenset(_SPELLINGS) - {"", "bool"}
 
 SPELLINGS = _UNITS | {spelling for spelling, name in _NAMES.items() if name in _UNITS}
 """All spellings of the known units."""
+
+_MISSPELT = frozenset({"celcius", "Celcius"})
+"""Spellings that are understood, but wrong."""
 
 _COMPOUND = ("m/s", "m/s^2", "rad/s", "rad/s^2", "deg/s")
 """Usual units of several names, besides the known names for suggestions."""
@@ -84,8 +90,9 @@ _TOKEN = re.compile(
 _SCALE = re.compile(r"1[eE]-\d{1,2} ?\b")
 _PER = re.compile(r"(?<=\w) per (?=\w)")
 _NOTE = re.compile(r"\([^)]*\)")
-_BETWEEN = re.compile(r"\s*(?:,|;|\.\.+|…|\bto\b|(?<=[\w.])\s*[-\u2013](?=\s*[\w.+-]))\s*")
+_BETWEEN = re.compile(r"\s*(?:,|;|\.\.+|…|\bto\b|(?<=[\w.])(?<![\d.][eE])\s*[-\u2013](?=\s*[\w.+-]))\s*")
 _INFINITE = re.compile(r"\+?(inf|infinity)$")
+_OF_PI = re.compile(r"([-+]?)(\d*\.?\d*)\*?pi(?:/(\d+))?")
 
 
 @cache
@@ -126,14 +133,16 @@ def known_unit(text: str) -> str:
 
 def is_unit(text: str) -> bool:
     """Whether `text` is a unit, or says that there is none, as `-`, `norm` and `bool` do."""
-    return bool(known_unit(text) or text in _NAMES or text in _SPELLINGS)
+    return text not in _MISSPELT and bool(known_unit(text) or text in _NAMES or text in _SPELLINGS)
 
 
 def nearest_unit(text: str) -> str:
     """Return the unit whose spelling is the nearest to `text`, in its usual spelling; "" if none is near."""
     from difflib import get_close_matches
 
-    spellings = {spelling.lower(): spelling for spelling in sorted({*SPELLINGS, *_COMPOUND})}
+    if text in _MISSPELT:
+        return known_unit(text)
+    spellings = {spelling.lower(): spelling for spelling in sorted({*SPELLINGS, *_COMPOUND} - _MISSPELT)}
     near = get_close_matches(text.lower(), spellings, n=1, cutoff=0.6)
     return known_unit(spellings[near[0]]) if near else ""
 
@@ -170,6 +179,27 @@ def normalized_range(text: str) -> str:
         return text
     bounds = _BETWEEN.split(_NOTE.sub("", text).strip(), maxsplit=1)
     return ", ".join(map(_bound, bounds)) if len(bounds) > 1 else text
+
+
+def bounds(text: str) -> tuple[float, float] | None:
+    """Return the bounds of a range as numbers, None if it cannot be read. `pi` and `2pi` are numbers, too."""
+    found = [_number(bound) for bound in normalized_range(text).split(", ")]
+    if len(found) != 2:  # noqa: PLR2004 - the lowest and the highest
+        return None
+    low, high = found
+    return None if low is None or high is None else (low, high)
+
+
+def _number(text: str) -> float | None:
+    """Return a bound as `normalized_range` spells it as a number, None if it is none."""
+    of_pi = _OF_PI.fullmatch(text)
+    try:
+        if of_pi:
+            return float(f"{of_pi[1]}{of_pi[2] or 1}") * math.pi / int(of_pi[3] or 1)
+        value = float(text)
+    except (ValueError, ZeroDivisionError):
+        return None
+    return None if math.isnan(value) else value
 
 
 def _bound(text: str) -> str:

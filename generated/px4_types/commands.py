@@ -1430,7 +1430,7 @@ class _DoMountConfigure(Command):
     def __call__(
         self,
         *,
-        mav_mount_mode: float = _NAN,
+        vehicle_mount_mode: float = _NAN,
         param2: float = _NAN,
         param3: float = _NAN,
         param4: float = _NAN,
@@ -1438,7 +1438,7 @@ class _DoMountConfigure(Command):
     ) -> _VehicleCommand:
         """Set up a gimbal or antenna mount.
 
-        mav_mount_mode: [@enum MAV_MOUNT_MODE] What steers it
+        vehicle_mount_mode: [@enum VEHICLE_MOUNT_MODE] What steers it
 
         param2: 1: stabilize roll
 
@@ -1446,14 +1446,14 @@ class _DoMountConfigure(Command):
 
         param4: 1: stabilize yaw
         """
-        return self._make(fields, mav_mount_mode, param2, param3, param4)
+        return self._make(fields, vehicle_mount_mode, param2, param3, param4)
 
 
 DO_MOUNT_CONFIGURE: Final = _DoMountConfigure(
     "DO_MOUNT_CONFIGURE",
     204,
     "Set up a gimbal or antenna mount.",
-    Parameter(1, "mav_mount_mode", "What steers it"),
+    Parameter(1, "vehicle_mount_mode", "What steers it", enum=_VehicleCommand.VehicleMountMode),
     Parameter(2, "param2", "1: stabilize roll"),
     Parameter(3, "param3", "1: stabilize pitch"),
     Parameter(4, "param4", "1: stabilize yaw"),
@@ -1468,7 +1468,7 @@ class _DoMountControl(Command):
         pitch: float = _NAN,
         roll: float = _NAN,
         param3: float = _NAN,
-        mav_mount_mode: float = _NAN,
+        vehicle_mount_mode: float = _NAN,
         **fields: float,
     ) -> _VehicleCommand:
         """Aim a gimbal or antenna mount.
@@ -1479,9 +1479,9 @@ class _DoMountControl(Command):
 
         param3: [deg] /[m] Yaw, or altitude in GPS mode
 
-        mav_mount_mode: [@enum MAV_MOUNT_MODE] What steers it
+        vehicle_mount_mode: [@enum VEHICLE_MOUNT_MODE] What steers it
         """
-        return self._make(fields, pitch, roll, param3, mav_mount_mode)
+        return self._make(fields, pitch, roll, param3, vehicle_mount_mode)
 
 
 DO_MOUNT_CONTROL: Final = _DoMountControl(
@@ -1491,7 +1491,7 @@ DO_MOUNT_CONTROL: Final = _DoMountControl(
     Parameter(1, "pitch", "Pitch, or latitude in GPS mode", unit="deg"),
     Parameter(2, "roll", "Roll, or longitude in GPS mode", unit="deg"),
     Parameter(3, "param3", "/[m] Yaw, or altitude in GPS mode", unit="deg"),
-    Parameter(7, "mav_mount_mode", "What steers it"),
+    Parameter(7, "vehicle_mount_mode", "What steers it", enum=_VehicleCommand.VehicleMountMode),
 )
 """Aim a gimbal or antenna mount."""
 

@@ -30,6 +30,7 @@ _MODULES = {
     "sync": "sync",
     "check": "check",
     "breaking": "breaking",
+    "lint": "lint",
     "bump": "bump",
     "render": "render",
     "docs": "docs",

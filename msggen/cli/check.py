@@ -29,7 +29,7 @@ from msggen.location import Location
 from msggen.settings import Settings, read_settings
 
 if TYPE_CHECKING:
-    from msggen.compare.finding import Report
+    from msggen.finding import Report
 
 
 def add_to(commands: Commands) -> None:

@@ -118,8 +118,8 @@ def _revisions(options: argparse.Namespace) -> Iterable[str]:
 
 
 def _rules(_: argparse.Namespace) -> Iterable[str]:
-    from msggen.compare.finding import Category
-    from msggen.compare.rules import RULES
+    from msggen.finding import Category
+    from msggen.rules import RULES
 
     return [*Category.__members__, *(rule.id for rule in RULES)]
 

@@ -14,10 +14,8 @@ Group: TypeAlias = "argparse._ActionsContainer"  # noqa: SLF001 - likewise, for 
 
 FAILED_CODES = "2 usage, input or I/O error, 130 interrupted by Ctrl-C."
 WRITING_CODES = f"Exit codes: 0 done, 1 changes found by --check or --diff, {FAILED_CODES}"
-COMPARING_CODES = (
-    f"Exit codes: 0 no findings that fail the run, 1 findings that fail the run, {FAILED_CODES} Handled findings and "
-    "warnings do not fail the run."
-)
+FINDING_CODES = f"Exit codes: 0 no findings that fail the run, 1 findings that fail the run, {FAILED_CODES}"
+COMPARING_CODES = f"{FINDING_CODES} Handled findings and warnings do not fail the run."
 """The exit codes for the help: of failed runs, of commands that write, and of those that report findings."""
 
 SOURCE_KINDS = (

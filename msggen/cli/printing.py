@@ -13,8 +13,8 @@ from msggen.diagnostics import Diagnostic, Level, counted
 from msggen.disk.reading import read_bytes
 
 if TYPE_CHECKING:
-    from msggen.compare.finding import Report
     from msggen.disk.output import OutputPlan
+    from msggen.finding import Report
 
 _WIDTH_OF_A_LOG = 120
 

@@ -17,8 +17,8 @@ def add_to(commands: Commands) -> None:
         commands,
         "rules",
         _rules,
-        help="list the rules of check and breaking",
-        description="List the rules. check applies all but the category VERSION, breaking all but DRIFT.",
+        help="list the rules of check, breaking and lint",
+        description="List the rules. Optional ones are only applied if they are selected.",
     )
     add_output_format(rules, ("full", "json"))
     explain = add_command(
@@ -38,8 +38,8 @@ def add_to(commands: Commands) -> None:
 
 
 def _rules(options: argparse.Namespace) -> int:
-    from msggen.compare.rules import RULES
     from msggen.report.rules import list_rules, write_json
+    from msggen.rules import RULES
 
     print((write_json if options.output_format == "json" else list_rules)(RULES))
     return DONE
@@ -47,10 +47,10 @@ def _rules(options: argparse.Namespace) -> int:
 
 def _explain(options: argparse.Namespace) -> int:
     from msggen.check import example_of
-    from msggen.compare.finding import Category
-    from msggen.compare.rules import RULES, named
+    from msggen.finding import Category
     from msggen.report.errors import explain_code, nearest_code
     from msggen.report.rules import MARKS, explain_category, explain_mark, explain_rule
+    from msggen.rules import RULES, named
 
     name, mark = options.rule.upper(), options.rule.lower()
     rules = named(name)

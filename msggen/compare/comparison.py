@@ -9,11 +9,11 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
 from msggen.compare.renaming import Candidates, is_renamed, nearest_message
+from msggen.finding import Reader
 from msggen.firmware.history import History
 from msggen.firmware.inferred import Inference
 from msggen.layout import Layout, Path, is_static, lay_out
@@ -26,13 +26,6 @@ Shape = tuple["tuple[str, str, Shape | None]", ...]
 
 Messages with the same shape have the same bytes, names and hashes.
 """
-
-
-class Reader(Enum):
-    """The nodes that decode samples of the other side: those built with the previous or the current definition."""
-
-    OLD = "old"
-    NEW = "new"
 
 
 class Extra(NamedTuple):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msggen.compare.comparison import Comparison, constants_of
-from msggen.compare.finding import Change
 from msggen.compare.source_code import excerpt
+from msggen.finding import Change
 from msggen.model import VERSION
 
 

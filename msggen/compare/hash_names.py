@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msggen.compare.comparison import Comparison, MessagePair
-from msggen.compare.finding import Change
 from msggen.compare.wire import change, is_same_type, is_type_renamed
+from msggen.finding import Change
 
 
 def find_renamed(comparison: Comparison) -> Iterator[Change]:

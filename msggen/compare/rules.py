@@ -1,4 +1,4 @@
-"""The table of all rules, and the function that applies them."""
+"""The table of the rules about changes, and the function that applies them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import partial
 
 from msggen.compare import drift, hash_names, semantic, source_code, topic, version, wire
 from msggen.compare.comparison import Comparison, depth
-from msggen.compare.finding import Category, Finding, Report, Rule, Severity
+from msggen.finding import Category, Finding, Report, Rule, Severity
 from msggen.tags import COMPARED
 
 _WIRE, _HASH, _SOURCE, _SEMANTIC = Category.WIRE, Category.HASH, Category.SOURCE, Category.SEMANTIC
@@ -297,7 +297,7 @@ RULES = (
         ),
     ),
 )
-"""All rules, in the order in which they are listed and applied."""
+"""The rules about changes, in the order in which they are listed and applied."""
 
 CHECKED = tuple(
     replace(rule, severity=Severity.WARNING) if rule.category is _SEMANTIC else rule
@@ -311,11 +311,6 @@ Changed comments are warnings. Topics are compared if both sides have dds_topics
 
 BREAKING = tuple(rule for rule in RULES if rule.category is not _DRIFT)
 """The rules of `breaking`, which tests whether a change breaks applications or the firmware's own rules."""
-
-
-def named(name: str) -> tuple[Rule, ...]:
-    """Return the rule with the ID `name`, or the rules in the category `name`, in any case; empty if neither exists."""
-    return tuple(rule for rule in RULES if name.upper() in (rule.id, rule.category.name))
 
 
 _HANDLED = (_WIRE, _HASH, _SOURCE, _SEMANTIC)

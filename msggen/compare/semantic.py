@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msggen.compare.comparison import Comparison
-from msggen.compare.finding import Change, Excerpt
 from msggen.diagnostics import suggestion
+from msggen.finding import Change, Excerpt
 from msggen.model import Field
 from msggen.tags import UNIT, Tag, TagChange
 from msggen.unit import is_unit, nearest_unit

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from struct import pack, unpack
 
 from msggen.compare.comparison import Comparison, MessagePair, constants_of, definitions
-from msggen.compare.finding import Change, Excerpt
+from msggen.finding import Change, Excerpt
 from msggen.location import Location
 from msggen.model import VERSION, Constant
 

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from msggen.compare.comparison import Comparison, Side
-from msggen.compare.finding import Change, Excerpt
+from msggen.finding import Change, Excerpt
 from msggen.firmware.catalog import ARCHIVED_NAME
 from msggen.firmware.history import History
 from msggen.location import Location

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from msggen.compare.comparison import Comparison
-from msggen.compare.finding import Change, Excerpt
+from msggen.finding import Change, Excerpt
 from msggen.identity import Endpoint, endpoints
 from msggen.location import Location
 from msggen.model import BridgeEntry, Catalog, Direction, snake_case

@@ -13,11 +13,11 @@ from itertools import combinations
 from typing import NamedTuple
 
 from msggen.compare.comparison import Comparison, MessagePair, constants_of
-from msggen.compare.finding import Change, Excerpt
 from msggen.compare.semantic import retagged_messages
 from msggen.compare.source_code import excerpt, wire_value
 from msggen.compare.taken_back import find_remains
 from msggen.diagnostics import few
+from msggen.finding import Change, Excerpt
 from msggen.firmware.history import ARCHIVE, TRANSLATIONS, VERSIONED, History, archived_name
 from msggen.firmware.translation_check import (
     Problem,

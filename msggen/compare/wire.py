@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msggen.compare.comparison import Comparison, FieldPair, MessagePair, has_same_length, meaning, spelled
-from msggen.compare.finding import Change, Excerpt
+from msggen.finding import Change, Excerpt
 from msggen.layout import Layout
 from msggen.location import Location
 from msggen.model import Field, Message

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from msggen.compare.finding import Report
     from msggen.diagnostics import Diagnostic
+    from msggen.finding import Report
 
 FORMATS = ("full", "concise", "json", "github", "sarif", "junit")
 """The values of `--output-format`, the default first. Each format imports its libraries on first use."""

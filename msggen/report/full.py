@@ -11,9 +11,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from msggen.compare.comparison import Reader
-from msggen.compare.finding import Excerpt, Finding, Report
 from msggen.diagnostics import printable
+from msggen.finding import Excerpt, Finding, Reader, Report
 from msggen.report.line import conclusion, is_misread, mark, remedies, silent_mark
 
 _DECODE = "decode wrong values without an error"
@@ -108,10 +107,12 @@ def _line(finding: Finding) -> Text:
 def _side_by_side(report: Report, pairs: Sequence[tuple[Excerpt | None, Excerpt | None]], width: int) -> Table:
     table = Table(box=ASCII, show_edge=False, expand=True, header_style="bold")
     digits = len(str(max(excerpt.location.line for pair in pairs for excerpt in pair if excerpt)))
-    for name, style in ((report.previous, "red"), (report.current, "green")):
+    names = [report.previous, report.current] if report.previous else [report.current]
+    for name, style in zip(names, ("red", "green") if report.previous else ("",), strict=True):
         table.add_column(Text(printable(name)), ratio=1, overflow="fold", style=style)
     for pair in pairs:
-        table.add_row(*(_cell(excerpt, digits, (width - _BETWEEN) // 2) if excerpt else "" for excerpt in pair))
+        cells = pair[-len(names) :]
+        table.add_row(*(_cell(each, digits, (width - _BETWEEN) // len(names)) if each else "" for each in cells))
     return table
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from msggen.compare.finding import Finding, Report
 from msggen.diagnostics import Diagnostic, printable
+from msggen.finding import Finding, Report
 from msggen.location import Location
 from msggen.report.line import conclusion, is_misread, level, remedies, statement
 

@@ -6,15 +6,15 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from msggen.compare.finding import Excerpt, Finding, Report
 from msggen.diagnostics import Diagnostic, printable
+from msggen.finding import Excerpt, Finding, Report
 from msggen.location import Location
 
 
 def write_json(report: Report) -> str:
     """Return the whole report as JSON."""
     document = {
-        "previous": report.previous,
+        "previous": report.previous or None,
         "current": report.current,
         "summary": report.summary,
         "compared": report.compared,

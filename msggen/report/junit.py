@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from junitparser import Error, Failure, JUnitXml, TestCase, TestSuite
 
-from msggen.compare.finding import Category, Excerpt, Finding, Report, Rule
 from msggen.diagnostics import Diagnostic, printable
+from msggen.finding import Category, Excerpt, Finding, Report, Rule
 from msggen.report.line import line, remedies
 
 
@@ -49,10 +49,17 @@ def _text(document: JUnitXml) -> str:
 
 def _suite(report: Report, category: Category, rules: Sequence[Rule]) -> TestSuite:
     suite = TestSuite(category.name)
-    for name, value in (("previous", report.previous), ("current", report.current), ("summary", report.summary)):
+    for name, value in _properties(report):
         suite.add_property(name, printable(value))
     suite.add_testcases([_case(rule, [each for each in report.findings if each.rule.id == rule.id]) for rule in rules])
     return suite
+
+
+def _properties(report: Report) -> Iterator[tuple[str, str]]:
+    if report.previous:
+        yield "previous", report.previous
+    yield "current", report.current
+    yield "summary", report.summary
 
 
 def _case(rule: Rule, findings: Sequence[Finding]) -> TestCase:

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
-from msggen.compare.comparison import Reader
-from msggen.compare.finding import Finding, Report, Severity
 from msggen.diagnostics import printable
+from msggen.finding import Finding, Reader, Report, Severity
 
 
 def write_concise(report: Report) -> str:

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
-from msggen.compare.finding import Category, Report, Rule, Severity
-from msggen.compare.rules import BREAKING, CHECKED
+from msggen.finding import Category, Report, Rule, Severity
 from msggen.report import render
 from msggen.report.errors import explanation, how_to_fix
 from msggen.report.json import dump
+from msggen.rules import commands_of
 
 _LEVELS = {Severity.ERROR: "an error", Severity.WARNING: "a warning"}
 
@@ -49,8 +49,8 @@ MARKS: Mapping[str, MarkText] = MappingProxyType(
         ),
         "warning": MarkText(
             "marks a finding that fails the run only with `--strict`: another rate limit or other options of a topic,"
-            " a translation that omits a field or still has a TODO, and in `check` another unit, range, frame, enum "
-            "or invalid value.",
+            " a translation that omits a field or still has a TODO, in `check` another unit, range, frame, enum "
+            "or invalid value, and everything that `lint` finds.",
             "Read the finding and decide. `msggen explain` describes the fix for its rule.",
         ),
     }
@@ -59,10 +59,11 @@ MARKS: Mapping[str, MarkText] = MappingProxyType(
 
 
 def list_rules(rules: Sequence[Rule]) -> str:
-    """Return a line for each rule: ID, category and purpose."""
+    """Return a line for each rule: ID, category, purpose, and whether it is optional."""
     names = max(len(rule.id) for rule in rules)
     categories = max(len(rule.category.name) for rule in rules)
-    return "\n".join(f"{rule.id:{names}}  {rule.category.name:{categories}}  {rule.purpose}" for rule in rules)
+    lines = [f"{rule.id:{names}}  {rule.category.name:{categories}}  {rule.purpose}" for rule in rules]
+    return "\n".join(line if rule.is_default else f"{line} (optional)" for line, rule in zip(lines, rules, strict=True))
 
 
 def write_json(rules: Sequence[Rule]) -> str:
@@ -75,17 +76,12 @@ def write_json(rules: Sequence[Rule]) -> str:
                 "purpose": rule.purpose,
                 "effect": rule.category.value,
                 "fix": rule.fix,
-                "commands": {command: severity.value for command, severity in _severities(rule)},
+                "commands": {command: severity.value for command, severity in commands_of(rule).items()},
+                "optional": not rule.is_default,
             }
             for rule in rules
         ]
     )
-
-
-def _severities(rule: Rule) -> list[tuple[str, Severity]]:
-    """Return the commands that apply `rule`, with its severity."""
-    applied = (("check", CHECKED), ("breaking", BREAKING))
-    return [(command, each.severity) for command, rules in applied for each in rules if each.id == rule.id]
 
 
 def explain_category(category: Category, rules: Sequence[Rule], *, width: int) -> str:
@@ -96,9 +92,10 @@ def explain_category(category: Category, rules: Sequence[Rule], *, width: int) -
 def explain_rule(rule: Rule, example: Report, *, width: int, colour: bool) -> str:
     """Return the purpose of `rule`, the commands that apply it, and its findings in `example`."""
     names: dict[Severity, list[str]] = {}
-    for command, severity in _severities(rule):
+    for command, severity in commands_of(rule).items():
         names.setdefault(severity, []).append(command)
     reported = ", ".join(f"by {' and '.join(commands)} as {_LEVELS[level]}" for level, commands in names.items())
+    reported += "" if rule.is_default else ", if it is selected"
     found = render(example, "full", width=width, colour=colour).rpartition("\n")[0].rstrip()
     return "\n".join(
         [

@@ -14,8 +14,8 @@ from typing import Any
 from urllib.parse import quote
 
 from msggen import __version__
-from msggen.compare.finding import Excerpt, Finding, Report, Rule
 from msggen.diagnostics import Diagnostic, printable
+from msggen.finding import Excerpt, Finding, Report, Rule
 from msggen.location import Location
 from msggen.report.json import dump
 from msggen.report.line import level, remedies, statement
@@ -30,7 +30,7 @@ def write_sarif(report: Report) -> str:
         "columnKind": "unicodeCodePoints",
         "results": list(_results(report)),
         "properties": {
-            "previous": report.previous,
+            "previous": report.previous or None,
             "current": report.current,
             "compared": report.compared,
             "ignored": report.ignored,

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from msggen.compare.comparison import Comparison, Extra, Side
-from msggen.compare.finding import Category, Finding
 from msggen.compare.rules import RULES, find
+from msggen.finding import Category, Finding
 from msggen.firmware.catalog import COMPARABLE, read_catalog
 from msggen.firmware.inferred import Inference
 from msggen.firmware.sources import Sources

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from msggen.compare.finding import Finding
+from msggen.finding import Finding
 from msggen.model import BridgeEntry, Catalog
 from msggen.render.views import EndpointView, FieldView, MessageView, ServiceView, Views
 from msggen.site.changes import Changes

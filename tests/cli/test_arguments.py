@@ -96,7 +96,7 @@ def test_no_arguments_lead_to_a_trace_or_to_the_exit_code_of_findings(
         except SystemExit as stopped:
             code = int(stopped.code or 0)
         assert code in (0, 1, 2), words
-        finds = {"check", "breaking", "--check", "--diff", "--dry-run"}
+        finds = {"check", "breaking", "lint", "--check", "--diff", "--dry-run"}
         assert code != 1 or finds & {*words}, words
         told = capsys.readouterr()
         assert (code == 2) <= bool(told.err), words

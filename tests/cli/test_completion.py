@@ -40,6 +40,7 @@ CASES = {
     "msggen bump --px4 nowhere Ho": [],
     "msggen explain M30": ["M301", "M302", "M303", "M304", "M305", "M306", "M307"],
     "msggen breaking --select WIRE,FIELD_MO": ["WIRE,FIELD_MOVED"],
+    "msggen lint --select TAG,UNIT_U": ["TAG,UNIT_UNKNOWN"],
     "msggen check --output-format s": ["sarif"],
     "msggen check f": ["fw/"],
     "msggen render --each en": ["endpoint"],

@@ -61,6 +61,14 @@ def test_render(name: str, each: str) -> None:
 
 @pytest.mark.slow
 @each_firmware
+def test_lint(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    run("lint", "--px4", tree(name))
+    run("lint", "--px4", tree(name), "--strict", code=FINDINGS)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.slow
+@each_firmware
 def test_nothing_breaks_where_nothing_changed(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     run("breaking", "--px4", tree(name), "--strict", "--against", tree(name))
     assert capsys.readouterr().err == ""

@@ -109,7 +109,7 @@ def test_the_help_lists_each_command_in_a_line(
 
 
 PAGES = {command: command for command in ("build", "sync", "check", "bump", "render")}
-PAGES |= {"breaking": "check", "docs": "site"}
+PAGES |= {"breaking": "check", "docs": "site", "lint": "lint"}
 
 
 @pytest.mark.parametrize("command", PAGES)

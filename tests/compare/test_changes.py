@@ -9,10 +9,10 @@ from typing import NamedTuple
 import pytest
 
 from msggen.check import breaking
-from msggen.compare.comparison import Reader
-from msggen.compare.finding import Finding, Rule
-from msggen.compare.rules import BREAKING, named
+from msggen.compare.rules import BREAKING
+from msggen.finding import Finding, Reader, Rule
 from msggen.firmware.sources import find_sources
+from msggen.rules import named
 from support.catalogs import write_definitions
 
 T = "uint64 timestamp\n"

@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from msggen.check import breaking, check
-from msggen.compare.finding import Category, Report
+from msggen.finding import Category, Report
 from msggen.firmware.sources import find_sources
 from support import comparison as slow
 from support.catalogs import write_definitions

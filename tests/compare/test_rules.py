@@ -9,9 +9,10 @@ import pytest
 
 from msggen.check import breaking, check, example_of
 from msggen.cli import main
-from msggen.compare.finding import Category, Rule, Severity
 from msggen.compare.rules import BREAKING, CHECKED, RULES
+from msggen.finding import Category, Rule, Severity
 from msggen.firmware.sources import find_sources
+from msggen.rules import RULES as ALL
 from support.repository import ROOT
 
 EXAMPLES = ROOT / "msggen" / "compare" / "examples"
@@ -108,14 +109,16 @@ def test_explain_says_who_fails_and_who_warns(capsys: pytest.CaptureFixture[str]
 
 
 def test_ids_are_words_and_no_category_is_called_like_a_rule() -> None:
-    assert all(re.fullmatch(r"[A-Z]+(_[A-Z]+)+", rule.id) for rule in RULES)
-    assert not {rule.id for rule in RULES} & {category.name for category in Category}
+    assert all(re.fullmatch(r"[A-Z]+(_[A-Z]+)+", rule.id) for rule in ALL)
+    assert len({rule.id for rule in ALL}) == len(ALL)
+    assert not {rule.id for rule in ALL} & {category.name for category in Category}
 
 
 def test_rules_lists_them_all(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["rules"]) == 0
     listed = [line.split(None, 2) for line in capsys.readouterr().out.splitlines()]
-    assert listed == [[rule.id, rule.category.name, rule.purpose] for rule in RULES]
+    purposes = [rule.purpose if rule.is_default else f"{rule.purpose} (optional)" for rule in ALL]
+    assert listed == [[rule.id, rule.category.name, purpose] for rule, purpose in zip(ALL, purposes, strict=True)]
 
 
 def test_explain_knows_a_rule_by_any_case(capsys: pytest.CaptureFixture[str]) -> None:

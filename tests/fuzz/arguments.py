@@ -14,8 +14,8 @@ from pathlib import Path
 from random import Random
 
 from msggen.cli import _MODULES, parser_for
-from msggen.compare.rules import RULES
 from msggen.diagnostics import CODES
+from msggen.rules import RULES
 from support.catalogs import write_definitions
 from support.commands import check_outcome, run
 from support.packages import BRIDGE, BRIDGE_PLACE, committed, definition, git

@@ -20,11 +20,10 @@ import pytest
 
 from msggen.cli import main
 from msggen.cli.printing import terminal_width
-from msggen.compare.comparison import Reader
-from msggen.compare.finding import Category, Change, Excerpt, Finding, Report
-from msggen.compare.rules import RULES
+from msggen.finding import Category, Change, Excerpt, Finding, Reader, Report
 from msggen.location import Location
 from msggen.report import FORMATS, render
+from msggen.rules import RULES
 from support.catalogs import write_definitions
 from support.repository import shared
 
@@ -767,7 +766,7 @@ def test_naming_the_formats_imports_none_of_their_libraries() -> None:
 def test_a_clean_report_needs_no_drawing() -> None:
     """`check` runs in every build of a user, so a clean report must not spend 50 ms on importing rich."""
     program = (
-        "import sys; from msggen.report import render; from msggen.compare.finding import Report; "
+        "import sys; from msggen.report import render; from msggen.finding import Report; "
         "print(render(Report('a', 'b', (), (), 1, 'in step'), 'full', width=80, colour=True)); "
         "print('rich' in sys.modules)"
     )

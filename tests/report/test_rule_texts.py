@@ -9,13 +9,12 @@ from dataclasses import replace
 import pytest
 
 from msggen.cli import main, parser_for
-from msggen.compare.comparison import Reader
-from msggen.compare.finding import Change, Finding, Report, Rule, Severity
-from msggen.compare.rules import RULES
+from msggen.finding import Change, Finding, Reader, Report, Rule, Severity
 from msggen.location import Location
 from msggen.report.line import mark
 from msggen.report.rules import MARKS
 from msggen.report.sarif import write_sarif
+from msggen.rules import RULES
 
 each_rule = pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.id)
 

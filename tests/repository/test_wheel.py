@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from msggen.compare.finding import Category
-from msggen.compare.rules import RULES
 from msggen.diagnostics import CODES
+from msggen.finding import Category
+from msggen.rules import RULES
 from support.repository import ROOT
 
 EXPLAINED = [*CODES, *Category.__members__, *(rule.id for rule in RULES)]

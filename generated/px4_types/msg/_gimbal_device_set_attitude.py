@@ -79,7 +79,9 @@ class GimbalDeviceSetAttitude(_cdr.Message):
     """uint16 [@enum GIMBAL_DEVICE_FLAGS] Bitmask."""
 
     q: tuple[float, float, float, float]
-    """float32[4] [@invalid NaN] Quaternion w, x, y, z."""
+    """float32[4] [@invalid NaN] Attitude quaternion in w, x, y, z order. The yaw flags in flags tell its
+    frame.
+    """
 
     angular_velocity_x: float
     """float32 [rad/s] [@invalid NaN]"""
@@ -161,7 +163,8 @@ class GimbalDeviceSetAttitude(_cdr.Message):
                 description="Bitmask.",
             ),
             info.Field(
-                "q", "float32[4]", 12, 16, invalid="NaN", description="Quaternion w, x, y, z.",
+                "q", "float32[4]", 12, 16, invalid="NaN",
+                description="Attitude quaternion in w, x, y, z order. The yaw flags in flags tell its frame.",
             ),
             info.Field("angular_velocity_x", "float32", 28, 4, unit="rad/s", invalid="NaN"),
             info.Field("angular_velocity_y", "float32", 32, 4, unit="rad/s", invalid="NaN"),

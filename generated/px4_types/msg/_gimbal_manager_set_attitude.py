@@ -82,7 +82,9 @@ class GimbalManagerSetAttitude(_cdr.Message):
     """uint8"""
 
     q: tuple[float, float, float, float]
-    """float32[4] [@invalid NaN] Attitude quaternion (w, x, y, z); NaN controls the rates only."""
+    """float32[4] [@invalid NaN] Attitude quaternion (w, x, y, z). The yaw flags in flags tell its frame.
+    NaN controls the rates only.
+    """
 
     angular_velocity_x: float
     """float32 [rad/s] [@invalid NaN]"""
@@ -175,7 +177,10 @@ class GimbalManagerSetAttitude(_cdr.Message):
             info.Field("gimbal_device_id", "uint8", 16, 1),
             info.Field(
                 "q", "float32[4]", 20, 16, invalid="NaN",
-                description="Attitude quaternion (w, x, y, z); NaN controls the rates only.",
+                description=(
+                    "Attitude quaternion (w, x, y, z). The yaw flags in flags tell its frame. NaN controls "
+                    "the rates only."
+                ),
             ),
             info.Field("angular_velocity_x", "float32", 36, 4, unit="rad/s", invalid="NaN"),
             info.Field("angular_velocity_y", "float32", 40, 4, unit="rad/s", invalid="NaN"),

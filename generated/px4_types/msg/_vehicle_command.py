@@ -288,14 +288,14 @@ class VehicleCommand(_cdr.Message):
     """Operate a simple camera, for example take a picture."""
 
     VEHICLE_CMD_DO_MOUNT_CONFIGURE: Final = 204
-    """Set up a gimbal or antenna mount. |[@enum MAV_MOUNT_MODE] What steers it|1: stabilize roll|1:
+    """Set up a gimbal or antenna mount. |[@enum VEHICLE_MOUNT_MODE] What steers it|1: stabilize roll|1:
     stabilize pitch|1: stabilize yaw|Unused|Unused|Unused|
     """
 
     VEHICLE_CMD_DO_MOUNT_CONTROL: Final = 205
     """Aim a gimbal or antenna mount. |[deg] Pitch, or latitude in GPS mode|[deg] Roll, or longitude in GPS
-    mode|[deg]/[m] Yaw, or altitude in GPS mode|Unused|Unused|Unused|[@enum MAV_MOUNT_MODE] What steers
-    it|
+    mode|[deg]/[m] Yaw, or altitude in GPS mode|Unused|Unused|Unused|[@enum VEHICLE_MOUNT_MODE] What
+    steers it|
     """
 
     VEHICLE_CMD_DO_SET_CAM_TRIGG_DIST: Final = 206
@@ -953,14 +953,14 @@ class VehicleCommand(_cdr.Message):
         """Operate a simple camera, for example take a picture."""
 
         DO_MOUNT_CONFIGURE = 204
-        """Set up a gimbal or antenna mount. |[@enum MAV_MOUNT_MODE] What steers it|1: stabilize roll|1:
-        stabilize pitch|1: stabilize yaw|Unused|Unused|Unused|
+        """Set up a gimbal or antenna mount. |[@enum VEHICLE_MOUNT_MODE] What steers it|1: stabilize
+        roll|1: stabilize pitch|1: stabilize yaw|Unused|Unused|Unused|
         """
 
         DO_MOUNT_CONTROL = 205
         """Aim a gimbal or antenna mount. |[deg] Pitch, or latitude in GPS mode|[deg] Roll, or longitude in
-        GPS mode|[deg]/[m] Yaw, or altitude in GPS mode|Unused|Unused|Unused|[@enum MAV_MOUNT_MODE] What
-        steers it|
+        GPS mode|[deg]/[m] Yaw, or altitude in GPS mode|Unused|Unused|Unused|[@enum VEHICLE_MOUNT_MODE]
+        What steers it|
         """
 
         DO_SET_CAM_TRIGG_DIST = 206
@@ -1251,6 +1251,24 @@ class VehicleCommand(_cdr.Message):
         GROUNDSPEED = 1
         CLIMB_SPEED = 2
         DESCEND_SPEED = 3
+
+    class VehicleMountMode(_IntEnum):
+        """Values of parameters of commands."""
+
+        RETRACT = 0
+        """Move to the stored stowed pose, stabilization off."""
+
+        NEUTRAL = 1
+        """Move to the stored neutral pose."""
+
+        MAVLINK_TARGETING = 2
+        """Follow angles sent over MAVLink, stabilized."""
+
+        RC_TARGETING = 3
+        """Follow RC sticks, stabilized."""
+
+        GPS_POINT = 4
+        """Look at coordinates."""
 
     class ParachuteAction(_IntEnum):
         """Values of parameters of commands."""

@@ -1,12 +1,15 @@
-"""Rules and findings. A rule has only an ID, a purpose, a category, a severity, a function and the text of a fix."""
+"""Rules and findings, of comparisons and of single definitions.
+
+A rule has only an ID, a purpose, a category, a severity, a function and the text of a fix.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
-from msggen.compare.comparison import Comparison, Reader
 from msggen.diagnostics import Diagnostic
 from msggen.location import Location
 
@@ -21,6 +24,19 @@ class Category(Enum):
     TOPIC = "applications no longer find a bridged topic, or find it with other properties"
     VERSION = "the change breaks the firmware's rules for versioned messages"
     DRIFT = "nothing breaks, but the sides are not the same"
+    TAG = "a tag in a comment cannot be read, so tools do not know what the values mean"
+    UNIT = "the unit of a field is unknown, or does not fit the fields beside it"
+    ENUM = "constants and the fields whose values they are do not find each other"
+    FRAME = "the axes of a vector are unknown, so its values can be read in a wrong frame"
+    DOCUMENTATION = "people have to guess what a value means"
+    LAYOUT = "samples are larger than they need to be"
+
+
+class Reader(Enum):
+    """The nodes that decode samples of the other side: those built with the previous or the current definition."""
+
+    OLD = "old"
+    NEW = "new"
 
 
 class Severity(Enum):
@@ -32,7 +48,7 @@ class Severity(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Excerpt:
-    """A line of one side: its location, and its text without the comment."""
+    """A line of one side: its location, and its text, of which a comparison leaves out the comment."""
 
     location: Location
     text: str
@@ -41,6 +57,8 @@ class Excerpt:
 @dataclass(frozen=True, slots=True)
 class Change:
     """A change that a rule found. `location` is on the current side; `before` and `after` are the lines that differ.
+
+    What a rule finds in a single definition has only the current side.
 
     `subject` is the name of a message, a service or a topic. `names` are those of the fields and constants that
     changed, on both sides. A translation that handles the change deals with all of them.
@@ -56,14 +74,18 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A rule. `find` compares the two sides and yields the changes. `fix` says what to do about them."""
+    """A rule. `find` yields the changes in a Comparison, or in a Definition. `fix` says what to do about them.
+
+    A rule that is not a default is only applied if it is selected.
+    """
 
     id: str
     purpose: str
     category: Category
-    find: Callable[[Comparison], Iterable[Change]]
+    find: Callable[[Any], Iterable[Change]]
     fix: str
     severity: Severity = Severity.ERROR
+    is_default: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +117,10 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The result of a comparison: the names of both sides, the rules that were applied, and their findings.
+    """The result of a comparison, or of a look at single definitions, which has no previous side: `previous` is "".
 
-    `summary` is one line for people. `compared` is the number of messages and services that both sides have.
+    It has the names of both sides, the rules that were applied, and their findings. `summary` is one line for people.
+    `compared` is the number of messages and services that both sides have.
     `notices` are the warnings and notes about the sources; they are not findings. `advice` is a line on what to do
     about the whole report, "" if the findings say it. `ignored` is the number of findings that were ignored.
     `unmatched` has the names to ignore that match nothing, each with a hint for the user.

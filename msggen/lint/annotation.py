@@ -1,0 +1,208 @@
+"""The annotations in comments, each with what is wrong with it.
+
+    [m/s] [@range 0, 100] [@enum STATE] [@invalid NaN] [@frame NED]
+
+An annotation that cannot be read as a tag is "malformed", one with an unknown name is "unknown".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import lru_cache
+from types import MappingProxyType
+from typing import NamedTuple
+
+from msggen.diagnostics import suggestion
+from msggen.enumeration import constant_prefixes, is_integer
+from msggen.lint.definition import Definition, Remark
+from msggen.lint.frame import frame_problem, is_frame
+from msggen.model import Constant, Field
+from msggen.primitives import PRIMITIVES
+from msggen.tags import NAMES
+from msggen.unit import bounds, is_unit, nearest_unit, normalized_range
+
+MALFORMED, UNKNOWN, INEXACT = "malformed", "unknown", "inexact"
+"""The kinds of annotations that are no tag, are a tag with an unknown name, and name an enum by a longer prefix."""
+
+_NAME = "|".join(NAMES)
+_START = re.compile(r"\[@\w+")
+_TAG = re.compile(r"\[@(\w+)[^\]]*\]")
+_WITHOUT_AT = re.compile(rf"\[\s*(?:{_NAME})\b[^\]]*\]")
+_WITHOUT_BRACKETS = re.compile(rf"(?<![\[\w])@(?:{_NAME})\b")
+_OPENING = re.compile(r"\[[^\s@\d]\S*")
+_WORD = re.compile(r"\[\w+\]")
+
+_NUMBER = re.compile(r"[-+]?(?:\d[\d_.]*(?:e[-+]?\d+)?f?|0x[\da-f]+)", re.IGNORECASE)
+_NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
+_LIMIT = re.compile(r"(?:U?INT(?:8|16|32|64)|FLT|DBL)_(?:MAX|MIN)")
+_EMPTY = ("empty", "true", "false")
+"""Words that are invalid values: of an array of characters, and of a bool."""
+
+
+class Annotation(NamedTuple):
+    """An annotation: the name of its tag, "unit" for a unit, or one of the kinds above. `problem` is "" for none."""
+
+    kind: str
+    remark: Remark
+    text: str
+    """The text in the file by which it can be found."""
+    problem: str
+
+
+@lru_cache(maxsize=1)
+def find_annotations(definition: Definition) -> tuple[Annotation, ...]:
+    """Return the annotations of all comments, those that cannot be read included.
+
+    The last result is kept, because several rules need it.
+    """
+    return tuple(_annotations(definition))
+
+
+def _annotations(definition: Definition) -> Iterator[Annotation]:
+    for remark in definition.remarks:
+        yield from _tags(definition, remark)
+        for text, problem in _malformed(remark):
+            yield Annotation(MALFORMED, remark, text, problem)
+
+
+def _tags(definition: Definition, remark: Remark) -> Iterator[Annotation]:
+    unit = remark.comment.unit
+    if unit:
+        intended = _intended(f"[{unit}]")
+        kind, problem = (MALFORMED, intended) if intended else ("unit", _unit_problem(unit))
+        yield Annotation(kind, remark, f"[{unit}", problem)
+    for name, content in remark.comment.tags:
+        text = f"[@{name} {content}" if content else f"[@{name}"
+        if name not in NAMES:
+            hint = suggestion(f"@{name}", [f"@{known}" for known in NAMES])
+            yield Annotation(UNKNOWN, remark, f"[@{name}", f"unknown tag '@{name}'{hint}")
+        elif not content:
+            yield Annotation(name, remark, text, f"'[@{name}]' has no content")
+        else:
+            yield Annotation(name, remark, text, _PROBLEMS[name](definition, remark, content))
+            inexact = _inexact(definition, content) if name == "enum" else ""
+            if inexact:
+                yield Annotation(INEXACT, remark, text, inexact)
+
+
+def _malformed(remark: Remark) -> Iterator[tuple[str, str]]:
+    """Yield the texts that are meant as tags but cannot be read, each with its problem."""
+    for line in remark.comment.text.split("\n"):
+        if "[" in line or "@" in line:
+            yield from dict.fromkeys(_malformed_in(line.strip()))
+
+
+def _malformed_in(line: str) -> Iterator[tuple[str, str]]:
+    end = line.rfind("]") + 1
+    closed, rest = line[:end], line[end:]  # so that no search for a "]" fails: the time is linear
+    for found in _TAG.finditer(closed):
+        yield found[0], f"'{found[0]}' is the second tag '@{found[1]}': expected one"
+    for found in (*_WITHOUT_AT.finditer(closed), *filter(None, [_WORD.match(closed)])):
+        problem = _intended(found[0])
+        if problem:
+            yield found[0], problem
+    for found in _WITHOUT_BRACKETS.finditer(line):
+        yield found[0], f"'{found[0]}' has no brackets: expected '[{found[0]} ...]'"
+    for found in (*_START.finditer(rest), *filter(None, [None if closed else _OPENING.match(rest)])):
+        yield found[0], f"'{found[0]}' is not closed: expected ']'"
+
+
+def _intended(text: str) -> str:
+    """Return the problem of `[enum STATE]` or `[NED]`, in which the name of a tag is missing or has no `@`."""
+    inside = text.strip("[] ")
+    if _WITHOUT_AT.fullmatch(f"[{inside}]"):
+        return f"'{text}' is no tag: expected '[@{inside}]'"
+    return f"'{text}' is no unit: expected '[@frame {inside}]'" if is_frame(inside) else ""
+
+
+def _unit_problem(unit: str) -> str:
+    if is_unit(unit):
+        return ""
+    near = nearest_unit(unit)
+    return f"unknown unit '[{unit}]'" + (f", did you mean '[{near}]'?" if near else "")
+
+
+def _range_problem(_: Definition, remark: Remark, content: str) -> str:
+    found = bounds(content)
+    if found is None:
+        return f"'[@range {content}]' cannot be read: expected two numbers, such as '[@range 0, 1]'"
+    low, high = found
+    if low > high:
+        turned = ", ".join(reversed(normalized_range(content).split(", ")))
+        return f"'[@range {content}]' is upside down: expected '[@range {turned}]'"
+    outside = [bound for bound in found if abs(bound) != float("inf") and not _fits(remark, bound)]
+    return f"'[@range {content}]': {outside[0]:g} is no {remark.element.type.base}" if outside else ""
+
+
+def _fits(remark: Remark, value: float) -> bool:
+    """Whether the field can hold `value`, at least approximately. A parameter of a command can hold any."""
+    element = remark.element
+    if not isinstance(element, Field) or not is_integer(element):
+        return True
+    low, high = PRIMITIVES[element.type.name].integer_range
+    return low <= value <= high
+
+
+def _enum_problem(definition: Definition, remark: Remark, content: str) -> str:
+    if isinstance(remark.element, Field) and not is_integer(remark.element):
+        return f"'[@enum {content}]': values of {remark.element.type.base} are no enum"
+    message = definition.message
+    for prefix in re.findall(r"\w+", content):
+        if not constant_prefixes(message, prefix):
+            elsewhere = (each for each in definition.catalog.uorb_messages if prefix in _prefixes(each.constants))
+            other = next(elsewhere, None)
+            hint = suggestion(prefix, _prefixes(message.constants))
+            hint = f", but '{other.name}' has" if other and not hint else hint
+            return f"no constant of '{message.name}' starts with '{prefix}_'{hint}"
+    return ""
+
+
+def _inexact(definition: Definition, content: str) -> str:
+    """Return what is inexact about an enum whose first words have to be left out."""
+    for prefix in re.findall(r"\w+", content):
+        found = constant_prefixes(definition.message, prefix)
+        if found and found[0] != prefix.rstrip("_"):
+            return f"the constants of '[@enum {content}]' are '{found[0]}_*': expected '[@enum {found[0]}]'"
+    return ""
+
+
+def _prefixes(constants: Iterable[Constant]) -> list[str]:
+    """Return all words from the start that the names of constants have, without the last word of each."""
+    words = [constant.name.split("_") for constant in constants]
+    return list(dict.fromkeys("_".join(each[:end]) for each in words for end in range(1, len(each))))
+
+
+def _value_problem(name: str) -> Callable[[Definition, Remark, str], str]:
+    def problem(definition: Definition, remark: Remark, content: str) -> str:
+        first = content.split(maxsplit=1)[0].strip(",;:.")
+        title = f"'[@{name} {content}]'"
+        constants = {each.name for each in definition.message.constants}
+        if _LIMIT.fullmatch(first) or first in constants or first.lower() in _EMPTY:
+            return ""
+        if _NOT_FINITE.fullmatch(first):
+            return f"{title}: {first} is no {remark.element.type.base}" if not _fits(remark, float(first)) else ""
+        if not _NUMBER.fullmatch(first):
+            return f"{title} cannot be read: expected a number or a constant"
+        return f"{title}: {first} is no {remark.element.type.base}" if not _fits(remark, _number(first)) else ""
+
+    return problem
+
+
+def _number(text: str) -> float:
+    try:
+        return float(int(text, 0))
+    except ValueError:
+        return float(text.rstrip("f"))
+
+
+_PROBLEMS: Mapping[str, Callable[[Definition, Remark, str], str]] = MappingProxyType(
+    {
+        "range": _range_problem,
+        "enum": _enum_problem,
+        "invalid": _value_problem("invalid"),
+        "uncontrolled": _value_problem("uncontrolled"),
+        "frame": lambda definition, _, content: frame_problem(definition, content),
+    }
+)
+"""A function for each tag that returns what is wrong with its content, "" for nothing."""
