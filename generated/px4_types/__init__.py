@@ -16,10 +16,14 @@ if TYPE_CHECKING:
     from . import cdr as cdr
     from . import msg as msg
     from . import srv as srv
+    from . import meaning as meaning
+    from . import showing as showing
+    from . import text as text
     from . import topics as topics
     from .cdr import DecodeError as DecodeError
     from .cdr import EncodeError as EncodeError
     from .cdr import Message as _Message
+    from .showing import show as show
     from .msg import ActionRequest as ActionRequest
     from .msg import ActuatorArmed as ActuatorArmed
     from .msg import ActuatorControlsStatus as ActuatorControlsStatus
@@ -281,11 +285,11 @@ if TYPE_CHECKING:
     from .msg import YawEstimatorStatus as YawEstimatorStatus
 
 _MODULES = (
-    "arrays", "batch", "cdr", "encapsulation", "explain", "hints", "info", "lazy", "lookup", "msg", "orb_id",
-    "places", "primitives", "records", "registry", "srv", "topics",
+    "arrays", "batch", "cdr", "encapsulation", "explain", "hints", "info", "lazy", "lookup", "meaning", "msg",
+    "orb_id", "places", "primitives", "records", "registry", "showing", "srv", "text", "topics",
 )
 _AttributeError = AttributeError  # a message may have this name
-_ERRORS = {"DecodeError", "EncodeError"}
+_HOMES = {"DecodeError": "cdr", "EncodeError": "cdr", "show": "showing"}
 
 __all__ = [
     "DecodeError",
@@ -581,7 +585,7 @@ if not TYPE_CHECKING:  # type checkers would accept every name
             raise _AttributeError(name)
         if name in _MODULES:
             return _load(name)
-        found: object = getattr(_load("cdr" if name in _ERRORS else "msg"), name)
+        found: object = getattr(_load(_HOMES.get(name, "msg")), name)
         globals()[name] = found
         return found
 

@@ -241,13 +241,16 @@ FILES = (
     _File("info.py", lambda _: _render("info", tags=ATTRIBUTES)),
     _support("lazy.py"),
     _support("lookup.py"),
+    _support("meaning.py"),
     _File("orb_id.py", lambda package: _render("orb_id", topics=package.topics)),
     _support("places.py"),
     _support("primitives.py"),
     _File("py.typed", lambda _: ""),
     _support("records.py"),
     _support("registry.py"),
+    _support("showing.py"),
     _support("stream.py", _HAS_STREAMS),
+    _support("text.py"),
     _File("topics.py", _topics),
     _File(
         "translations.py",
@@ -322,7 +325,7 @@ def _stem(path: str) -> str:
 
 def _check_names(package: _Package) -> None:
     """Raise InputError if the name of a package is reserved, or if two messages would have the same class."""
-    taken = {*keyword.kwlist, *_FOLDERS, "annotations", "by_type", *(_stem(file.path) for file in FILES)}
+    taken = {*keyword.kwlist, *_FOLDERS, "annotations", "by_type", "show", *(_stem(file.path) for file in FILES)}
     errors = []
     for part in package.parts:
         if part.prefix and part.package in taken:
