@@ -45,13 +45,14 @@ def test_the_tour_prints_what_the_readme_shows() -> None:
     assert done.stdout in README
 
 
-@pytest.mark.parametrize("name", ["package.md", "batches.md", "wire.md"])
+@pytest.mark.parametrize("name", ["package.md", "batches.md", "wire.md", "meaning.md", "showing.md"])
 def test_the_interactive_examples_are_real(name: str) -> None:
     page = ROOT / "docs" / name
     sys.path.insert(0, str(ROOT / "generated"))
     blocks = re.findall(r"```pycon\n(.*?)```", page.read_text(), re.DOTALL)
     source = re.sub(r"(?m)^(\w+Error: )", r"Traceback (most recent call last):\npx4_types.cdr.\1", "\n".join(blocks))
     source = source.replace("px4_types.cdr.KeyError", "px4_types.hints.UnknownName")
+    source = source.replace("px4_types.cdr.ValueError", "ValueError")
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner()
     names = {"SensorCombined": __import__("px4_types").SensorCombined}
     results = runner.run(parser.get_doctest(source, names, page.name, str(page), 0))
