@@ -6,6 +6,7 @@ import importlib
 import math
 import pickle
 import re
+from collections import Counter
 from collections.abc import Iterator
 from enum import IntFlag
 from pathlib import Path
@@ -18,11 +19,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
+from msggen.firmware.sources import find_sources, with_archived
 from msggen.model import Field, Message
 from msggen.unit import normalized_range
 from support.catalogs import catalog_of, import_package
-from support.repository import every_message, shared
+from support.repository import ROOT, every_message, shared
 
 NAN = math.nan
 
@@ -88,7 +89,9 @@ def tagged(message: Message, field: Field) -> tuple[str, Tagged]:
 
 
 def every_field(source: str | None) -> Iterator[tuple[Message, Field]]:
-    catalog = read_catalog(find_sources(source))
+    sources = find_sources(source)
+    has_archived = source is not None and (Path(source) / "msg" / "px4_msgs_old").exists()
+    catalog = read_catalog(with_archived(sources) if has_archived else sources)
     halves = [half for service in catalog.services for half in (service.request, service.response)]
     for message in (*catalog.messages.values(), *catalog.archived.values(), *halves):
         yield from ((message, field) for field in message.fields)
@@ -115,6 +118,21 @@ def test_every_tag_of_the_definitions_is_understood(px4_types: Any, tree: str) -
             if bounds is None or bounds != pytest.approx(RANGES.get(normalized_range(described.range)), rel=1e-7):
                 strange.append(f"{place}: {described.range}")
     assert strange == []
+
+
+@pytest.mark.parametrize("tree", TREES)
+def test_no_tag_of_a_field_is_missed(tree: str) -> None:
+    """Fields have all tags in the files, except for those in comments of constants, which describe parameters."""
+    root = shared(f"firmware/{tree}") if tree else ROOT
+    found: Counter[str] = Counter()
+    for _, field in every_field(str(root) if tree else None):
+        found.update(tag for tag, _ in field.comment.tags if tag in ("invalid", "range"))
+    written: Counter[str] = Counter()
+    for path in (*root.glob("msg/**/*.msg"), *root.glob("srv/**/*.srv")):
+        fields = re.sub(r"(?m)^\s*\w+\s+\w+\s*=.*$", "", path.read_text(encoding="utf-8"))
+        written.update(re.findall(r"\[@(invalid|range)\b", fields))
+    assert found["invalid"] == written["invalid"]
+    assert found["range"] >= written["range"]  # `[0, 1]` is a range as well
 
 
 @pytest.mark.parametrize("text", ["0..100", "0 .. 100", "0 - 100", "0-100", "0 to 100", "0x0;100 (all)", "0.0 … 1e2"])
