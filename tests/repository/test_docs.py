@@ -52,7 +52,6 @@ def test_the_interactive_examples_are_real(name: str) -> None:
     blocks = re.findall(r"```pycon\n(.*?)```", page.read_text(), re.DOTALL)
     source = re.sub(r"(?m)^(\w+Error: )", r"Traceback (most recent call last):\npx4_types.cdr.\1", "\n".join(blocks))
     source = source.replace("px4_types.cdr.KeyError", "px4_types.hints.UnknownName")
-    source = source.replace("px4_types.cdr.ValueError", "ValueError")
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner()
     names = {"SensorCombined": __import__("px4_types").SensorCombined}
     results = runner.run(parser.get_doctest(source, names, page.name, str(page), 0))
