@@ -18,11 +18,15 @@ if TYPE_CHECKING:
     from . import frames as frames
     from . import msg as msg
     from . import srv as srv
+    from . import meaning as meaning
     from . import recordings as recordings
+    from . import showing as showing
+    from . import text as text
     from . import topics as topics
     from .cdr import DecodeError as DecodeError
     from .cdr import EncodeError as EncodeError
     from .cdr import Message as _Message
+    from .showing import show as show
     from .msg import ActionRequest as ActionRequest
     from .msg import ActuatorArmed as ActuatorArmed
     from .msg import ActuatorControlsStatus as ActuatorControlsStatus
@@ -285,11 +289,12 @@ if TYPE_CHECKING:
 
 _MODULES = (
     "arrays", "batch", "cdr", "clock", "commands", "covariances", "encapsulation", "explain", "frames",
-    "hints", "info", "lazy", "lookup", "msg", "orb_id", "parameters", "places", "primitives", "quantities",
-    "recordings", "records", "registry", "rotations", "srv", "timesync", "topics", "unit", "units",
+    "hints", "info", "lazy", "lookup", "meaning", "msg", "orb_id", "parameters", "places", "primitives",
+    "quantities", "recordings", "records", "registry", "rotations", "showing", "srv", "text", "timesync",
+    "topics", "unit", "units",
 )
 _AttributeError = AttributeError  # a message may have this name
-_ERRORS = {"DecodeError", "EncodeError"}
+_HOMES = {"DecodeError": "cdr", "EncodeError": "cdr", "show": "showing"}
 
 __all__ = [
     "DecodeError",
@@ -585,12 +590,12 @@ if not TYPE_CHECKING:  # type checkers would accept every name
             raise _AttributeError(name)
         if name in _MODULES:
             return _load(name)
-        if name not in __all__:
+        if name not in __all__ and name not in _HOMES:
             from .hints import hint, nearest
 
             text = f"module '{__name__}' has no attribute '{name}'{hint(nearest(name, (*_MODULES, *__all__)))}"
             raise _AttributeError(text, name=name, obj=None)  # without obj, Python adds no suggestion of its own
-        found: object = getattr(_load("cdr" if name in _ERRORS else "msg"), name)
+        found: object = getattr(_load(_HOMES.get(name, "msg")), name)
         globals()[name] = found
         return found
 

@@ -38,7 +38,7 @@ def hover(code: str) -> str:
     return "\n".join(f"{found.description}\n{found.docstring()}" for found in script(code).help())
 
 
-IMPORT = "from px4_types import EscStatus, SensorCombined, VehicleStatus, by_type, msg, topics\n"
+IMPORT = "from px4_types import EscStatus, SensorCombined, VehicleStatus, by_type, meaning, msg, show, topics\n"
 COMPLETED = [
     ("import px4_types\npx4_types.Sens", {"SensorCombined", "SensorGps"}),
     ("import px4_types\npx4_types.", {"by_type", "cdr", "msg", "srv", "topics", "EncodeError", "EscStatus"}),
@@ -66,6 +66,10 @@ COMPLETED = [
     (f"{IMPORT}topics.namespaced('uav_1').out.vehicle_st", {"vehicle_status"}),
     (f"{IMPORT}topics.out.vehicle_status.message.ARMING", {"ARMING_STATE_ARMED"}),
     (f"{IMPORT}topics.out.vehicle_status.message().arming", {"arming_state"}),
+    (f"{IMPORT}VehicleStatus.NavigationState.OFF", {"OFFBOARD"}),
+    ("from px4_types import meaning\nmeaning.", {"is_valid", "of", "problems"}),
+    ("from px4_types import EscStatus, meaning\nmeaning.problems(EscStatus())[0].", {"field", "kind", "text", "value"}),
+    ("from px4_types import sho", {"show", "showing"}),
     ("from px4_types.srv import VehicleCommand\nVehicleCommand.Re", {"Request", "Response"}),
     ("from px4_types.srv import VehicleCommand\nVehicleCommand.Request().requ", {"request"}),
 ]
@@ -88,6 +92,11 @@ def test_jedi_completes_only_names_that_exist() -> None:
         ("SensorCombined", "Gyro and accelerometer readings"),
         ("SensorCombined.gyro_rad", "[rad/s]"),
         ("SensorCombined().gyro_rad", "[rad/s]"),
+        ("EscStatus().esc[0].esc_power", "[%] [@range 0,100]"),
+        ("VehicleStatus().nav_state", "[@enum NAVIGATION_STATE]"),
+        ("VehicleStatus.NavigationState.OFFBOARD", "Values of `nav_state_user_intention`"),
+        ("meaning.problems", "outside the range of their field"),
+        ("show", "Return a message as text"),
         ("VehicleStatus.ARMING_STATE_ARMED", "= 2"),
         ("topics.ENDPOINTS", "in the order of dds_topics.yaml"),
         ("topics.ORB_ID.vehicle_status", "The topic ids of the firmware"),
@@ -144,9 +153,11 @@ topics.out.vehicle_status.dds_nam
 topics.namespaced("uav_1").out.vehicle_statuss
 VehicleStatus.__msg__.ros_typ
 px4_types.cdr.MessageInf
+VehicleStatus.NavigationState.OFFBORD
+px4_types.meaning.problem
 """
 CORRECT = """
-from px4_types import VehicleStatus, by_type, topics
+from px4_types import VehicleStatus, by_type, meaning, show, topics
 
 cls: type[VehicleStatus] = topics.out.vehicle_status.message
 state: int = topics.out.vehicle_status.message.decode(b"").arming_state
@@ -156,6 +167,10 @@ within: tuple[topics.Endpoint, ...] = topics.namespaced("uav_1")
 named: topics.Endpoint[VehicleStatus] = topics.namespaced("uav_1").out.vehicle_status
 text: str = by_type("px4_msgs/msg/EscStatus").__msg__.definition
 name: str = topics.endpoint("/fmu/out/vehicle_status_v4").message.__msg__.name
+unit: str = VehicleStatus.__msg__.field("timestamp").unit
+offboard: VehicleStatus.NavigationState = VehicleStatus.NavigationState.OFFBOARD
+problems: tuple[meaning.Problem, ...] = meaning.problems(VehicleStatus(nav_state=offboard))
+shown: str = show(VehicleStatus())
 """
 
 

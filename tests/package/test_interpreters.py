@@ -30,6 +30,7 @@ for vector in json.load(open(sys.argv[2])):
     message = message_type.decode(b"\\0\\1\\0\\0" + stale)
     assert message.encode()[4:] == clean, vector["type"]
     assert pickle.loads(pickle.dumps(message)) == message == dataclasses.replace(message)
+    assert px4_types.show(message) and len(px4_types.meaning.problems(message)) >= 0
     assert len(dataclasses.fields(message_type)) == len(dataclasses.asdict(message)) == len(vector["values"])
 assert topics.ORB_ID.vehicle_odometry == topics.UORB["vehicle_odometry"].orb_id
 print("all vectors")

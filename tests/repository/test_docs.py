@@ -63,6 +63,7 @@ PAGES_OF_CODE = (
     "frames.md",
     "meaning.md",
     "precautions.md",
+    "showing.md",
     "time.md",
     "wire.md",
 )

@@ -141,7 +141,7 @@ def test_pyright_is_content_with_the_generated_packages(tmp_path: Path, unusual:
 
 APPLICATION = """
 import dataclasses
-from px4_types import DecodeError, EscReport, EscStatus, SensorCombined, VehicleStatus, topics
+from px4_types import DecodeError, EscReport, EscStatus, SensorCombined, VehicleStatus, meaning, show, text, topics
 
 sample: bytes = SensorCombined(timestamp=1, gyro_rad=(0.0, 0.1, 0.2)).encode()
 message: SensorCombined = SensorCombined.decode(memoryview(sample))
@@ -155,6 +155,13 @@ several: list[bytes] = SensorCombined.encode_batch(SensorCombined.decode_batch([
 one: SensorCombined = SensorCombined.from_row(SensorCombined.decode_batch(sample)[0])
 number: topics.ORB_ID = topics.ORB_ID.vehicle_odometry
 depth: int = topics.endpoint("/fmu/out/vehicle_status_v4").qos.reader.depth
+state: VehicleStatus.NavigationState = VehicleStatus.NavigationState(message.timestamp)
+faults: EscReport.Failure = EscReport.Failure.OVER_RPM | EscReport.Failure.GENERIC
+report: EscReport = EscReport(failures=faults)
+unit: str = VehicleStatus.__msg__.field("nav_state").unit + SensorCombined.__msg__.fields[1].metadata["unit"]
+known: bool = meaning.is_valid(report, "failures")
+found: list[str] = [f"{each.field} {each.text} {each.kind}" for each in meaning.problems(report)]
+shown: str = show(report) + text.of(text.pack("abc", 8))
 match VehicleStatus():
     case VehicleStatus(arming_state=VehicleStatus.ARMING_STATE_ARMED):
         pass

@@ -279,6 +279,7 @@ FILES = (
     _File("info.py", lambda _: _render("info", tags=ATTRIBUTES)),
     _support("lazy.py"),
     _support("lookup.py"),
+    _support("meaning.py"),
     _File("orb_id.py", lambda package: _render("orb_id", topics=package.topics)),
     _support("parameters.py", lambda package: has_commands(package.catalog)),
     _support("places.py"),
@@ -290,7 +291,9 @@ FILES = (
     _support("registry.py"),
     _File("ros.py", _ros, _has_geometry),
     _support("rotations.py"),
+    _support("showing.py"),
     _support("stream.py", _HAS_STREAMS),
+    _support("text.py"),
     _support("timesync.py"),
     _File("topics.py", _topics),
     _File(
@@ -376,7 +379,7 @@ def _stem(path: str) -> str:
 
 def _check_names(package: _Package) -> None:
     """Raise InputError if the name of a package is reserved, or if two messages would have the same class."""
-    taken = {*keyword.kwlist, *_FOLDERS, "annotations", "by_type", *(_stem(file.path) for file in FILES)}
+    taken = {*keyword.kwlist, *_FOLDERS, "annotations", "by_type", "show", *(_stem(file.path) for file in FILES)}
     errors = []
     for part in package.parts:
         if part.prefix and part.package in taken:
