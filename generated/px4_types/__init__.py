@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from . import batch as batch
     from . import cdr as cdr
     from . import clock as clock
+    from . import commands as commands
     from . import frames as frames
     from . import msg as msg
     from . import srv as srv
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from . import showing as showing
     from . import text as text
     from . import topics as topics
+    from . import units as units
     from .cdr import DecodeError as DecodeError
     from .cdr import EncodeError as EncodeError
     from .cdr import Message as _Message

@@ -54,7 +54,7 @@ class Parameter(Frozen):
         put(self, "range", range)
         put(self, "enum", enum)
 
-    def check(self, value: float) -> float:
+    def check(self, value: Any) -> float:
         """Return the value. Raises CommandError if it is no number, not in the range, or not of the enum.
 
         NaN means "not set", and is never refused.
@@ -127,4 +127,5 @@ class Command(Frozen):
                 given[f"param{parameter.number}"] = parameter.check(value)
             except CommandError as error:
                 raise CommandError(f"{self.name}: {parameter.name}, param{parameter.number}: {error}") from None
-        return VehicleCommand(**{"command": self.value, **given, **fields})
+        made: dict[str, Any] = {"command": self.value, **given, **fields}
+        return VehicleCommand(**made)

@@ -203,6 +203,7 @@ def _init(package: _Package) -> str:
         classes=names,
         others=others,
         archived=package.catalog.archived,
+        commands=has_commands(package.catalog),
         example=_EXAMPLE if _EXAMPLE in names else "".join(names[:1]),
         modules=[literal(name) for name in sorted([*modules, *own.folders, *(part.package for part in others)])],
     )
