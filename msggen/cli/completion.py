@@ -42,6 +42,8 @@ def complete() -> None:
     parser = parser_for([])
     for command in _commands(parser):
         for action in command._actions:  # noqa: SLF001 - argparse has no public name
+            if isinstance(action, argparse._StoreAction):  # noqa: SLF001
+                action.__class__ = argparse._StoreAction  # noqa: SLF001 - argcomplete stores values of no other class
             if action.dest in _NAMES:
                 action.completer = _names_or_paths(_NAMES[action.dest])  # type: ignore[attr-defined]
             elif action.metavar in ("DIR", "PKG"):

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
-from msggen.diagnostics import input_error
+from msggen.diagnostics import InputError, input_error
 from msggen.disk.files import create_file
 from msggen.disk.record import RECORD_NAME, Record, digest, digest_of, read_record, record_text, write_record
 from msggen.disk.staging import (
@@ -150,7 +150,7 @@ def _replace_folder(plan: OutputPlan, record: Record) -> bool:
             is_done = not swap_folders({plan.folder: built})
             if is_done and os.path.isdir(built):
                 keep_newer(built, plan.folder, replaced)
-    except OSError:
+    except (InputError, OSError):  # a file in the place of a folder: `_replace_files` reports where it is
         if is_done:
             raise
     return is_done

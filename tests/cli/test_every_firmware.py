@@ -54,7 +54,8 @@ def test_sync_and_check(name: str, capsys: pytest.CaptureFixture[str]) -> None:
 def test_render(name: str, each: str) -> None:
     if (name, each) == ("v1.14", "service"):
         pytest.skip("v1.14 has no services")
-    Path("all.txt.j2").write_text(f"{{{{ {each} }}}} {{{{ catalog.release }}}}\n")
+    name_of = {"endpoint": "endpoint.ros_name", "catalog": "catalog.package"}.get(each, f"{each}.name")
+    Path("all.txt.j2").write_text(f"{{{{ {name_of} }}}} {{{{ catalog.release }}}}\n")
     run("render", "--px4", tree(name), "--strict", "--template", "all.txt.j2", "--each", each, "-o", "out")
     assert any(Path("out").rglob("*"))
 
