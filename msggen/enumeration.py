@@ -59,8 +59,13 @@ class Enumeration(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name in CamelCase: `NavigationState`."""
-        return "".join(word.capitalize() for word in re.split(r"\W+|_", self.tag))
+        """The name in CamelCase: `NavigationState`. It is that of the prefixes if the tag makes no name."""
+        name = _camel_case(self.tag)
+        return name if name.isidentifier() else _camel_case(" ".join(self.prefixes))
+
+
+def _camel_case(text: str) -> str:
+    return "".join(word.capitalize() for word in re.findall("[A-Za-z0-9]+", text))
 
 
 def enumerations(message: Message) -> tuple[Enumeration, ...]:

@@ -85,6 +85,24 @@ def test_members(lines: list[str], expected: dict[str, int]) -> None:
     assert members(enum_of(*lines)) == expected
 
 
+@pytest.mark.parametrize(
+    ("tag", "name"),
+    [
+        ("A_B", "AB"),
+        ("1_A", "A"),
+        ("\ufb01_A", "A"),
+        ("A [x", "A"),
+        ("NONE_A", "NoneA"),
+        ("\u0660_A", "A"),
+        ("A,A", "AA"),
+    ],
+)
+def test_the_name_is_one_that_python_can_have(tag: str, name: str) -> None:
+    enum = enum_of(f"uint8 s # [@enum {tag}]", "uint8 A_X = 0", "uint8 A_B_Y = 1")
+    assert enum
+    assert enum.name == name or (enum.name.isascii() and enum.name.isidentifier())
+
+
 def test_a_constant_belongs_to_the_longest_prefix() -> None:
     lines = ["uint8 a # [@enum A]", "uint8 b # [@enum A_B]", "uint8 A_X = 0", "uint8 A_B_Y = 1"]
     message = parse_message("\n".join(["uint64 timestamp", *lines, ""]), "A.msg", "A", "p")[0]
