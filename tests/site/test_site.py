@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 from markdown_it import MarkdownIt
@@ -166,20 +168,31 @@ def test_a_constant_in_two_enums_has_one_anchor(tmp_path: Path) -> None:
 # --- Commands
 
 
-def test_the_parameters_of_a_command_are_a_list(files: Mapping[str, str]) -> None:
-    row = files["msg/VehicleCommand.html"].partition('<tr id="VEHICLE_CMD_NAV_TAKEOFF">')[2].partition("</tr>")[0]
-    assert "<td>Take off.\n" in row
-    items = re.findall("<li>(.*?)</li>", row)
-    assert len(items) == 7
-    assert items[1:3] == ["Unused", "Unused"]
-    assert items[6].startswith("[m] Altitude")
-    row = (
-        files["msg/VehicleCommand.html"]
-        .partition('<tr id="VEHICLE_CMD_NAV_RETURN_TO_LAUNCH">')[2]
-        .partition("</tr>")[0]
-    )
-    assert "<li>" not in row, "no list of unused parameters"
-    assert "<li>VEHICLE_ROI: What to look at</li>" in files["msg/VehicleCommand.html"]
+def test_a_command_lists_its_parameters_as_the_module_commands_names_them(
+    files: Mapping[str, str], px4_types: Any
+) -> None:
+    page = files["msg/VehicleCommand.html"]
+    module = importlib.import_module(f"{px4_types.__name__}.commands")
+    commands = [each for each in vars(module).values() if isinstance(each, module.Command)]
+    assert len(commands) > 100
+    for command in commands:
+        row = page.partition(f'<tr id="VEHICLE_CMD_{command.name}">')[2].partition("</tr>")[0]
+        shown = re.findall('<li value="(.)"><code>(.*?)</code>', row)
+        assert shown == [(str(each.number), each.name) for each in command.params], command.name
+
+
+def test_a_parameter_shows_its_number_unit_and_enum(files: Mapping[str, str]) -> None:
+    page = files["msg/VehicleCommand.html"]
+    takeoff = page.partition('<tr id="VEHICLE_CMD_NAV_TAKEOFF">')[2].partition("</tr>")[0]
+    assert "<td>Take off.\n" in takeoff
+    assert "Unused" not in takeoff
+    assert "<li>unit m</li>" in takeoff.partition('<li value="7"><code>altitude</code> Altitude')[2]
+    assert '<li>enum <a href="../enum/VehicleCommand.VehicleRoi.html">VehicleRoi</a></li>' in page
+
+
+def test_bars_in_other_comments_are_text(tmp_path: Path) -> None:
+    catalog = catalog_of(tmp_path, {"msg/Modes.msg": "uint64 timestamp\nuint8 MODE_A = 1 # A | B | C\nuint8 mode\n"})
+    assert "<td>A | B | C" in render_site(Site(catalog, "mine"))["msg/Modes.html"]
 
 
 # --- The graph
