@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup, escape
 
+from msggen.diagnostics import counted
 from msggen.disk.resources import template_text
 from msggen.render.views import EndpointView
 from msggen.site.prose import Document, sentences
@@ -43,7 +44,7 @@ def _environment(site: Site) -> jinja2.Environment:
         """Return the HTML of a comment on a page in a folder of the site."""
         return sentences(text, site.names, "../")
 
-    environment = make_environment(marked, cell, summary, rate).overlay(autoescape=site.format == "html")
+    environment = make_environment(marked, cell, summary, rate, counted).overlay(autoescape=site.format == "html")
     environment.globals["site"] = site
     return environment
 

@@ -244,6 +244,20 @@ def test_without_a_previous_release_no_page_mentions_changes(tmp_path: Path) -> 
 # --- Other definitions
 
 
+@pytest.mark.parametrize("format_", ["html", "markdown"])
+def test_pages_without_entries_say_so(tmp_path: Path, format_: str) -> None:
+    catalog = catalog_of(tmp_path, {"msg/Rpm.msg": "uint64 timestamp\n"})
+    files = {name.partition(".")[0]: text for name, text in render_site(Site(catalog, "mine", format_)).items()}
+    assert "No topic is bridged" in files["topics"]
+    assert "No message has an enum" in files["enums"]
+    assert "No message holds another" in files["nesting"]
+    assert not re.search("<table|<svg|mermaid|---", files["topics"] + files["enums"] + files["nesting"])
+    first = re.sub("<.*?>", "", files.get("index") or files["README"])
+    assert "1 message" in first
+    assert "1 messages" not in first
+    assert "0 topics" in first
+
+
 def test_messages_of_other_packages_and_of_varying_size_have_pages(tmp_path: Path) -> None:
     packages = ("builtin_interfaces", "std_msgs", "geometry_msgs")
     folders = []
