@@ -121,6 +121,12 @@ def test_the_search_finds_while_typing(browser: Chrome, folder: Path) -> None:
     assert place(browser) == "VehicleStatus.html#nav_state"
 
 
+def test_the_name_of_a_topic_finds_its_message(browser: Chrome, folder: Path) -> None:
+    find = opened(browser, folder, "index.html")
+    find("#search-box").send_keys("vehicle_status")
+    assert find("#search-results li:first-child a").text.startswith("VehicleStatus\n")
+
+
 def test_results_are_chosen_with_keys_and_clicks(browser: Chrome, folder: Path) -> None:
     find = opened(browser, folder, "index.html")
     box = find("#search-box")
