@@ -26,7 +26,7 @@ class Category(Enum):
     DRIFT = "nothing breaks, but the sides are not the same"
     TAG = "a tag in a comment cannot be read, so tools do not know what the values mean"
     UNIT = "the unit of a field is unknown, or does not fit the fields beside it"
-    ENUM = "constants and the fields whose values they are do not find each other"
+    ENUM = "it is unclear which constants are the values of a field"
     FRAME = "the axes of a vector are unknown, so its values can be read in a wrong frame"
     DOCUMENTATION = "people have to guess what a value means"
     LAYOUT = "samples are larger than they need to be"

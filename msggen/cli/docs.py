@@ -40,8 +40,8 @@ def add_to(commands: Commands) -> None:
         _docs,
         writes=True,
         help="write pages about the messages, topics and enums",
-        description="Write a site about the messages, the topics of the bridge and the enums, which a browser opens "
-        "from the folder: by default site/index.html, about the newest embedded release.",
+        description="Write a site about messages, topics of the bridge and enums: by default of the tree in the "
+        "current folder, or else of the newest embedded release. Open site/index.html in a browser.",
         epilog=f"{WRITING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
     )
     add_sources(parser, "--board", "--against")

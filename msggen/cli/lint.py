@@ -22,9 +22,9 @@ def add_to(commands: Commands) -> None:
         _lint,
         help="advise on the quality of message definitions",
         description="Report tags that cannot be read, unknown units and frames, and other weak points of definitions; "
-        "`msggen rules` lists the rules. The definitions are those of --px4 or --msg-dir, by default the settings px4 "
-        "and msg-dir, or else those of the current folder. Embedded ones are only looked at if --px4 names them.",
-        epilog=f"{FINDING_CODES} All findings are warnings, which fail the run only with --strict. Sources and rules "
+        "`msggen rules` lists the rules. The definitions are those of --px4 and --msg-dir, or of the settings px4 and "
+        "msg-dir, or else of the current folder. Embedded ones are only checked if --px4 names them.",
+        epilog=f"{FINDING_CODES} All findings are warnings: they fail the run only with --strict. Sources and rules "
         "(select, ignore, per-message-ignores) can be set in [tool.msggen] of pyproject.toml.",
     )
     add_sources(parser, "--board")

@@ -112,8 +112,8 @@ def _intended(text: str) -> str:
     """Return the problem of `[enum STATE]` or `[NED]`, in which the name of a tag is missing or has no `@`."""
     inside = text.strip("[] ")
     if _WITHOUT_AT.fullmatch(f"[{inside}]"):
-        return f"'{text}' is no tag: expected '[@{inside}]'"
-    return f"'{text}' is no unit: expected '[@frame {inside}]'" if is_frame(inside) else ""
+        return f"'{text}' is not a tag: expected '[@{inside}{' ...' if inside in NAMES else ''}]'"
+    return f"'{text}' is not a unit: expected '[@frame {inside}]'" if is_frame(inside) else ""
 
 
 def _unit_problem(unit: str) -> str:
@@ -130,9 +130,9 @@ def _range_problem(_: Definition, remark: Remark, content: str) -> str:
     low, high = found
     if low > high:
         turned = ", ".join(reversed(normalized_range(content).split(", ")))
-        return f"'[@range {content}]' is upside down: expected '[@range {turned}]'"
+        return f"'[@range {content}]' has the larger bound first: expected '[@range {turned}]'"
     outside = [bound for bound in found if abs(bound) != float("inf") and not _fits(remark, bound)]
-    return f"'[@range {content}]': {outside[0]:g} is no {remark.element.type.base}" if outside else ""
+    return f"'[@range {content}]': a {remark.element.type.base} cannot be {outside[0]:g}" if outside else ""
 
 
 def _fits(remark: Remark, value: float) -> bool:
@@ -146,7 +146,7 @@ def _fits(remark: Remark, value: float) -> bool:
 
 def _enum_problem(definition: Definition, remark: Remark, content: str) -> str:
     if isinstance(remark.element, Field) and not is_integer(remark.element):
-        return f"'[@enum {content}]': values of {remark.element.type.base} are no enum"
+        return f"'[@enum {content}]': a {remark.element.type.base} has no enum"
     message = definition.message
     for prefix in re.findall(r"\w+", content):
         if not constant_prefixes(message, prefix):
@@ -181,10 +181,10 @@ def _value_problem(name: str) -> Callable[[Definition, Remark, str], str]:
         if _LIMIT.fullmatch(first) or first in constants or first.lower() in _EMPTY:
             return ""
         if _NOT_FINITE.fullmatch(first):
-            return f"{title}: {first} is no {remark.element.type.base}" if not _fits(remark, float(first)) else ""
+            return f"{title}: a {remark.element.type.base} cannot be {first}" if not _fits(remark, float(first)) else ""
         if not _NUMBER.fullmatch(first):
             return f"{title} cannot be read: expected a number or a constant"
-        return f"{title}: {first} is no {remark.element.type.base}" if not _fits(remark, _number(first)) else ""
+        return f"{title}: a {remark.element.type.base} cannot be {first}" if not _fits(remark, _number(first)) else ""
 
     return problem
 

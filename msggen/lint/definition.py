@@ -12,7 +12,7 @@ from msggen.firmware.inferred import Inference
 from msggen.firmware.sources import Sources
 from msggen.location import Location
 from msggen.model import Catalog, Comment, Constant, Field, Message
-from msggen.parse.comment import parse_comment
+from msggen.parse.parameters import description, parameters
 from msggen.parse.text import decode_text
 
 _FARTHEST = 50
@@ -52,10 +52,9 @@ class Definition:
         for field in self.message.fields:
             yield Remark(f"'{field.name}'", field, field.comment)
         for constant in self.message.constants:
-            own, *parameters = constant.comment.text.split("|")
-            yield Remark(f"'{constant.name}'", constant, constant.comment._replace(text=own.strip()))
-            for number, text in enumerate(parameters, 1):
-                yield Remark(f"parameter {number} of '{constant.name}'", constant, parse_comment([text]))
+            yield Remark(f"'{constant.name}'", constant, constant.comment._replace(text=description(constant)))
+            for each in parameters(constant):
+                yield Remark(f"parameter {each.number} of '{constant.name}'", constant, each.comment)
 
     def change(self, element: Field | Constant, message: str, text: str = "") -> Change:
         """Return what a rule found at `text` in the comment of `element`, or at `element` itself."""

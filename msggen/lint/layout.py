@@ -29,8 +29,8 @@ def find_avoidable(definition: Definition) -> Iterator[Change]:
     if least < size:
         first = next(field for field, best in zip(message.fields, ordered, strict=True) if field is not best)
         best = ordered[message.fields.index(first)]
-        text = f"samples have {size} bytes, {least} with the fields sorted by alignment"
-        yield definition.change(first, f"{text}: '{best.name}' before '{first.name}'")
+        text = f"samples have {size} bytes, but {least} if the fields are sorted by alignment"
+        yield definition.change(first, f"{text}: put '{best.name}' before '{first.name}'")
 
 
 def _size(catalog: Catalog, message: Message) -> int:

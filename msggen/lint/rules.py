@@ -37,7 +37,7 @@ LINT = (
     ),
     _advice(
         "RANGE_INVALID",
-        "a range cannot be read, is upside down, or has a bound that its field cannot hold",
+        "a range cannot be read, has the larger bound first, or has a bound that its field cannot hold",
         Category.TAG,
         partial(_find, ("range",)),
         fix="Write the smallest and the largest value, such as `[@range 0, 1]`. `inf`, `pi` and `2pi` are values.",
@@ -66,7 +66,7 @@ LINT = (
     ),
     _advice(
         "ENUM_WITHOUT_CONSTANTS",
-        "no constant of the message has the prefix of an enum, or its field is no integer",
+        "no constant of the message has the prefix of an enum, or its field is not an integer",
         Category.ENUM,
         partial(_find, ("enum",)),
         fix="Write the words that the names of the constants begin with: `[@enum STATE]` for `STATE_IDLE`. If the "
@@ -81,11 +81,11 @@ LINT = (
     ),
     _advice(
         "CONSTANTS_UNUSED",
-        "constants are the values of no field",
+        "no field has the constants as values",
         Category.ENUM,
         enum.find_unused,
-        fix="Add `[@enum PREFIX]` to the comment of the field that has these values. Constants that are no values, "
-        "such as limits, can stay: add this rule to `per-message-ignores`.",
+        fix="Add `[@enum PREFIX]` to the comment of the field that has these values. Constants that are not values "
+        "of a field, such as limits, can stay: add this rule to `per-message-ignores`.",
         is_default=False,
     ),
     _advice(

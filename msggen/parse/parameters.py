@@ -10,11 +10,16 @@ import re
 from keyword import iskeyword
 from typing import NamedTuple
 
-from msggen.model import Comment, Constant
+from msggen.model import Comment, Constant, Message
 from msggen.parse.comment import parse_comment
 
 COUNT = 7
 """The number of parameters of a command."""
+
+PREFIX = "VEHICLE_CMD_"
+"""The prefix of the constants that are commands."""
+
+_FIELDS = frozenset({"command", *(f"param{number}" for number in range(1, COUNT + 1))})
 
 _LONGEST_NAME = 3
 _UNUSED = re.compile(r"(?:unused|reserved|empty|none|n/?a)\b", re.IGNORECASE)
@@ -77,6 +82,13 @@ class Parameter(NamedTuple):
     name: str
     """A name made of the first words of its comment: `altitude`; `param1` if there are none."""
     comment: Comment
+
+
+def commands(message: Message) -> tuple[Constant, ...]:
+    """Return the constants that are commands; none if `message` has no field for each parameter."""
+    if not _FIELDS.issubset(field.name for field in message.fields):
+        return ()
+    return tuple(each for each in message.constants if each.name.startswith(PREFIX) and type(each.value) is int)
 
 
 def parameters(constant: Constant) -> tuple[Parameter, ...]:

@@ -121,10 +121,14 @@ class SiteBuild:
 
 
 def title_of(sources: Sources) -> str:
-    """Return a name of the definitions, without the folders that they are in: `PX4 v1.18` or `PX4-Autopilot`."""
+    """Return a name of the definitions, without the folders that they are in: `PX4 v1.18` or `PX4-Autopilot`.
+
+    A folder `msg` has the name of the folder that it is in.
+    """
     if sources.embedded or not sources.root:
         return f"PX4 {sources.embedded}"
-    return os.path.basename(os.path.abspath(sources.root.path))
+    folder, name = os.path.split(os.path.abspath(sources.root.path))
+    return os.path.basename(folder) or name if name == "msg" else name
 
 
 def title_of_previous(sources: Sources) -> str:

@@ -24,10 +24,14 @@ class Member:
 
 @dataclass(frozen=True, eq=False)
 class Enum:
-    """An enum of `message`, and the fields whose values it names; none if it is of a parameter of a command."""
+    """An enum of `message`, and the fields whose values it names; none if it is of a parameter of a command.
+
+    `tag` is the content of the tag that it has in comments.
+    """
 
     message: MessageView
     name: str
+    tag: str
     is_flags: bool
     members: tuple[Member, ...]
     fields: tuple[FieldView, ...]
@@ -49,5 +53,6 @@ def enums_of(message: Message, view: MessageView) -> tuple[Enum, ...]:
             Member(one.name, one.value, constants[one.constant.name], one.constant.name not in known)
             for one in each.members
         )
-        found.append(Enum(view, each.name, each.is_flags, tuple(members), tuple(fields[name] for name in each.fields)))
+        used = tuple(fields[name] for name in each.fields)
+        found.append(Enum(view, each.name, each.tag, each.is_flags, tuple(members), used))
     return tuple(found)

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup, escape
 
+from msggen.diagnostics import counted
 from msggen.disk.resources import template_text
 from msggen.render.views import EndpointView
-from msggen.site.prose import Document, before_parameters, parameters, sentences
+from msggen.site.prose import Document, sentences
 from msggen.site.search import Entry, index_script
 from msggen.site.site import FORMATS, Site, summary
 from msggen.text.environment import make_environment
@@ -43,11 +44,8 @@ def _environment(site: Site) -> jinja2.Environment:
         """Return the HTML of a comment on a page in a folder of the site."""
         return sentences(text, site.names, "../")
 
-    environment = make_environment(marked, cell, summary, rate, before_parameters).overlay(
-        autoescape=site.format == "html"
-    )
+    environment = make_environment(marked, cell, summary, rate, counted).overlay(autoescape=site.format == "html")
     environment.globals["site"] = site
-    environment.filters["parameters"] = parameters
     return environment
 
 

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 _MENTION = re.compile(r"`([^`\n]+)`|(?<![\w/])(/\w+(?:/\w+)+|[A-Z]\w+)")
 """Code in backticks, or a word that may be the name of a message or a topic."""
 
-_ENUM = re.compile(r"\[@enum ([^\]]*)\] ?")
-_UNUSED = ("", "unused", "empty", "reserved")
-
 _BREAK, _PARAGRAPH = Markup("<br>"), Markup("<p>{}</p>")
 
 _PICTURES = {".svg": "image/svg+xml", ".png": "image/png"}
@@ -72,19 +69,6 @@ def read_documents(folder: str) -> tuple[Document, ...]:
 
 def _name(path: str) -> str:
     return "index" if path == "README.md" else os.path.basename(path).removesuffix(".md")
-
-
-def parameters(comment: str) -> tuple[str, ...]:
-    """Return the parameters in the comment of a command, `Take off. |Unused|[m] Altitude|`, up to the last used one."""
-    found = comment.split("|")[1:-1]
-    while found and found[-1].strip().casefold() in _UNUSED:
-        found.pop()
-    return tuple(_ENUM.sub(r"\1: ", text).strip() for text in found)
-
-
-def before_parameters(comment: str) -> str:
-    """Return the comment of a command without its parameters."""
-    return comment.partition("|")[0].strip() if comment.count("|") > 1 else comment
 
 
 def sentences(text: str, urls: Mapping[str, str], root: str) -> Markup:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from msggen.finding import Finding
-from msggen.model import BridgeEntry, Catalog
-from msggen.render.views import EndpointView, FieldView, MessageView, ServiceView, Views
+from msggen.model import BridgeEntry, Catalog, Constant, Message
+from msggen.parse.parameters import Parameter, commands, description, parameters
+from msggen.render.views import ConstantView, EndpointView, FieldView, MessageView, ServiceView, Views
 from msggen.site.changes import Changes
 from msggen.site.drawing import Row, rows_of
 from msggen.site.enums import Enum, enums_of
@@ -80,9 +81,7 @@ class Site:
     @cached_property
     def enums(self) -> tuple[Enum, ...]:
         """The enums of all messages."""
-        halves = [half for service in self.catalog.services for half in (service.request, service.response)]
-        messages = sorted(self.catalog.messages.values(), key=lambda message: message.package != self.catalog.package)
-        return tuple(enum for each in (*messages, *halves) for enum in enums_of(each, self.views.message(each)))
+        return tuple(enum for each in self._definitions for enum in enums_of(each, self.views.message(each)))
 
     @cached_property
     def graph(self) -> Graph:
@@ -151,6 +150,20 @@ class Site:
         """Return the enum whose members are the values of a field, or None."""
         return self._enum_of_field.get(value)
 
+    def enum_named(self, message: MessageView, tag: str) -> Enum | None:
+        """Return the enum of `message` that the content of a tag names, or None."""
+        return next((enum for enum in self.enums_of(message) if enum.tag == tag), None)
+
+    def parameters_of(self, constant: ConstantView) -> tuple[Parameter, ...]:
+        """Return the parameters that the comment of a command describes; none for other constants."""
+        command = self._commands.get(constant)
+        return parameters(command) if command else ()
+
+    def description_of(self, constant: ConstantView) -> str:
+        """Return the comment of a constant, without the parameters if it is a command."""
+        command = self._commands.get(constant)
+        return description(command) if command else constant.comment
+
     def others_of(self, message: MessageView) -> tuple[object, ...]:
         """Return the constants of `message` that are in no enum."""
         members = {member.constant for enum in self.enums_of(message) for member in enum.members}
@@ -192,6 +205,22 @@ class Site:
         if isinstance(thing, ServiceView):
             return thing.name, thing.request.name, thing.response.name
         return (self._entries[thing].topic if isinstance(thing, EndpointView) else thing.name,)
+
+    @cached_property
+    def _definitions(self) -> tuple[Message, ...]:
+        """The messages of all packages, those of uORB first, and the halves of services."""
+        halves = [half for service in self.catalog.services for half in (service.request, service.response)]
+        messages = sorted(self.catalog.messages.values(), key=lambda message: message.package != self.catalog.package)
+        return (*messages, *halves)
+
+    @cached_property
+    def _commands(self) -> dict[ConstantView, Constant]:
+        found: dict[ConstantView, Constant] = {}
+        for message in self._definitions:
+            by_name = {constant.name: constant for constant in commands(message)}
+            views = self.views.message(message).constants if by_name else ()
+            found |= {view: by_name[view.name] for view in views if view.name in by_name}
+        return found
 
     @cached_property
     def _prefixes(self) -> dict[MessageView, str]:

@@ -33,10 +33,12 @@ function rankAll(name, words) {
 /** Return the entries that match a query, the best first. An anchor may match words of its page too. */
 function search(index, query) {
   const words = query.toLowerCase().split(/\s+/).filter(Boolean);
+  const joined = words.map((word) => word.replaceAll("_", "") || word); // vehicle_status finds VehicleStatus
   const found = [];
   if (!words.length) return found;
   for (const [kind, name, url, text, anchors] of index) {
-    const own = rankAll(name, words);
+    const exact = rankAll(name, words);
+    const own = exact < 0 ? rankAll(name, joined) : exact;
     if (own >= 0) found.push({ score: own, name, url, text: `${KINDS[kind]}${text && `: ${text}`}` });
     else if (text && rankAll(text, words) >= 0) found.push({ score: 6, name, url, text: `${KINDS[kind]}: ${text}` });
     for (const anchor of anchors) {

@@ -140,7 +140,7 @@ def shown(capsys: pytest.CaptureFixture[str], output_format: str, *options: str)
 
 def test_text_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     place = "px4/msg/Gripper.msg:4:21: RANGE_INVALID"
-    text = "'width': '[@range 1, 0]' is upside down: expected '[@range 0, 1]'"
+    text = "'width': '[@range 1, 0]' has the larger bound first: expected '[@range 0, 1]'"
     lines = shown(capsys, "concise").splitlines()
     assert lines[0] == f"{place} warning: {text}"
     assert lines[-1] == "px4: 2 warnings in 2 definitions"

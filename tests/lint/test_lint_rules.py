@@ -32,23 +32,23 @@ ALSO = {"ENUM_WITHOUT_CONSTANTS": {"CONSTANTS_UNUSED"}}
 
 FOUND = {
     "TAG_MALFORMED": [
-        "4:22 'width': '[range 0, 0.1]' is no tag: expected '[@range 0, 0.1]'",
+        "4:22 'width': '[range 0, 0.1]' is not a tag: expected '[@range 0, 0.1]'",
         "5:22 'force': '@range' has no brackets: expected '[@range ...]'",
         "6:18 'speed': '[m/s' is not closed: expected ']'",
         "7:23 'offset': '[@range' is not closed: expected ']'",
-        "8:28 'torque': '[FRD]' is no unit: expected '[@frame FRD]'",
+        "8:28 'torque': '[FRD]' is not a unit: expected '[@frame FRD]'",
         "9:36 'load': '[@range 0, 2]' is the second tag '@range': expected one",
-        "12:16 'state': '[enum STATE]' is no tag: expected '[@enum STATE]'",
+        "12:16 'state': '[enum STATE]' is not a tag: expected '[@enum STATE]'",
     ],
     "TAG_UNKNOWN": ["4:22 'width': unknown tag '@rnage', did you mean '@range'?"],
     "RANGE_INVALID": [
-        "4:22 'width': '[@range 0.1, 0]' is upside down: expected '[@range 0, 0.1]'",
+        "4:22 'width': '[@range 0.1, 0]' has the larger bound first: expected '[@range 0, 0.1]'",
         "5:22 'force': '[@range 1,]' cannot be read: expected two numbers, such as '[@range 0, 1]'",
-        "6:19 'load': '[@range -1, 100]': -1 is no uint8",
+        "6:19 'load': '[@range -1, 100]': a uint8 cannot be -1",
     ],
     "VALUE_INVALID": [
         "4:22 'width': '[@invalid unknown]' cannot be read: expected a number or a constant",
-        "5:19 'load': '[@invalid NaN]': NaN is no uint8",
+        "5:19 'load': '[@invalid NaN]': a uint8 cannot be NaN",
     ],
     "UNIT_UNKNOWN": [
         "4:17 'turn': unknown unit '[rads]', did you mean '[rad/s]'?",
@@ -60,7 +60,7 @@ FOUND = {
     ],
     "ENUM_WITHOUT_CONSTANTS": [
         "6:16 'state': no constant of 'Gripper' starts with 'STATUS_', did you mean 'STATE'?",
-        "7:19 'target': '[@enum STATE]': values of float32 are no enum",
+        "7:19 'target': '[@enum STATE]': a float32 has no enum",
     ],
     "ENUM_INEXACT": ["6:17 'action': the constants of '[@enum GRIPPER_STATE]' are 'STATE_*': expected '[@enum STATE]'"],
     "CONSTANTS_UNUSED": ["4:1 no field has the enum of 'STATE_*' (2 constants)"],
@@ -76,7 +76,7 @@ FOUND = {
     ],
     "DESCRIPTION_MISSING": ["1:1 'Gripper' has no description", "1:1 no description: 'timestamp', 'force'"],
     "PADDING_AVOIDABLE": [
-        "4:1 samples have 32 bytes, 24 with the fields sorted by alignment: 'width' before 'is_open'"
+        "4:1 samples have 32 bytes, but 24 if the fields are sorted by alignment: put 'width' before 'is_open'"
     ],
 }
 """The findings in each example: line, column and message."""
@@ -169,18 +169,21 @@ def test_nothing_is_found_in_good_definitions(text: str, tmp_path: Path) -> None
     ("text", "message"),
     [
         ("float32 x # [M/S] A speed.", "'x': unknown unit '[M/S]', did you mean '[m/s]'?"),
-        ("float32 x # [NED] A place.", "'x': '[NED]' is no unit: expected '[@frame NED]'"),
+        ("float32 x # [NED] A place.", "'x': '[NED]' is not a unit: expected '[@frame NED]'"),
         (
             "float32 x # [@frame local frame] A place.",
             "'x': '[@frame local frame]' can be any frame: expected NED or FRD",
         ),
         ("float32 x # [m] [@enum] A place.", "'x': '[@enum]' has no content"),
-        ("float32 x # [3, 1] A range without a tag.", "'x': '[@range 3, 1]' is upside down: expected '[@range 1, 3]'"),
+        (
+            "float32 x # [3, 1] A range without a tag.",
+            "'x': '[@range 3, 1]' has the larger bound first: expected '[@range 1, 3]'",
+        ),
         (
             "float32 x # [rad] [@range 2pi, 0] An angle.",
-            "'x': '[@range 2pi, 0]' is upside down: expected '[@range 0, 2pi]'",
+            "'x': '[@range 2pi, 0]' has the larger bound first: expected '[@range 0, 2pi]'",
         ),
-        ("uint8 x # [@invalid -1] A number.", "'x': '[@invalid -1]': -1 is no uint8"),
+        ("uint8 x # [@invalid -1] A number.", "'x': '[@invalid -1]': a uint8 cannot be -1"),
         (
             "uint8 CMD_GO = 1 # Go. |[m] Far.|[secnd] Late.|\nuint8 CMD_STOP = 2 # Stop.\nuint8 x # [@enum CMD] Text.",
             "parameter 2 of 'CMD_GO': unknown unit '[secnd]', did you mean '[s]'?",
@@ -219,7 +222,7 @@ def test_no_other_order_saves_more_than_the_advised_one() -> None:
             advised = [change.message for change in find_avoidable(definition_of(message))]
             least = min(size_of(message_of(other)) for other in permutations(types))
             assert advised or size_of(message) == least
-            assert not advised or f"samples have {size_of(message)} bytes, {least} with" in advised[0]
+            assert not advised or f"samples have {size_of(message)} bytes, but {least} if" in advised[0]
 
 
 @cache

@@ -58,8 +58,15 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
 @pytest.fixture
 def browser(chromium: Chrome) -> Chrome:
     """The browser with a window of a desktop."""
+    chromium.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     chromium.set_window_size(1200, 900)
     return chromium
+
+
+def resize(browser: Chrome, width: int) -> None:
+    """Give the pages a screen of this width. Windows of Chromium cannot be as narrow as a telephone."""
+    screen = {"width": width, "height": 780, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
 
 
 def opened(browser: Chrome, folder: Path, page: str) -> Any:
@@ -112,6 +119,12 @@ def test_the_search_finds_while_typing(browser: Chrome, folder: Path) -> None:
     box.send_keys("\ue007")  # Enter
     wait_for(browser, "location.hash === '#nav_state'")
     assert place(browser) == "VehicleStatus.html#nav_state"
+
+
+def test_the_name_of_a_topic_finds_its_message(browser: Chrome, folder: Path) -> None:
+    find = opened(browser, folder, "index.html")
+    find("#search-box").send_keys("vehicle_status")
+    assert find("#search-results li:first-child a").text.startswith("VehicleStatus\n")
 
 
 def test_results_are_chosen_with_keys_and_clicks(browser: Chrome, folder: Path) -> None:
@@ -169,16 +182,36 @@ PAGES = (
 )
 
 
-def test_pages_load_nothing_else_report_no_error_and_fit_a_telephone(browser: Chrome, folder: Path) -> None:
+def test_pages_load_nothing_else_and_report_no_error(browser: Chrome, folder: Path) -> None:
     for page in PAGES:
         opened(browser, folder, f"{page}.html")
         browser.find_element(CSS, "#search-box").send_keys("a")
-        browser.set_window_size(500, 800)
         loaded = browser.execute_script("return performance.getEntries().map((entry) => entry.name)")
         assert not [name for name in loaded if ":" in name and not name.startswith("file:")]
         assert complaints(browser) == [], page
+
+
+def test_pages_fit_a_telephone(browser: Chrome, folder: Path) -> None:
+    resize(browser, 360)
+    for page in PAGES:
+        opened(browser, folder, f"{page}.html")
         wide = browser.execute_script("return document.documentElement.scrollWidth - innerWidth")
         assert wide <= 0, page
+        if not page.startswith(("guide", "topic/")):
+            tables = "[...document.querySelectorAll('.wide:has(table)')]"
+            cut = browser.execute_script(
+                f"return {tables}.filter((each) => each.scrollWidth > each.clientWidth).length"
+            )
+            assert cut == 0, f"{page}: a table has to be scrolled"
+
+
+@pytest.mark.parametrize("width", [360, 700, 820, 1000, 1200])
+def test_the_header_hides_no_field_that_a_link_leads_to(browser: Chrome, folder: Path, width: int) -> None:
+    resize(browser, width)
+    opened(browser, folder, "msg/VehicleStatus.html#nav_state")
+    place = "document.querySelector('{}').getBoundingClientRect()"
+    top, header = (place.format(selector) for selector in ("tr:target", "header"))
+    assert browser.execute_script(f"return {top}.top >= {header}.bottom && {top}.bottom <= innerHeight")
 
 
 def test_a_definition_runs_no_script(browser: Chrome, tmp_path: Path) -> None:

@@ -127,6 +127,12 @@ def test_no_page_names_the_machine(here: Path) -> None:
     assert not [name for name, page in one.items() if str(here).encode() in page]
 
 
+def test_a_folder_of_messages_has_the_name_of_the_folder_that_it_is_in(here: Path) -> None:
+    done = run(["docs", "--msg-dir", str(here / "px4" / "msg"), "-o", "site"])
+    assert done.code == 0
+    assert "<h1>px4</h1>" in Path("site/index.html").read_text()
+
+
 def test_the_tree_in_the_current_folder_gives_the_same_site(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     docs()
     monkeypatch.chdir(here / "px4")

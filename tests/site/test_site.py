@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 from markdown_it import MarkdownIt
@@ -166,20 +168,31 @@ def test_a_constant_in_two_enums_has_one_anchor(tmp_path: Path) -> None:
 # --- Commands
 
 
-def test_the_parameters_of_a_command_are_a_list(files: Mapping[str, str]) -> None:
-    row = files["msg/VehicleCommand.html"].partition('<tr id="VEHICLE_CMD_NAV_TAKEOFF">')[2].partition("</tr>")[0]
-    assert "<td>Take off.\n" in row
-    items = re.findall("<li>(.*?)</li>", row)
-    assert len(items) == 7
-    assert items[1:3] == ["Unused", "Unused"]
-    assert items[6].startswith("[m] Altitude")
-    row = (
-        files["msg/VehicleCommand.html"]
-        .partition('<tr id="VEHICLE_CMD_NAV_RETURN_TO_LAUNCH">')[2]
-        .partition("</tr>")[0]
-    )
-    assert "<li>" not in row, "no list of unused parameters"
-    assert "<li>VEHICLE_ROI: What to look at</li>" in files["msg/VehicleCommand.html"]
+def test_a_command_lists_its_parameters_as_the_module_commands_names_them(
+    files: Mapping[str, str], px4_types: Any
+) -> None:
+    page = files["msg/VehicleCommand.html"]
+    module = importlib.import_module(f"{px4_types.__name__}.commands")
+    commands = [each for each in vars(module).values() if isinstance(each, module.Command)]
+    assert len(commands) > 100
+    for command in commands:
+        row = page.partition(f'<tr id="VEHICLE_CMD_{command.name}">')[2].partition("</tr>")[0]
+        shown = re.findall('<li value="(.)"><code>(.*?)</code>', row)
+        assert shown == [(str(each.number), each.name) for each in command.params], command.name
+
+
+def test_a_parameter_shows_its_number_unit_and_enum(files: Mapping[str, str]) -> None:
+    page = files["msg/VehicleCommand.html"]
+    takeoff = page.partition('<tr id="VEHICLE_CMD_NAV_TAKEOFF">')[2].partition("</tr>")[0]
+    assert "<td>Take off.\n" in takeoff
+    assert "Unused" not in takeoff
+    assert "<li>unit m</li>" in takeoff.partition('<li value="7"><code>altitude</code> Altitude')[2]
+    assert '<li>enum <a href="../enum/VehicleCommand.VehicleRoi.html">VehicleRoi</a></li>' in page
+
+
+def test_bars_in_other_comments_are_text(tmp_path: Path) -> None:
+    catalog = catalog_of(tmp_path, {"msg/Modes.msg": "uint64 timestamp\nuint8 MODE_A = 1 # A | B | C\nuint8 mode\n"})
+    assert "<td>A | B | C" in render_site(Site(catalog, "mine"))["msg/Modes.html"]
 
 
 # --- The graph
@@ -229,6 +242,20 @@ def test_without_a_previous_release_no_page_mentions_changes(tmp_path: Path) -> 
 
 
 # --- Other definitions
+
+
+@pytest.mark.parametrize("format_", ["html", "markdown"])
+def test_pages_without_entries_say_so(tmp_path: Path, format_: str) -> None:
+    catalog = catalog_of(tmp_path, {"msg/Rpm.msg": "uint64 timestamp\n"})
+    files = {name.partition(".")[0]: text for name, text in render_site(Site(catalog, "mine", format_)).items()}
+    assert "No topic is bridged" in files["topics"]
+    assert "No message has an enum" in files["enums"]
+    assert "No message holds another" in files["nesting"]
+    assert not re.search("<table|<svg|mermaid|---", files["topics"] + files["enums"] + files["nesting"])
+    first = re.sub("<.*?>", "", files.get("index") or files["README"])
+    assert "1 message" in first
+    assert "1 messages" not in first
+    assert "0 topics" in first
 
 
 def test_messages_of_other_packages_and_of_varying_size_have_pages(tmp_path: Path) -> None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from msggen.generate.python.formatting import documentation, literal, long_literal
 from msggen.generate.python.message import enum_classes
 from msggen.generate.python.names import free_name
-from msggen.model import Catalog, Constant, Message
-from msggen.parse.parameters import COUNT, Parameter, description, parameters
+from msggen.model import Catalog, Message
+from msggen.parse.parameters import PREFIX, Parameter, commands, description, parameters
 
 _MESSAGE = "VehicleCommand"
-_PREFIX = "VEHICLE_CMD_"
-_FIELDS = {"command", *(f"param{number}" for number in range(1, COUNT + 1))}
 _EXAMPLE = "NAV_TAKEOFF"
 
 
@@ -49,7 +47,7 @@ class CommandClass(NamedTuple):
 def has_commands(catalog: Catalog) -> bool:
     """Whether the package has commands: VehicleCommand with its seven parameters."""
     message = _message(catalog)
-    return message is not None and any(_constants(message))
+    return message is not None and bool(commands(message))
 
 
 def command_classes(catalog: Catalog) -> list[CommandClass]:
@@ -59,8 +57,8 @@ def command_classes(catalog: Catalog) -> list[CommandClass]:
         return []
     enums = enum_classes(catalog, message)
     found: dict[str, CommandClass] = {}
-    for constant in _constants(message):
-        name = constant.name.removeprefix(_PREFIX)
+    for constant in commands(message):
+        name = constant.name.removeprefix(PREFIX)
         attribute = free_name(name if name.isidentifier() else f"_{name}", {*found, "Command", "Parameter"})
         made = tuple(_parameter(each, enums) for each in parameters(constant))
         words = "".join(word.capitalize() for word in name.split("_"))
@@ -69,21 +67,14 @@ def command_classes(catalog: Catalog) -> list[CommandClass]:
     return list(found.values())
 
 
-def example(commands: list[CommandClass]) -> tuple[str, str]:
+def example(classes: list[CommandClass]) -> tuple[str, str]:
     """Return the attribute of a command, and arguments for it, for the docstring of the module."""
-    chosen = next((each for each in commands if each.name == _EXAMPLE), commands[0])
+    chosen = next((each for each in classes if each.name == _EXAMPLE), classes[0])
     return chosen.attribute, f"{chosen.parameters[-1].name}=10.0" if chosen.parameters else ""
 
 
 def _message(catalog: Catalog) -> Message | None:
-    message = catalog.messages.get(f"{catalog.package}/{_MESSAGE}")
-    return message if message and _FIELDS.issubset(field.name for field in message.fields) else None
-
-
-def _constants(message: Message) -> Iterator[Constant]:
-    for constant in message.constants:
-        if constant.name.startswith(_PREFIX) and type(constant.value) is int:
-            yield constant
+    return catalog.messages.get(f"{catalog.package}/{_MESSAGE}")
 
 
 def _parameter(parameter: Parameter, enums: Mapping[str, str]) -> CommandParameter:
