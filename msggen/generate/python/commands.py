@@ -61,7 +61,9 @@ def command_classes(catalog: Catalog) -> list[CommandClass]:
     found: dict[str, CommandClass] = {}
     for constant in _constants(message):
         name = constant.name.removeprefix(_PREFIX)
-        attribute = free_name(name if name.isidentifier() else f"_{name}", {*found, "Command", "Parameter"})
+        attribute = free_name(
+            name if name.isidentifier() else f"_{name}", {*found, "Command", "CommandError", "Parameter"}
+        )
         made = tuple(_parameter(each, enums) for each in parameters(constant))
         words = "".join(word.capitalize() for word in name.split("_"))
         cls = free_name(f"_{words}", {each.cls for each in found.values()})

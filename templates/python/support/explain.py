@@ -18,6 +18,7 @@ from .primitives import (
     STRINGS,
     NotASequence,
     WrongNumber,
+    is_number,
     listed,
     octets_of,
 )
@@ -114,7 +115,7 @@ def _float_problem(base: str, value: Any, path: str) -> str:
     try:
         struct.pack(f"<{PRIMITIVES[base].code}", value)
     except ENCODE_FAILURES:
-        limit = f", up to {PRIMITIVES[base].highest}" if _is_number(value) else ""
+        limit = f", up to {PRIMITIVES[base].highest}" if is_number(value) else ""
         return f"{path}: expected {base}{limit}, got {given(value)}"
     return ""
 
@@ -152,10 +153,6 @@ def _index_of(value: Any) -> int | None:
         return index(value)
     except ENCODE_FAILURES:
         return None
-
-
-def _is_number(value: object) -> bool:
-    return (hasattr(value, "__float__") or hasattr(value, "__index__")) and not hasattr(value, "__len__")
 
 
 def given(value: Any) -> str:

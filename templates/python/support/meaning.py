@@ -11,7 +11,6 @@ import re
 import struct
 import sys
 from enum import IntEnum, IntFlag
-from math import pi
 from operator import index
 from typing import Any, NamedTuple
 
@@ -20,8 +19,8 @@ from .cdr import Message
 from .explain import given
 from .hints import UnknownName, check_name
 from .info import Constant, Field, nested_class
-from .primitives import OCTETS, PRIMITIVES, STRINGS, listed
-from .unit import normalized_range
+from .primitives import OCTETS, PRIMITIVES, STRINGS, is_number, listed
+from .unit import normalized_range, number_of
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
@@ -38,7 +37,6 @@ INVALID, RANGE, ENUM, TYPE = "invalid", "range", "enum", "type"
 _NUMBERS = (int, float, bool)
 
 _INDEX = re.compile(r"-?[0-9]{1,9}\]")
-_MULTIPLE = re.compile(r"([-+]?[0-9.]*) ?\*? ?(?:pi|π)(?: ?/ ?([1-9][0-9]?))?", re.IGNORECASE)
 _LIMITS = {f"{name.upper()}_MAX": limits.highest for name, limits in PRIMITIVES.items() if "int" in name}
 _LIMITS |= {f"{name.upper()}_MIN": limits.lowest for name, limits in PRIMITIVES.items() if "int" in name}
 _LIMITS |= {"FLT_MAX": PRIMITIVES["float32"].highest, "DBL_MAX": PRIMITIVES["float64"].highest}
@@ -161,7 +159,7 @@ def _problems_of_field(rule: Rule, value: Any, path: str) -> Iterator[Problem]:
         return
     values = items(rule, value)
     if values is None:
-        yield Problem(path, value, f"not {_type_of(rule.field.type)}", TYPE)
+        yield Problem(path, value, f"not {with_article(rule.field.type)}", TYPE)
         return
     if is_invalid_array(rule, values):
         yield Problem(path, value, INVALID, INVALID)
@@ -188,7 +186,7 @@ def problem_kind(rule: Rule, value: Any) -> str:
         return "" if isinstance(value, rule.nested) else TYPE
     if rule.is_text:
         return _text_kind(rule, value)
-    if value.__class__ not in _NUMBERS and not _is_number(value):
+    if value.__class__ not in _NUMBERS and not is_number(value):
         return TYPE
     try:
         if value != value or value in rule.invalid:
@@ -205,12 +203,11 @@ def problem_kind(rule: Rule, value: Any) -> str:
 def problem_text(rule: Rule, kind: str) -> str:
     """Return the text of a kind of problem: `outside 0 to 100`."""
     if kind == RANGE:
-        low, high = _range_of(rule.field)
-        return f"outside {low or '-inf'} to {high or 'inf'}"
+        return f"outside {range_text(rule.field.range)}"
     if kind == ENUM and rule.enum is not None:
-        name = _type_of(rule.enum.__name__)
+        name = with_article(rule.enum.__name__)
         return f"not {name}" if rule.bits is None else f"{name} with unknown bits"
-    return f"not {_type_of(rule.base)}" if kind == TYPE else kind
+    return f"not {with_article(rule.base)}" if kind == TYPE else kind
 
 
 def is_invalid_array(rule: Rule, values: list[Any]) -> bool:
@@ -254,11 +251,8 @@ def _text_kind(rule: Rule, value: Any) -> str:
     return INVALID if rule.invalid and not text.of(value) else ""
 
 
-def _is_number(value: Any) -> bool:
-    return (hasattr(value, "__float__") or hasattr(value, "__index__")) and not hasattr(value, "__len__")
-
-
-def _type_of(name: str) -> str:
+def with_article(name: str) -> str:
+    """Return a name after "a" or "an": `an ArmingState`."""
     return f"an {name}" if name[0].lower() in "aeio" else f"a {name}"
 
 
@@ -361,16 +355,28 @@ def bounds(field: Field, constants: Iterable[Constant]) -> tuple[float, float] |
     number for pi is larger than pi. Returns None if the tag is not understood, or missing, or the first bound is
     larger than the second.
     """
-    first, second = _range_of(field)
+    found = bounds_of(field.range, constants)
+    return found and (min(found[0], _as_held(field, found[0])), max(found[1], _as_held(field, found[1])))
+
+
+def bounds_of(text: str, constants: Iterable[Constant] = ()) -> tuple[float, float] | None:
+    """Return the bounds in the content of a tag `[@range ...]`, as `bounds` does."""
+    first, second = _spellings_of(text)
     low, high = _number(first or "-inf", constants), _number(second or "inf", constants)
     if not (first or second) or low is None or high is None or not low <= high:
         return None
-    return min(low, _as_held(field, low)), max(high, _as_held(field, high))
+    return low, high
 
 
-def _range_of(field: Field) -> tuple[str, str]:
-    """Return the spellings of both bounds in the tag `[@range ...]`, "" for a missing one. Notes are left out."""
-    low, comma, high = normalized_range(field.range).partition(",")
+def range_text(text: str) -> str:
+    """Return a range for an error: `0 to 360`. Notes are left out, and a missing bound is infinite."""
+    low, high = _spellings_of(text)
+    return f"{low or '-inf'} to {high or 'inf'}"
+
+
+def _spellings_of(text: str) -> tuple[str, str]:
+    """Return the spellings of both bounds of a range, "" for a missing one. Notes are left out."""
+    low, comma, high = normalized_range(text).partition(",")
     return (low, high.strip()) if comma else ("", "")
 
 
@@ -381,14 +387,7 @@ def _number(spelled: str, constants: Iterable[Constant]) -> float | None:
     for constant in constants:
         if constant.name.lower() == spelled.lower() and not isinstance(constant.value, str):
             return constant.value
-    multiple = _MULTIPLE.fullmatch(spelled)
-    try:
-        if multiple:
-            factor = multiple[1] if multiple[1] not in ("", "-", "+") else f"{multiple[1]}1"
-            return float(factor) * pi / int(multiple[2] or "1")
-        return int(spelled, 0) if re.fullmatch("[-+]?(?:0x[0-9a-fA-F]+|[1-9][0-9]*|0)", spelled) else float(spelled)
-    except ValueError:
-        return None
+    return number_of(spelled)
 
 
 def _as_held(field: Field, number: float) -> float:
