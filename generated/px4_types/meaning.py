@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 
 from . import text
 from .cdr import Message
-from .explain import given
+from .explain import array_problem, given, number_problem, text_problem
 from .hints import UnknownName, check_name
 from .info import Constant, Field, nested_class
-from .primitives import OCTETS, PRIMITIVES, STRINGS, is_number, listed
+from .primitives import OCTETS, PRIMITIVES, STRINGS, listed
 from .unit import normalized_range, number_of
 
 TYPE_CHECKING: bool = False
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 __all__ = ["Problem", "Unknown", "is_valid", "of", "problems"]
 
 INVALID, RANGE, ENUM, TYPE = "invalid", "range", "enum", "type"
-
-_NUMBERS = (int, float, bool)
 
 _INDEX = re.compile(r"-?[0-9]{1,9}\]")
 _LIMITS = {f"{name.upper()}_MAX": limits.highest for name, limits in PRIMITIVES.items() if "int" in name}
@@ -96,6 +94,8 @@ class Rule(NamedTuple):
     """Whether a value is `char[N]` or a string."""
     is_array: bool
     """Whether the field has several values. Text is one value."""
+    is_octets: bool
+    """Whether the field is an array that is held as bytes."""
     enum: Enum | None
     members: frozenset[int]
     """The values of the members of `enum`."""
@@ -107,6 +107,11 @@ class Rule(NamedTuple):
     """`first` or `all` if the array is invalid when its first value is, or all values are; else ""."""
     bounds: tuple[float, float] | None
     """The smallest and the largest value."""
+    lowest: float
+    highest: float
+    """The smallest and the largest finite number of the type."""
+    usual: tuple[type, ...]
+    """The classes of values that can be encoded if they are between `lowest` and `highest`."""
 
 
 def of(message: Message, path: str) -> Any:
@@ -186,16 +191,19 @@ def problem_kind(rule: Rule, value: Any) -> str:
         return "" if isinstance(value, rule.nested) else TYPE
     if rule.is_text:
         return _text_kind(rule, value)
-    if value.__class__ not in _NUMBERS and not is_number(value):
+    is_usual = value.__class__ in rule.usual and rule.lowest <= value <= rule.highest
+    if not is_usual and number_problem(rule.base, value, ""):
         return TYPE
     try:
         if value != value or value in rule.invalid:
             return INVALID
         if rule.bounds is not None and not rule.bounds[0] <= value <= rule.bounds[1]:
             return RANGE
-        if rule.enum is not None and (value & ~rule.bits if rule.bits is not None else value not in rule.members):
+        if rule.enum is not None and (
+            index(value) & ~rule.bits if rule.bits is not None else value not in rule.members
+        ):
             return ENUM
-    except (TypeError, ValueError):  # a number of another kind, such as 1.5 for flags
+    except (TypeError, ValueError):  # a number of a class that does not compare
         return TYPE
     return ""
 
@@ -207,7 +215,7 @@ def problem_text(rule: Rule, kind: str) -> str:
     if kind == ENUM and rule.enum is not None:
         name = with_article(rule.enum.__name__)
         return f"not {name}" if rule.bits is None else f"{name} with unknown bits"
-    return f"not {with_article(rule.base)}" if kind == TYPE else kind
+    return f"not {with_article(rule.field.type if rule.base == 'char' else rule.base)}" if kind == TYPE else kind
 
 
 def is_invalid_array(rule: Rule, values: list[Any]) -> bool:
@@ -217,15 +225,17 @@ def is_invalid_array(rule: Rule, values: list[Any]) -> bool:
 
 
 def items(rule: Rule, value: Any) -> list[Any] | None:
-    """Return the values of an array, or None for an object that is none."""
+    """Return the values of an array, or None for an object that cannot be encoded as one."""
     field = rule.field
-    if field.base in OCTETS and isinstance(value, (bytes, bytearray)):
+    if (
+        value.__class__ in (bytes, tuple)
+        and len(value) == field.length
+        and (value.__class__ is bytes) == rule.is_octets
+    ):
         return list(value)
-    most = field.length if field.length is not None else field.most
-    try:
-        return listed(value, sys.maxsize if most is None else most)
-    except (TypeError, ValueError):
+    if array_problem(field, value, ""):
         return None
+    return list(bytes(value)) if rule.is_octets else listed(value, sys.maxsize)
 
 
 def member(enum: Enum, value: Any) -> Any:
@@ -241,12 +251,8 @@ def member(enum: Enum, value: Any) -> Any:
 
 
 def _text_kind(rule: Rule, value: Any) -> str:
-    if rule.base == "char":
-        try:
-            value = memoryview(value)
-        except TypeError:
-            return TYPE
-    elif not isinstance(value, str):
+    problem = array_problem(rule.field, value, "") if rule.base == "char" else text_problem(rule.base, value, "")
+    if problem:
         return TYPE
     return INVALID if rule.invalid and not text.of(value) else ""
 
@@ -312,18 +318,23 @@ def _rule(cls: type[Message], field: Field) -> Rule:
     enum = info.enum(field.name)
     values = [] if enum is None else [int(each) for each in enum.__members__.values()]
     invalid, invalid_as = invalid_values(field, info.constants)
+    limits = PRIMITIVES.get(field.base, PRIMITIVES["float64"])
     return Rule(
         field=field,
         base=field.base,
         nested=None if is_string or field.base in PRIMITIVES else nested_class(cls, field.base),
         is_text=is_text,
         is_array=is_array and (is_string or not is_text),
+        is_octets=is_array and field.base in OCTETS,
         enum=enum,
         members=frozenset(values),
         bits=_bits(values) if enum is not None and issubclass(enum, IntFlag) else None,
         invalid=invalid or (),
         invalid_as=invalid_as,
         bounds=bounds(field, info.constants),
+        lowest=limits.lowest,
+        highest=limits.highest,
+        usual=(int, float, bool) if limits.code in "fd" else (int, bool),
     )
 
 
