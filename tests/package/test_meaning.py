@@ -346,12 +346,14 @@ def test_wrong_objects_are_problems(px4_types: Any, value: Any) -> None:
 @pytest.mark.parametrize("name", ["BatteryStatus", "DebugArray", "EscStatus", "VehicleCommand", "VehicleOdometry"])
 def test_problems_of_types_are_values_that_encode_refuses(px4_types: Any, name: str) -> None:
     cls, refused = getattr(px4_types, name), Counter[bool]()
-    numbers = [0, 1, 14.0, 1.5, -1, 300, 2**40, 1e39, 10**400, math.inf, NAN, True]
+    numbers: list[Any] = [0, 1, 14.0, 1.5, -1, 300, 2**40, 1e39, 10**400, math.inf, NAN, True]
     numbers += [Fraction(1, 2), Decimal(1), np.uint8(1), np.float32(1), np.float64(1e39), np.bool_(1), np.zeros(())]
     others = ["text", None, {1: 2}, object()]
     for field in cls.__msg__.fields:
         lengths = {field.length or 1, 2, 10}
-        arrays = [kind([number] * length) for kind in (tuple, list) for number in numbers for length in lengths]
+        arrays: list[Any] = [
+            kind([number] * length) for kind in (tuple, list) for number in numbers for length in lengths
+        ]
         arrays += [kind(length) for kind in (bytes, bytearray, np.zeros) for length in lengths]
         for value in (*numbers, *arrays, *others):
             message = cls()

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from . import text
 from .cdr import Message
 from .explain import array_problem, given, number_problem, text_problem
-from .hints import UnknownName, check_name
+from .hints import UnknownName, check_name, not_a_message
 from .info import Constant, Field, nested_class
 from .primitives import OCTETS, PRIMITIVES, STRINGS, listed
 from .unit import normalized_range, number_of
@@ -110,7 +110,7 @@ class Rule(NamedTuple):
     lowest: float
     highest: float
     """The smallest and the largest finite number of the type."""
-    usual: tuple[type, ...]
+    usual: tuple[Any, ...]
     """The classes of values that can be encoded if they are between `lowest` and `highest`."""
 
 
@@ -299,7 +299,7 @@ def _element(rule: Rule, value: Any, place: str) -> Any:
 def rules(message: object) -> tuple[Rule, ...]:
     """Return the rules of all fields of a message. Raises TypeError if it is not a message."""
     if not isinstance(message, Message):
-        raise TypeError(f"expected a message, got {given(message)}")
+        raise not_a_message(message)
     cls = message.__class__
     found = _RULES.get(cls)
     if found is None:

@@ -136,7 +136,9 @@ class Command(Frozen):
                 if f"param{parameter.number}" in by_place:
                     raise TypeError(f"{self.name}: {parameter.name} is param{parameter.number}: give one of them")
                 params[parameter.number] = value
-        made = {f"param{number}": self._checked(by_number[number], value) for number, value in params.items()}
+        made: dict[str, Any] = {
+            f"param{number}": self._checked(by_number[number], value) for number, value in params.items()
+        }
         return VehicleCommand(command=self.value, **made, **fields)
 
     def _check_names(self, fields: dict[str, Any], known: list[str]) -> None:
