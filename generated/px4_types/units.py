@@ -57,8 +57,10 @@ _BASES: dict[str, tuple[float, dict[str, int]]] = {
     "Ohm": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -2}),
     "dB": (1.0, {"dB": 1}),
     "dBm": (1.0, {"dBm": 1}),
+    "dBHz": (1.0, {"dBHz": 1}),
     "rpm": (2 * pi / 60, {"rad": 1, "s": -1}),
     "bytes": (1.0, {"byte": 1}),
+    "kbit": (125.0, {"byte": 1}),
     "kB": (1e3, {"byte": 1}),
     "KiB": (1024.0, {"byte": 1}),
     "MB": (1e6, {"byte": 1}),
@@ -95,7 +97,7 @@ class Unit(Frozen):
     offset: float
     """273.15 for °C, else 0."""
     dimension: tuple[tuple[str, int], ...]
-    """The powers of m, kg, s, A, K, rad, byte, dB and dBm, sorted by name: `(("rad", 1), ("s", -1))`."""
+    """The powers of m, kg, s, A, K, rad, byte, dB, dBm and dBHz, sorted by name: `(("rad", 1), ("s", -1))`."""
     pint: str
     """The unit as pint spells it: `m*s**-2`. pint's gauss is that of the CGS system and cannot be converted to T."""
 
