@@ -16,15 +16,16 @@ if TYPE_CHECKING:
     from . import cdr as cdr
     from . import clock as clock
     from . import commands as commands
+    from . import encapsulation as encapsulation
     from . import frames as frames
-    from . import msg as msg
-    from . import srv as srv
     from . import meaning as meaning
     from . import recordings as recordings
     from . import showing as showing
     from . import text as text
     from . import topics as topics
     from . import units as units
+    from . import msg as msg
+    from . import srv as srv
     from .cdr import DecodeError as DecodeError
     from .cdr import EncodeError as EncodeError
     from .cdr import Message as _Message
@@ -294,6 +295,10 @@ _MODULES = (
     "hints", "info", "lazy", "lookup", "meaning", "msg", "orb_id", "parameters", "places", "primitives",
     "quantities", "recordings", "records", "registry", "rotations", "showing", "srv", "text", "timesync",
     "topics", "unit", "units",
+)
+_TOOLS = (
+    "batch", "cdr", "clock", "commands", "encapsulation", "frames", "meaning", "recordings", "showing",
+    "text", "topics", "units",
 )
 _AttributeError = AttributeError  # a message may have this name
 _HOMES = {"DecodeError": "cdr", "EncodeError": "cdr", "show": "showing"}
@@ -595,7 +600,7 @@ if not TYPE_CHECKING:  # type checkers would accept every name
         if name not in __all__ and name not in _HOMES:
             from .hints import hint, nearest
 
-            text = f"module '{__name__}' has no attribute '{name}'{hint(nearest(name, (*_MODULES, *__all__)))}"
+            text = f"module '{__name__}' has no attribute '{name}'{hint(nearest(name, __dir__()))}"
             raise _AttributeError(text, name=name, obj=None)  # without obj, Python adds no suggestion of its own
         found: object = getattr(_load(_HOMES.get(name, "msg")), name)
         globals()[name] = found
@@ -603,4 +608,4 @@ if not TYPE_CHECKING:  # type checkers would accept every name
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted({*__all__, *_TOOLS, "show"})

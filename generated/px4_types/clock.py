@@ -90,6 +90,8 @@ def from_datetime(time: datetime) -> int:
     """Return the time in us of a datetime. Raises ClockError if it has no time zone, or is before CALENDAR."""
     from datetime import datetime, timedelta, timezone
 
+    if not isinstance(time, datetime):
+        raise ClockError(f"expected a datetime, got an object of type {time.__class__.__name__}")
     if time.tzinfo is None:
         raise ClockError(f"{time} has no time zone: use datetime.now(timezone.utc), or its astimezone()")
     return _calendar((time - datetime(1970, 1, 1, tzinfo=timezone.utc)) // timedelta(microseconds=1))
@@ -108,6 +110,8 @@ def to_ros(time: int) -> RosTime:
 
 def from_ros(time: Stamp) -> int:
     """Return the time in us of a ROS time; nanoseconds are cut off. Raises ClockError if it is negative or invalid."""
+    if not hasattr(time, "sec") or not hasattr(time, "nanosec"):
+        raise ClockError(f"expected a time with sec and nanosec, got an object of type {time.__class__.__name__}")
     if time.sec < 0 or not 0 <= time.nanosec < 1_000_000_000:
         raise ClockError(f"expected seconds from 0 and nanoseconds below 1000000000, got {time.sec} and {time.nanosec}")
     return time.sec * 1_000_000 + time.nanosec // 1000
@@ -203,8 +207,15 @@ def age(message: Message, now: int | None = None, field: str = "timestamp") -> f
     set", or if only one of both times is of the calendar, so that they are not of one clock. Raises KeyError if there
     is no such field.
     """
+    if not hasattr(message.__class__, "__msg__"):
+        from .hints import not_a_message
+
+        raise not_a_message(message)
     time = getattr(message, message.__msg__.field(field).attribute)
     name = f"{message.__msg__.name}.{field}"
+    if message.__msg__.field(field).type != "uint64":
+        raise ClockError(f"{name} is a {message.__msg__.field(field).type}, and times are uint64")
+    time = _checked(time)
     end = _os_time() if now is None else _checked(now)
     if not time:
         raise ClockError(f"{name} is 0, which means that it is not set")
@@ -216,7 +227,7 @@ def age(message: Message, now: int | None = None, field: str = "timestamp") -> f
     if end < CALENDAR <= time:
         hint = "set UXRCE_DDS_SYNCT to 0, or compare it with the operating system's clock"
         raise ClockError(f"{name} counts from 1970, and the clock {end / 1e6:g} s from a start: {hint}")
-    return (end - int(time)) / 1e6
+    return (end - time) / 1e6
 
 
 _os_time = now

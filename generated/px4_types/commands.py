@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from .msg import VehicleCommand as _VehicleCommand
 from .parameters import Command, Parameter
+from .parameters import CommandError as CommandError
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
@@ -21,6 +22,18 @@ else:
     from .cdr import Final
 
 _NAN = float("nan")
+
+if not TYPE_CHECKING:  # type checkers would accept every name
+
+    def __getattr__(name: str) -> object:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        from .hints import hint, nearest
+
+        known = [each for each, value in globals().items() if isinstance(value, Command)]
+        text = f"no command '{name}'{hint(nearest(name.removeprefix('VEHICLE_CMD_'), known))}"
+        raise AttributeError(text, name=name, obj=None)  # without obj, Python adds no suggestion of its own
+
 
 CUSTOM_0: Final = Command("CUSTOM_0", 0, "Free for tests.")
 """Free for tests."""

@@ -18,6 +18,7 @@ from .primitives import (
     STRINGS,
     NotASequence,
     WrongNumber,
+    is_number,
     listed,
     octets_of,
 )
@@ -44,10 +45,22 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
         return f"{path}: expected {field.type}, it is not set"
     if field.length is None and not field.is_sequence:
         return _value_problem(message, field.base, value, path)
+    problem = array_problem(field, value, path)
+    if problem or field.base in OCTETS:
+        return problem
+    problems = (
+        _value_problem(message, field.base, item, f"{path}[{index}]")
+        for index, item in enumerate(listed(value, sys.maxsize))
+    )
+    return next(filter(None, problems), "")
+
+
+def array_problem(field: Field, value: Any, path: str) -> str:
+    """Return why `value` is no array for a field, "" if it is one. Its elements are not checked, except for octets."""
     if field.base in OCTETS:
         if isinstance(value, (bytes, bytearray)) or (field.is_sequence and octets_of(value) is not None):
             number = memoryview(value).nbytes
-            problem = _number_problem(field, number, path, "bytes")
+            problem = _count_problem(field, number, path, "bytes")
             pads = field.length is not None and number < field.length
             return f'{problem}: pad it with .ljust({field.length}, b"\\0")' if pads else problem
         return f"{path}: expected {_expected(field, 'bytes')}, got {given(value)}{_as_bytes(field, value)}"
@@ -57,13 +70,9 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
     except NotASequence:
         return f"{path}: expected {_expected(field, 'values')}, got {_no_sequence(value)}"
     except WrongNumber as wrong:
-        problem = _number_problem(field, wrong.number, path, "values")
+        problem = _count_problem(field, wrong.number, path, "values")
         return problem or f"{path}: expected {wrong.number} values, the number that its length says, got another"
-    problem = _number_problem(field, len(items), path, "values")
-    if problem:
-        return problem
-    problems = (_value_problem(message, field.base, item, f"{path}[{index}]") for index, item in enumerate(items))
-    return next(filter(None, problems), "")
+    return _count_problem(field, len(items), path, "values")
 
 
 def _as_bytes(field: Field, value: Any) -> str:
@@ -92,12 +101,13 @@ def _expected(field: Field, noun: str) -> str:
     return noun if field.most is None else f"up to {field.most} {noun}"
 
 
-def _number_problem(field: Field, number: int, path: str, noun: str) -> str:
+def _count_problem(field: Field, number: int, path: str, noun: str) -> str:
     fits = number == field.length if field.length is not None else field.most is None or number <= field.most
     return "" if fits else f"{path}: expected {_expected(field, noun)}, got {number}"
 
 
-def _text_problem(base: str, value: Any, path: str) -> str:
+def text_problem(base: str, value: Any, path: str) -> str:
+    """Return why `value` is no text of the type `base`, "" if it is."""
     bound = base.partition("<=")[2]
     if not isinstance(value, str):
         return f"{path}: expected a str, got {given(value)}"
@@ -114,25 +124,30 @@ def _float_problem(base: str, value: Any, path: str) -> str:
     try:
         struct.pack(f"<{PRIMITIVES[base].code}", value)
     except ENCODE_FAILURES:
-        limit = f", up to {PRIMITIVES[base].highest}" if _is_number(value) else ""
+        limit = f", up to {PRIMITIVES[base].highest}" if is_number(value) else ""
         return f"{path}: expected {base}{limit}, got {given(value)}"
     return ""
 
 
-def _value_problem(outer: Message, base: str, value: Any, path: str) -> str:
-    if base.partition("<=")[0] in STRINGS:
-        return _text_problem(base, value, path)
+def number_problem(base: str, value: Any, path: str) -> str:
+    """Return why `value` is no number, or bool, of the primitive type `base`; "" if it is one."""
     if base == "bool":
         return "" if _is_bool(value) else f"{path}: expected a bool, got {given(value)}"
     if base in ("float32", "float64"):
         return _float_problem(base, value, path)
+    low, high = PRIMITIVES[base].lowest, PRIMITIVES[base].highest
+    number = _index_of(value)
+    fits = number is not None and low <= number <= high
+    if number is None and isinstance(value, float):
+        return f"{path}: expected an integer, got the float {float(value)}"
+    return "" if fits else f"{path}: expected {base}, {low} to {high}, got {given(value)}"
+
+
+def _value_problem(outer: Message, base: str, value: Any, path: str) -> str:
+    if base.partition("<=")[0] in STRINGS:
+        return text_problem(base, value, path)
     if base in PRIMITIVES:
-        low, high = PRIMITIVES[base].lowest, PRIMITIVES[base].highest
-        number = _index_of(value)
-        fits = number is not None and low <= number <= high
-        if number is None and isinstance(value, float):
-            return f"{path}: expected an integer, got the float {float(value)}"
-        return "" if fits else f"{path}: expected {base}, {low} to {high}, got {given(value)}"
+        return number_problem(base, value, path)
     if not isinstance(value, nested_class(outer.__class__, base)):
         found = value.__msg__.ros_type if isinstance(value, Message) else given(value)
         return f"{path}: expected {base}, got {found}"
@@ -152,10 +167,6 @@ def _index_of(value: Any) -> int | None:
         return index(value)
     except ENCODE_FAILURES:
         return None
-
-
-def _is_number(value: object) -> bool:
-    return (hasattr(value, "__float__") or hasattr(value, "__index__")) and not hasattr(value, "__len__")
 
 
 def given(value: Any) -> str:

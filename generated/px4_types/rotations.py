@@ -14,6 +14,8 @@ from __future__ import annotations
 
 from math import pi, sqrt, tau
 
+from .primitives import is_number
+
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -235,6 +237,7 @@ def enu_to_ned_heading(heading: Any) -> Any:
 
 
 def _heading(heading: Any) -> Any:
+    check_number(heading)
     if hasattr(heading, "dtype"):
         import numpy
 
@@ -248,9 +251,23 @@ def _heading(heading: Any) -> Any:
 def numbers_of(values: Any, length: int) -> Any:
     """Return `values` if it has so many components. Raises FrameError."""
     is_usual = values.__class__ in (tuple, list) and len(values) == length and _NUMBERS.issuperset(map(type, values))
-    if not is_usual and length_of(values) != length:
+    if is_usual:
+        return values
+    if length_of(values) != length:
         raise FrameError(f"expected {length} numbers, got {shown(values)}")
+    if hasattr(values, "dtype"):
+        if values.dtype.kind not in "fiu":
+            raise FrameError(f"expected {length} numbers, got an array of {values.dtype}")
+    else:
+        for value in values:
+            check_number(value)
     return values
+
+
+def check_number(number: Any) -> None:
+    """Raise FrameError if an object is neither a number nor an array of numbers."""
+    if number.__class__ is not float and not hasattr(number, "dtype") and not is_number(number):
+        raise FrameError(f"expected one number, got {shown(number)}")
 
 
 def length_of(values: Any) -> int:

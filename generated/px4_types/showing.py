@@ -12,6 +12,7 @@ from enum import IntFlag
 from functools import lru_cache
 from html import escape
 from itertools import groupby
+from operator import index
 from typing import Any, NamedTuple
 
 from . import text
@@ -192,7 +193,7 @@ def _one(rule: Rule, value: Any, kind: str) -> str:
         if rule.is_text:
             found = text.of(value)
             return repr(found) if len(found) <= _LONGEST else f"{found[:_LONGEST]!r}…"
-        return _number(value, rule.base) if rule.enum is None else _member(rule.enum, value)
+        return _number(value, rule.base) if rule.enum is None else _member(rule.enum, index(value))
     except (ArithmeticError, TypeError, ValueError):  # numbers with thousands of digits, or of types without formats
         return given(value)
 
@@ -228,10 +229,7 @@ def _rotation(rule: Rule, values: list[Any], depth: int) -> Iterator[Row]:
     """Yield a line with the angles of a quaternion. A quaternion with an invalid value has none."""
     if len(values) != 4 or any(problem_kind(rule, value) for value in values):
         return
-    try:
-        norm = math.hypot(*values)
-    except OverflowError:
-        norm = math.inf
+    norm = math.hypot(*values)
     if not abs(norm - 1) < _UNIT_ERROR:
         yield Row(depth, "", "", "", f"not a rotation: its norm is {norm:.4g}", rule.field)
         return

@@ -33,6 +33,8 @@ def pack(text: str, size: int, cut: bool = False) -> bytes:
     then it is cut before the first character that does not fit. Raises ValueError for a text with a zero character,
     which would end it, or an unpaired surrogate, and TypeError if it is not a str.
     """
+    if size < 0:
+        raise ValueError(f"expected a size from 0, got {size}")
     packed = _encoded(text)
     if len(packed) > size:
         if not cut:

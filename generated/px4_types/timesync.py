@@ -62,7 +62,12 @@ class TimeSync:
     bridge uses the firmware's estimate of the offset, which can be wrong by tens of ms for minutes after the start."""
 
     def __init__(self, max_error: int = 5_000, window: int = 100) -> None:
-        """Estimate from the last `window` samples. It has converged when its error is at most `max_error` us."""
+        """Estimate from the last `window` samples. It has converged when its error is at most `max_error` us.
+
+        Raises ClockError for a window of fewer than 10 samples, with which it would not converge.
+        """
+        if window < _NEEDED:
+            raise ClockError(f"expected a window of {_NEEDED} samples or more, got {window}")
         self.jumps = 0
         self.outliers = 0
         self.bridge_error = float("nan")

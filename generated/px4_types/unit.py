@@ -92,7 +92,8 @@ _PER = re.compile(r"(?<=\w) per (?=\w)")
 _NOTE = re.compile(r"\([^)]*\)")
 _BETWEEN = re.compile(r"\s*(?:,|;|\.\.+|…|\bto\b|(?<=[\w.])(?<![\d.][eE])\s*[-\u2013](?=\s*[\w.+-]))\s*")
 _INFINITE = re.compile(r"\+?(inf|infinity)$")
-_OF_PI = re.compile(r"([-+]?)(\d*\.?\d*)\*?pi(?:/(\d+))?")
+_OF_PI = re.compile(r"([-+]?)(\d*\.?\d*) ?\*? ?(?:pi|π)(?: ?/ ?(\d{1,9}))?", re.IGNORECASE)
+_INTEGER = re.compile("[-+]?(?:0x[0-9a-fA-F]+|[1-9][0-9]*|0)")
 
 
 @cache
@@ -183,23 +184,25 @@ def normalized_range(text: str) -> str:
 
 def bounds(text: str) -> tuple[float, float] | None:
     """Return the bounds of a range as numbers, None if it cannot be read. `pi` and `2pi` are numbers, too."""
-    found = [_number(bound) for bound in normalized_range(text).split(", ")]
+    found = [number_of(bound) for bound in normalized_range(text).split(", ")]
     if len(found) != 2:  # noqa: PLR2004 - the lowest and the highest
         return None
     low, high = found
-    return None if low is None or high is None else (low, high)
+    return None if low is None or high is None or math.isnan(low) or math.isnan(high) else (low, high)
 
 
-def _number(text: str) -> float | None:
-    """Return a bound as `normalized_range` spells it as a number, None if it is none."""
+def number_of(text: str) -> float | None:
+    """Return the number that a tag spells, None if it is none: `-1`, `0xFF`, `1e3`, `NaN`, `INFINITY`, `2pi`, `-π/2`.
+
+    An integer is an int, because a float has too few digits for the largest ones.
+    """
     of_pi = _OF_PI.fullmatch(text)
     try:
         if of_pi:
             return float(f"{of_pi[1]}{of_pi[2] or 1}") * math.pi / int(of_pi[3] or 1)
-        value = float(text)
+        return int(text, 0) if _INTEGER.fullmatch(text) else float(text)
     except (ValueError, ZeroDivisionError):
         return None
-    return None if math.isnan(value) else value
 
 
 def _bound(text: str) -> str:

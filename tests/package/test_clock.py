@@ -111,6 +111,8 @@ def test_time_since_boot_has_a_ros_time_and_no_date(clock: Any) -> None:
         ("from_datetime", NAIVE, f"{NAIVE} has no time zone: use datetime.now(timezone.utc), or its astimezone()"),
         ("from_datetime64", np.datetime64("NaT"), "NaT is no time"),
         ("from_datetime64", np.array([1]), "expected datetime64, got int64"),
+        ("from_datetime", 5, "expected a datetime, got an object of type int"),
+        ("from_ros", 5, "expected a time with sec and nanosec, got an object of type int"),
     ],
 )
 def test_a_value_of_another_kind_is_an_error(clock: Any, function: str, value: Any, text: str) -> None:
@@ -157,6 +159,22 @@ def test_an_age_of_two_clocks_is_an_error(px4_types: Any, clock: Any) -> None:
         clock.age(cls(timestamp=NOON), BOOT)
     with pytest.raises(KeyError, match="did you mean 'timestamp_sample'"):
         clock.age(cls(), field="timestamp_samples")
+
+
+@pytest.mark.parametrize(
+    ("values", "field", "text"),
+    [
+        ({"timestamp": 1.5}, "timestamp", "expected microseconds as an int, got an object of type float"),
+        ({"timestamp": -1}, "timestamp", "expected microseconds from 0, got -1"),
+        ({"nav_state": 3}, "nav_state", "VehicleStatus.nav_state is a uint8, and times are uint64"),
+    ],
+)
+def test_the_age_of_a_value_that_is_no_time(
+    px4_types: Any, clock: Any, values: dict[str, Any], field: str, text: str
+) -> None:
+    with pytest.raises(clock.ClockError) as caught:
+        clock.age(px4_types.VehicleStatus(**values), NOON, field)
+    assert str(caught.value) == text
 
 
 def test_the_age_by_the_clock_of_a_simulator(px4_types: Any, clock: Any) -> None:

@@ -208,6 +208,12 @@ def test_timesync_status_is_followed(px4_types: Any, clock: Any) -> None:
     assert sync.bridge_error == pytest.approx(40_000, abs=1000)
 
 
+def test_a_window_that_cannot_converge_is_an_error(clock: Any) -> None:
+    for window in (9, 0, -1):
+        with pytest.raises(clock.ClockError, match=f"^expected a window of 10 samples or more, got {window}$"):
+            clock.TimeSync(window=window)
+
+
 def test_other_sources_and_empty_messages_are_ignored(px4_types: Any, clock: Any) -> None:
     cls, sync = px4_types.TimesyncStatus, clock.TimeSync()
     for exchange in RECORDED:

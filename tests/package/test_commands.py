@@ -5,9 +5,11 @@ from __future__ import annotations
 import importlib
 import math
 import pickle
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from msggen import read
@@ -74,7 +76,12 @@ def test_parameters_can_be_given_by_number(commands: Any) -> None:
     [
         ("NAV_TAKEOFF", {"heading": 400.0}, "NAV_TAKEOFF: heading, param4: expected 0 to 360, got 400.0"),
         ("NAV_TAKEOFF", {"altitude": "10"}, "NAV_TAKEOFF: altitude, param7: expected a number, got '10'"),
+        ("NAV_TAKEOFF", {"param4": 400.0}, "NAV_TAKEOFF: heading, param4: expected 0 to 360, got 400.0"),
+        ("NAV_TAKEOFF", {"param1": "up"}, "NAV_TAKEOFF: param1: expected a number, got 'up'"),
+        ("NAV_TAKEOFF", {"altitude": np.zeros(2)}, "NAV_TAKEOFF: altitude, param7: expected a number, got a"),
+        ("NAV_TAKEOFF", {"altitude": 10**400}, "NAV_TAKEOFF: altitude, param7: expected a number, got 1000"),
         ("DO_SET_ROI", {"vehicle_roi": 77}, "DO_SET_ROI: .*: expected a VehicleRoi, one of NONE, .*, got 77"),
+        ("DO_ORBIT", {"param3": 2.5}, "DO_ORBIT: .*, param3: expected an OrbitYawBehaviour, one of .*, got 2.5"),
     ],
 )
 def test_a_value_that_a_parameter_cannot_have_is_an_error(
@@ -83,13 +90,57 @@ def test_a_value_that_a_parameter_cannot_have_is_an_error(
     made = getattr(commands, command)
     if "vehicle_roi" in values:
         values = {made.params[0].name: 77}
-    with pytest.raises(ValueError, match=text):
+    with pytest.raises(commands.CommandError, match=text):
         made(**values)
 
 
-def test_an_unknown_parameter_is_an_error(commands: Any) -> None:
-    with pytest.raises(TypeError, match="altitud"):
-        commands.NAV_TAKEOFF(altitud=10.0)
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"altitud": 10.0}, "NAV_TAKEOFF has no parameter 'altitud', did you mean 'altitude'?"),
+        ({"target_sys": 1}, "NAV_TAKEOFF has no parameter 'target_sys', did you mean 'target_system'?"),
+        (
+            {"up": 1.0},
+            "NAV_TAKEOFF has no parameter 'up': there are 'heading', 'latitude', 'longitude', 'altitude'",
+        ),
+        (
+            {"command": 3},
+            "NAV_TAKEOFF has no parameter 'command': there are 'heading', 'latitude', 'longitude', 'altitude'",
+        ),
+        ({"heading": 10.0, "param4": 10.0}, "NAV_TAKEOFF: heading is param4: give one of them"),
+    ],
+)
+def test_a_wrong_name_is_an_error(values: dict[str, Any], text: str, commands: Any) -> None:
+    with pytest.raises(TypeError) as caught:
+        commands.NAV_TAKEOFF(**values)
+    assert str(caught.value) == text
+
+
+def test_an_unknown_command_names_the_nearest(commands: Any) -> None:
+    for name in ("NAV_TAKEOF", "VEHICLE_CMD_NAV_TAKEOFF"):
+        with pytest.raises(AttributeError) as caught:
+            getattr(commands, name)
+        assert str(caught.value) == f"no command '{name}', did you mean 'NAV_TAKEOFF'?"
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, np.int16, np.uint8, int, Fraction])
+def test_numbers_of_any_kind_are_values(commands: Any, kind: Any) -> None:
+    message = commands.DO_ORBIT(radius=kind(5), orbit_yaw_behaviour=kind(2))
+    assert (message.param1, message.param3) == (5.0, 2.0)
+    assert type(message.param1) is float
+
+
+@pytest.mark.parametrize(
+    ("text", "values"), [("1,0", [0.0, 1.0, 7.0]), ("low, high", [-1.0]), ("0, 2pi", [6.28]), ("1,", [1.0, 9e9])]
+)
+def test_ranges_are_read_as_those_of_fields(px4_types: Any, text: str, values: list[float]) -> None:
+    """A range that is upside down, as one of the firmware's is, or that is not understood, limits nothing."""
+    parameters_module = importlib.import_module(f"{px4_types.__name__}.parameters")
+    parameter = parameters_module.Parameter(1, "a", range=text)
+    assert [parameter.check(value) for value in values] == values
+    if "pi" in text:
+        with pytest.raises(parameters_module.CommandError, match="expected 0 to 2pi, got 6"):
+            parameter.check(6.29)
 
 
 def test_commands_are_immutable_values(commands: Any) -> None:

@@ -17,7 +17,7 @@ import pytest
 
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources, with_archived
-from msggen.generate.python.package import render_package
+from msggen.generate.python.package import TOOLS, render_package
 from support.catalogs import catalog_of, write_definitions
 from support.nested_packages import sources
 from support.repository import ROOT
@@ -69,6 +69,7 @@ COMPLETED = [
     (f"{IMPORT}VehicleStatus.NavigationState.OFF", {"OFFBOARD"}),
     ("from px4_types import meaning\nmeaning.", {"is_valid", "of", "problems"}),
     ("from px4_types import EscStatus, meaning\nmeaning.problems(EscStatus())[0].", {"field", "kind", "text", "value"}),
+    ("from px4_types import ", {*TOOLS, "show"} - {"ros", "versions"}),
     ("from px4_types import sho", {"show", "showing"}),
     ("from px4_types.srv import VehicleCommand\nVehicleCommand.Re", {"Request", "Response"}),
     ("from px4_types.srv import VehicleCommand\nVehicleCommand.Request().requ", {"request"}),
@@ -114,6 +115,9 @@ def test_ipython_completes_the_imported_package(px4_types: Any) -> None:
         return {found.name for found in jedi.Interpreter(code, [{"px4_types": px4_types}]).complete()}
 
     assert "SensorCombined" in completed("px4_types.Sens")
+    assert {"show", *TOOLS} - {"ros", "versions"} <= {*dir(px4_types)}
+    assert {*dir(px4_types)} <= completed("px4_types.")
+    assert len(set(dir(px4_types))) == len(dir(px4_types))
     assert "vehicle_status" in completed("px4_types.topics.out.vehicle_st")
     assert "esc_rpm" in completed("px4_types.EscReport().esc_r")
 

@@ -6,6 +6,7 @@ import copy
 import importlib
 import math
 import pickle
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -343,6 +344,42 @@ def test_a_setpoint_in_frames_of_ros(px4_types: Any, frames: Any) -> None:
     assert repr(turning.velocity) == "(0.0, 1.0, 0.0)"
     assert turning.yawspeed == -0.5
     assert px4_types.TrajectorySetpoint.decode(turning.encode()) == turning
+
+
+def test_the_fields_that_are_frames_can_be_given(px4_types: Any, frames: Any) -> None:
+    odometry = frames.from_ros(
+        px4_types.VehicleOdometry, position=(1.0, 2.0, 3.0), pose_frame=1, q=(1.0, 0.0, 0.0, 0.0), velocity_frame=3
+    )
+    assert (odometry.pose_frame, odometry.velocity_frame) == (1, 3)
+    assert odometry.position == (2.0, 1.0, -3.0)
+    assert frames.to_ros(odometry, "q").value == pytest.approx((1.0, 0.0, 0.0, 0.0))
+    assert not frames.to_ros(odometry, "velocity").is_valid
+    with pytest.raises(frames.FrameError, match="pose_frame is POSE_FRAME_UNKNOWN"):
+        frames.from_ros(px4_types.VehicleOdometry, position=(1.0, 2.0, 3.0))
+    with pytest.raises(frames.FrameError, match="quality: it has no frame"):
+        frames.from_ros(px4_types.VehicleOdometry, quality=1)
+
+
+def test_objects_that_are_no_messages_are_errors(px4_types: Any, frames: Any) -> None:
+    setpoint = px4_types.TrajectorySetpoint
+    array = setpoint.decode_batch([setpoint().encode()])
+    for function in (frames.to_ros, px4_types.show, px4_types.clock.age, px4_types.meaning.problems):
+        with pytest.raises(TypeError, match=r"^expected a message, got the class TrajectorySetpoint: call it"):
+            function(setpoint)
+        with pytest.raises(TypeError, match=r"^expected a message, got values of numpy: use the from_row of the class"):
+            function(array[0])
+        with pytest.raises(TypeError, match=r"^expected a message, got None$"):
+            function(None)
+    calls: tuple[tuple[Callable[[], object], str], ...] = (
+        (lambda: frames.from_ros(3), "expected a message, got 3"),
+        (lambda: frames.from_ros(int), "expected the class of a message, got <class 'int'>"),
+        (lambda: frames.batch_to_ros(setpoint(), array), "expected the class of a message, got TrajectorySetpoint("),
+        (lambda: frames.batch_to_ros(setpoint, setpoint()), "expected an array from TrajectorySetpoint.decode_batch"),
+        (lambda: px4_types.units.of(3, "x"), "expected the class of a message, got 3"),
+    )
+    for call, text in calls:
+        with pytest.raises(TypeError, match=f"^{re.escape(text)}"):
+            call()
 
 
 def test_a_message_keeps_its_other_fields(px4_types: Any, frames: Any) -> None:

@@ -8,7 +8,9 @@ import pickle
 import re
 from collections import Counter
 from collections.abc import Iterator
+from decimal import Decimal
 from enum import IntFlag
+from fractions import Fraction
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -339,6 +341,34 @@ def test_wrong_objects_are_problems(px4_types: Any, value: Any) -> None:
         for name in names:
             px4_types.meaning.of(message, name)
         assert all(map(str, problems))
+
+
+@pytest.mark.parametrize("name", ["BatteryStatus", "DebugArray", "EscStatus", "VehicleCommand", "VehicleOdometry"])
+def test_problems_of_types_are_values_that_encode_refuses(px4_types: Any, name: str) -> None:
+    cls, refused = getattr(px4_types, name), Counter[bool]()
+    numbers: list[Any] = [0, 1, 14.0, 1.5, -1, 300, 2**40, 1e39, 10**400, math.inf, NAN, True]
+    numbers += [Fraction(1, 2), Decimal(1), np.uint8(1), np.float32(1), np.float64(1e39), np.bool_(1), np.zeros(())]
+    others = ["text", None, {1: 2}, object()]
+    for field in cls.__msg__.fields:
+        lengths = {field.length or 1, 2, 10}
+        arrays: list[Any] = [
+            kind([number] * length) for kind in (tuple, list) for number in numbers for length in lengths
+        ]
+        arrays += [kind(length) for kind in (bytes, bytearray, np.zeros) for length in lengths]
+        for value in (*numbers, *arrays, *others):
+            message = cls()
+            setattr(message, field.attribute, value)
+            problems = px4_types.meaning.problems(message)
+            found = any(problem.kind == "type" for problem in problems)
+            try:
+                message.encode()
+            except px4_types.EncodeError:
+                assert found, (field.name, value)
+            else:
+                assert not found, (field.name, value)
+            assert field.name in px4_types.show(message)
+            refused[found] += 1
+    assert min(refused[True], refused[False]) > 20
 
 
 def test_a_message_without_values_has_problems(px4_types: Any) -> None:

@@ -58,6 +58,11 @@ def test_what_is_no_text_is_refused(px4_types: Any, value: Any, error: type[Exce
         px4_types.text.pack(value, 8)
 
 
+def test_a_negative_size_is_an_error(px4_types: Any) -> None:
+    with pytest.raises(ValueError, match=r"^expected a size from 0, got -1$"):
+        px4_types.text.pack("abc", -1, cut=True)
+
+
 @pytest.mark.parametrize("value", [None, 5, 1.5])
 def test_what_is_no_value_of_a_field_is_refused(px4_types: Any, value: Any) -> None:
     with pytest.raises(TypeError):

@@ -11,13 +11,14 @@ import pint
 import pytest
 
 from msggen import read
+from msggen.unit import SPELLINGS
 from support.repository import shared
 
-OF_PINT = {"dB", "dBm", "Ga"}
-"""pint converts the first two to ratios; here they are dimensions. Its gauss is not a unit of SI."""
+OF_PINT = {"dB", "dBm", "dBHz", "Ga"}
+"""pint converts the first two to ratios, which are dimensions here. It has no dBHz. Its gauss is not a unit of SI."""
 
-NO_UNITS = {"Kb/s", "bool", "boolean", "dBHz", "enum"}
-"""The tags of the firmware that are no units: `Kb` is a kilobit or a kilobyte, and the others are no units."""
+NO_UNITS = {"bool", "boolean", "enum"}
+"""The tags of the firmware that are no units."""
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,7 @@ def test_every_unit_of_the_embedded_definitions_is_known(px4_types: Any, units: 
     for text in found:
         try:
             units.parse(text)
-        except units.UnknownUnit:
+        except units.UnitError:
             unknown.add(text)
     assert unknown <= NO_UNITS
 
@@ -52,6 +53,13 @@ def test_every_unit_of_the_embedded_definitions_is_known(px4_types: Any, units: 
 def test_every_unit_of_the_firmware_is_known(tree: str, units: Any) -> None:
     for text in tags(str(shared(f"firmware/{tree}"))) - NO_UNITS:
         units.parse(text)
+
+
+def test_every_unit_that_msggen_knows_has_a_dimension(units: Any) -> None:
+    for text in SPELLINGS:
+        assert units.parse(text).text == text
+    assert units.convert(8.0, "kbit", "kB") == 1.0
+    assert units.parse("dBHz").dimension == (("dBHz", 1),)
 
 
 def test_units_are_those_of_pint(units: Any, registry: Any) -> None:
@@ -101,10 +109,14 @@ def test_fields_have_units(px4_types: Any, units: Any) -> None:
 
 
 def test_errors_name_the_nearest_unit(units: Any) -> None:
-    with pytest.raises(ValueError, match="unknown unit 'rads', did you mean 'rad'"):
+    with pytest.raises(ValueError, match="unknown unit 'rads', did you mean 'rad/s'"):
         units.parse("rads")
-    with pytest.raises(ValueError, match="cannot convert 'm' to 's': they have different dimensions"):
+    with pytest.raises(units.UnitError, match="unknown unit 'm/ss', did you mean 'm/s'"):
+        units.parse("m/ss")
+    with pytest.raises(units.UnitError, match="expected a unit such as 'm/s', got an object of type int"):
+        units.convert(1.0, "m", 3)
+    with pytest.raises(units.UnitError, match="cannot convert 'm' to 's': they have different dimensions"):
         units.convert(1.0, "m", "s")
     for text in ("", "m/(s", "m s)", "@"):
-        with pytest.raises(units.UnknownUnit):
+        with pytest.raises(units.UnitError):
             units.parse(text)

@@ -51,7 +51,7 @@ ERRORS = {
     "FrameError": "rotations.FrameError",
     "KeyError": "hints.UnknownName",
     "NotConverged": "timesync.NotConverged",
-    "UnknownUnit": "units.UnknownUnit",
+    "UnitError": "units.UnitError",
 }
 """The modules of errors that are not in `cdr`. The pages show UnknownName by the name of its base class."""
 
@@ -80,7 +80,7 @@ def test_the_interactive_examples_are_real(name: str) -> None:
     page = ROOT / "docs" / name
     sys.path.insert(0, str(ROOT / "generated"))
     blocks = re.findall(r"```pycon\n(.*?)```", page.read_text(), re.DOTALL)
-    source = re.sub(r"(?m)^(\w+Error|NotConverged|UnknownUnit): ", raised, "\n".join(blocks))
+    source = re.sub(r"(?m)^(\w+Error|NotConverged): ", raised, "\n".join(blocks))
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner()
     names = {"SensorCombined": __import__("px4_types").SensorCombined}
     results = runner.run(parser.get_doctest(source, names, page.name, str(page), 0))

@@ -57,9 +57,10 @@ def command_classes(catalog: Catalog) -> list[CommandClass]:
         return []
     enums = enum_classes(catalog, message)
     found: dict[str, CommandClass] = {}
+    taken = {"Command", "CommandError", "Parameter"}
     for constant in commands(message):
         name = constant.name.removeprefix(PREFIX)
-        attribute = free_name(name if name.isidentifier() else f"_{name}", {*found, "Command", "Parameter"})
+        attribute = free_name(name if name.isidentifier() else f"_{name}", taken.union(found))
         made = tuple(_parameter(each, enums) for each in parameters(constant))
         words = "".join(word.capitalize() for word in name.split("_"))
         cls = free_name(f"_{words}", {each.cls for each in found.values()})

@@ -203,7 +203,7 @@ def _init(package: _Package) -> str:
         classes=names,
         others=others,
         archived=package.catalog.archived,
-        commands=has_commands(package.catalog),
+        tools=[name for name in TOOLS if name in modules],
         example=_EXAMPLE if _EXAMPLE in names else "".join(names[:1]),
         modules=[literal(name) for name in sorted([*modules, *own.folders, *(part.package for part in others)])],
     )
@@ -307,6 +307,24 @@ FILES = (
     _support("versions.py", _HAS_VERSIONS),
 )
 """All files that do not belong to one definition. A new file of the generated package needs a row here."""
+
+TOOLS = (
+    "batch",
+    "cdr",
+    "clock",
+    "commands",
+    "encapsulation",
+    "frames",
+    "meaning",
+    "recordings",
+    "ros",
+    "showing",
+    "text",
+    "topics",
+    "units",
+    "versions",
+)
+"""The modules for users, which editors complete. docs/package.md lists them."""
 
 _FOLDERS = {"msg": "Messages", "srv": "Services"}
 """The folders of modules with their titles."""

@@ -8,8 +8,20 @@ from __future__ import annotations
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from typing import Any
 
-__all__ = ["NO_ENDPOINTS", "UnknownName", "alike", "check_name", "hint", "nearest", "not_bridged", "unknown_topic"]
+__all__ = [
+    "NO_ENDPOINTS",
+    "UnknownName",
+    "alike",
+    "check_name",
+    "hint",
+    "nearest",
+    "not_a_class",
+    "not_a_message",
+    "not_bridged",
+    "unknown_topic",
+]
 
 
 NO_ENDPOINTS = ": the package has no endpoints, because it was built without a dds_topics.yaml: name one with --topics"
@@ -56,6 +68,24 @@ def unknown_topic(name: object, topics: Iterable[str]) -> UnknownName:
     """Return the error that no uORB topic has this name. Raises TypeError if the name is not a str."""
     check_name(name, "vehicle_status")
     return UnknownName(f"no uORB topic '{name}'{hint(nearest(str(name), topics))}")
+
+
+def not_a_message(value: Any) -> TypeError:
+    """Return the error that an object is no message, for the argument of a function that takes one."""
+    if isinstance(value, type):
+        return TypeError(f"expected a message, got the class {value.__name__}: call it to make one")
+    if hasattr(value, "dtype"):
+        return TypeError("expected a message, got values of numpy: use the from_row of the class for a row of a batch")
+    from .explain import given
+
+    return TypeError(f"expected a message, got {given(value)}")
+
+
+def not_a_class(value: Any) -> TypeError:
+    """Return the error that an object is no message class, for the argument of a function that takes one."""
+    from .explain import given
+
+    return TypeError(f"expected the class of a message, got {given(value)}")
 
 
 def check_name(name: object, example: str) -> None:

@@ -11,17 +11,16 @@ import re
 import struct
 import sys
 from enum import IntEnum, IntFlag
-from math import pi
 from operator import index
 from typing import Any, NamedTuple
 
 from . import text
 from .cdr import Message
-from .explain import given
-from .hints import UnknownName, check_name
+from .explain import array_problem, given, number_problem, text_problem
+from .hints import UnknownName, check_name, not_a_message
 from .info import Constant, Field, nested_class
 from .primitives import OCTETS, PRIMITIVES, STRINGS, listed
-from .unit import normalized_range
+from .unit import normalized_range, number_of
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
@@ -35,10 +34,7 @@ __all__ = ["Problem", "Unknown", "is_valid", "of", "problems"]
 
 INVALID, RANGE, ENUM, TYPE = "invalid", "range", "enum", "type"
 
-_NUMBERS = (int, float, bool)
-
 _INDEX = re.compile(r"-?[0-9]{1,9}\]")
-_MULTIPLE = re.compile(r"([-+]?[0-9.]*) ?\*? ?(?:pi|π)(?: ?/ ?([1-9][0-9]?))?", re.IGNORECASE)
 _LIMITS = {f"{name.upper()}_MAX": limits.highest for name, limits in PRIMITIVES.items() if "int" in name}
 _LIMITS |= {f"{name.upper()}_MIN": limits.lowest for name, limits in PRIMITIVES.items() if "int" in name}
 _LIMITS |= {"FLT_MAX": PRIMITIVES["float32"].highest, "DBL_MAX": PRIMITIVES["float64"].highest}
@@ -98,6 +94,8 @@ class Rule(NamedTuple):
     """Whether a value is `char[N]` or a string."""
     is_array: bool
     """Whether the field has several values. Text is one value."""
+    is_octets: bool
+    """Whether the field is an array that is held as bytes."""
     enum: Enum | None
     members: frozenset[int]
     """The values of the members of `enum`."""
@@ -109,6 +107,11 @@ class Rule(NamedTuple):
     """`first` or `all` if the array is invalid when its first value is, or all values are; else ""."""
     bounds: tuple[float, float] | None
     """The smallest and the largest value."""
+    lowest: float
+    highest: float
+    """The smallest and the largest finite number of the type."""
+    usual: tuple[Any, ...]
+    """The classes of values that can be encoded if they are between `lowest` and `highest`."""
 
 
 def of(message: Message, path: str) -> Any:
@@ -161,7 +164,7 @@ def _problems_of_field(rule: Rule, value: Any, path: str) -> Iterator[Problem]:
         return
     values = items(rule, value)
     if values is None:
-        yield Problem(path, value, f"not {_type_of(rule.field.type)}", TYPE)
+        yield Problem(path, value, f"not {with_article(rule.field.type)}", TYPE)
         return
     if is_invalid_array(rule, values):
         yield Problem(path, value, INVALID, INVALID)
@@ -188,16 +191,19 @@ def problem_kind(rule: Rule, value: Any) -> str:
         return "" if isinstance(value, rule.nested) else TYPE
     if rule.is_text:
         return _text_kind(rule, value)
-    if value.__class__ not in _NUMBERS and not _is_number(value):
+    is_usual = value.__class__ in rule.usual and rule.lowest <= value <= rule.highest
+    if not is_usual and number_problem(rule.base, value, ""):
         return TYPE
     try:
         if value != value or value in rule.invalid:
             return INVALID
         if rule.bounds is not None and not rule.bounds[0] <= value <= rule.bounds[1]:
             return RANGE
-        if rule.enum is not None and (value & ~rule.bits if rule.bits is not None else value not in rule.members):
+        if rule.enum is not None and (
+            index(value) & ~rule.bits if rule.bits is not None else value not in rule.members
+        ):
             return ENUM
-    except (TypeError, ValueError):  # a number of another kind, such as 1.5 for flags
+    except (TypeError, ValueError):  # a number of a class that does not compare
         return TYPE
     return ""
 
@@ -205,12 +211,11 @@ def problem_kind(rule: Rule, value: Any) -> str:
 def problem_text(rule: Rule, kind: str) -> str:
     """Return the text of a kind of problem: `outside 0 to 100`."""
     if kind == RANGE:
-        low, high = _range_of(rule.field)
-        return f"outside {low or '-inf'} to {high or 'inf'}"
+        return f"outside {range_text(rule.field.range)}"
     if kind == ENUM and rule.enum is not None:
-        name = _type_of(rule.enum.__name__)
+        name = with_article(rule.enum.__name__)
         return f"not {name}" if rule.bits is None else f"{name} with unknown bits"
-    return f"not {_type_of(rule.base)}" if kind == TYPE else kind
+    return f"not {with_article(rule.field.type if rule.base == 'char' else rule.base)}" if kind == TYPE else kind
 
 
 def is_invalid_array(rule: Rule, values: list[Any]) -> bool:
@@ -220,15 +225,17 @@ def is_invalid_array(rule: Rule, values: list[Any]) -> bool:
 
 
 def items(rule: Rule, value: Any) -> list[Any] | None:
-    """Return the values of an array, or None for an object that is none."""
+    """Return the values of an array, or None for an object that cannot be encoded as one."""
     field = rule.field
-    if field.base in OCTETS and isinstance(value, (bytes, bytearray)):
+    if (
+        value.__class__ in (bytes, tuple)
+        and len(value) == field.length
+        and (value.__class__ is bytes) == rule.is_octets
+    ):
         return list(value)
-    most = field.length if field.length is not None else field.most
-    try:
-        return listed(value, sys.maxsize if most is None else most)
-    except (TypeError, ValueError):
+    if array_problem(field, value, ""):
         return None
+    return list(bytes(value)) if rule.is_octets else listed(value, sys.maxsize)
 
 
 def member(enum: Enum, value: Any) -> Any:
@@ -244,21 +251,14 @@ def member(enum: Enum, value: Any) -> Any:
 
 
 def _text_kind(rule: Rule, value: Any) -> str:
-    if rule.base == "char":
-        try:
-            value = memoryview(value)
-        except TypeError:
-            return TYPE
-    elif not isinstance(value, str):
+    problem = array_problem(rule.field, value, "") if rule.base == "char" else text_problem(rule.base, value, "")
+    if problem:
         return TYPE
     return INVALID if rule.invalid and not text.of(value) else ""
 
 
-def _is_number(value: Any) -> bool:
-    return (hasattr(value, "__float__") or hasattr(value, "__index__")) and not hasattr(value, "__len__")
-
-
-def _type_of(name: str) -> str:
+def with_article(name: str) -> str:
+    """Return a name after "a" or "an": `an ArmingState`."""
     return f"an {name}" if name[0].lower() in "aeio" else f"a {name}"
 
 
@@ -299,7 +299,7 @@ def _element(rule: Rule, value: Any, place: str) -> Any:
 def rules(message: object) -> tuple[Rule, ...]:
     """Return the rules of all fields of a message. Raises TypeError if it is not a message."""
     if not isinstance(message, Message):
-        raise TypeError(f"expected a message, got {given(message)}")
+        raise not_a_message(message)
     cls = message.__class__
     found = _RULES.get(cls)
     if found is None:
@@ -318,18 +318,23 @@ def _rule(cls: type[Message], field: Field) -> Rule:
     enum = info.enum(field.name)
     values = [] if enum is None else [int(each) for each in enum.__members__.values()]
     invalid, invalid_as = invalid_values(field, info.constants)
+    limits = PRIMITIVES.get(field.base, PRIMITIVES["float64"])
     return Rule(
         field=field,
         base=field.base,
         nested=None if is_string or field.base in PRIMITIVES else nested_class(cls, field.base),
         is_text=is_text,
         is_array=is_array and (is_string or not is_text),
+        is_octets=is_array and field.base in OCTETS,
         enum=enum,
         members=frozenset(values),
         bits=_bits(values) if enum is not None and issubclass(enum, IntFlag) else None,
         invalid=invalid or (),
         invalid_as=invalid_as,
         bounds=bounds(field, info.constants),
+        lowest=limits.lowest,
+        highest=limits.highest,
+        usual=(int, float, bool) if limits.code in "fd" else (int, bool),
     )
 
 
@@ -361,16 +366,28 @@ def bounds(field: Field, constants: Iterable[Constant]) -> tuple[float, float] |
     number for pi is larger than pi. Returns None if the tag is not understood, or missing, or the first bound is
     larger than the second.
     """
-    first, second = _range_of(field)
+    found = bounds_of(field.range, constants)
+    return found and (min(found[0], _as_held(field, found[0])), max(found[1], _as_held(field, found[1])))
+
+
+def bounds_of(text: str, constants: Iterable[Constant] = ()) -> tuple[float, float] | None:
+    """Return the bounds in the content of a tag `[@range ...]`, as `bounds` does."""
+    first, second = _spellings_of(text)
     low, high = _number(first or "-inf", constants), _number(second or "inf", constants)
     if not (first or second) or low is None or high is None or not low <= high:
         return None
-    return min(low, _as_held(field, low)), max(high, _as_held(field, high))
+    return low, high
 
 
-def _range_of(field: Field) -> tuple[str, str]:
-    """Return the spellings of both bounds in the tag `[@range ...]`, "" for a missing one. Notes are left out."""
-    low, comma, high = normalized_range(field.range).partition(",")
+def range_text(text: str) -> str:
+    """Return a range for an error: `0 to 360`. Notes are left out, and a missing bound is infinite."""
+    low, high = _spellings_of(text)
+    return f"{low or '-inf'} to {high or 'inf'}"
+
+
+def _spellings_of(text: str) -> tuple[str, str]:
+    """Return the spellings of both bounds of a range, "" for a missing one. Notes are left out."""
+    low, comma, high = normalized_range(text).partition(",")
     return (low, high.strip()) if comma else ("", "")
 
 
@@ -381,14 +398,7 @@ def _number(spelled: str, constants: Iterable[Constant]) -> float | None:
     for constant in constants:
         if constant.name.lower() == spelled.lower() and not isinstance(constant.value, str):
             return constant.value
-    multiple = _MULTIPLE.fullmatch(spelled)
-    try:
-        if multiple:
-            factor = multiple[1] if multiple[1] not in ("", "-", "+") else f"{multiple[1]}1"
-            return float(factor) * pi / int(multiple[2] or "1")
-        return int(spelled, 0) if re.fullmatch("[-+]?(?:0x[0-9a-fA-F]+|[1-9][0-9]*|0)", spelled) else float(spelled)
-    except ValueError:
-        return None
+    return number_of(spelled)
 
 
 def _as_held(field: Field, number: float) -> float:

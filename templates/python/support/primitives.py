@@ -92,6 +92,11 @@ def octets_of(value: Any) -> memoryview | None:
     return view if hasattr(value, "__len__") and view.format in _OCTET_FORMATS and view.ndim == 1 else None
 
 
+def is_number(value: object) -> bool:
+    """Whether an object says that it is one number, as those of Python and the scalars of numpy do."""
+    return (hasattr(value, "__float__") or hasattr(value, "__index__")) and not hasattr(value, "__len__")
+
+
 def is_sequence(values: Any) -> bool:
     """Whether an object says that it has one dimension and elements by index."""
     is_mapping = hasattr(values, "keys") and not hasattr(values, "ndim")  # a column of pandas has both

@@ -10,13 +10,15 @@ from __future__ import annotations
 from math import pi
 
 from .info import Frozen
-from .unit import powers_of
+from .unit import nearest_unit, powers_of
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from typing import Any
 
     from .cdr import Message
+
+__all__ = ["Unit", "UnitError", "convert", "of", "parse"]
 
 _BASES: dict[str, tuple[float, dict[str, int]]] = {
     "s": (1.0, {"s": 1}),
@@ -55,8 +57,10 @@ _BASES: dict[str, tuple[float, dict[str, int]]] = {
     "Ohm": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -2}),
     "dB": (1.0, {"dB": 1}),
     "dBm": (1.0, {"dBm": 1}),
+    "dBHz": (1.0, {"dBHz": 1}),
     "rpm": (2 * pi / 60, {"rad": 1, "s": -1}),
     "bytes": (1.0, {"byte": 1}),
+    "kbit": (125.0, {"byte": 1}),
     "kB": (1e3, {"byte": 1}),
     "KiB": (1024.0, {"byte": 1}),
     "MB": (1e6, {"byte": 1}),
@@ -78,8 +82,8 @@ _PINT = {
 """The names of units in pint that differ from ours."""
 
 
-class UnknownUnit(ValueError):  # noqa: N818
-    """The error that a text is not a product of powers of known units."""
+class UnitError(ValueError):
+    """An error in a unit: it is not a product of powers of known units, or its dimension differs from another's."""
 
 
 class Unit(Frozen):
@@ -93,7 +97,7 @@ class Unit(Frozen):
     offset: float
     """273.15 for °C, else 0."""
     dimension: tuple[tuple[str, int], ...]
-    """The powers of m, kg, s, A, K, rad, byte, dB and dBm, sorted by name: `(("rad", 1), ("s", -1))`."""
+    """The powers of m, kg, s, A, K, rad, byte, dB, dBm and dBHz, sorted by name: `(("rad", 1), ("s", -1))`."""
     pint: str
     """The unit as pint spells it: `m*s**-2`. pint's gauss is that of the CGS system and cannot be converted to T."""
 
@@ -108,10 +112,10 @@ class Unit(Frozen):
         put(self, "pint", pint)
 
     def convert(self, value: Any, to: Unit | str) -> Any:
-        """Return a number, or an array of numpy, in another unit. Raises ValueError if the dimensions differ."""
-        other = parse(to) if isinstance(to, str) else to
+        """Return a number, or an array of numpy, in another unit. Raises UnitError if the dimensions differ."""
+        other = to if isinstance(to, Unit) else parse(to)
         if other.dimension != self.dimension:
-            raise ValueError(f"cannot convert '{self.text}' to '{other.text}': they have different dimensions")
+            raise UnitError(f"cannot convert '{self.text}' to '{other.text}': they have different dimensions")
         if self.offset == other.offset:
             return value * (self.factor / other.factor)
         return (value * self.factor + self.offset - other.offset) / other.factor
@@ -120,14 +124,16 @@ class Unit(Frozen):
 def parse(text: str) -> Unit:
     """Return the unit in `text`, in any of the spellings of definitions: `m/s^2`, `(m/s)^2`, `degC`, `1e-7 deg`.
 
-    `-` and `norm` are the unit of numbers without a dimension. Raises UnknownUnit, a ValueError.
+    `-` and `norm` are the unit of numbers without a dimension. Raises UnitError.
     """
+    if not isinstance(text, str):
+        raise UnitError(f"expected a unit such as 'm/s', got an object of type {text.__class__.__name__}")
     try:
         powers = powers_of(text)
     except ValueError:
         powers = {text: 1}
     if not text.strip():
-        raise UnknownUnit("expected a unit, got no text")
+        raise UnitError("expected a unit, got no text")
     factor, dimension = 1.0, dict[str, int]()
     for name, power in powers.items():
         scale, base = _base(name, text)
@@ -147,17 +153,24 @@ def _base(name: str, text: str) -> tuple[float, dict[str, int]]:
         return float(name), {}
     except ValueError:
         pass
-    from .hints import hint, nearest
+    from .hints import hint
 
-    raise UnknownUnit(f"unknown unit '{text}'{hint(nearest(name, _BASES))}")
+    raise UnitError(f"unknown unit '{text}'{hint(nearest_unit(text))}")
 
 
 def of(cls: type[Message], field: str) -> Unit | None:
-    """Return the unit of a field, or None if it has none. Raises KeyError for a field that does not exist."""
+    """Return the unit of a field, or None if it has none.
+
+    Raises KeyError for a field that does not exist, and TypeError if `cls` is no message class.
+    """
+    if not hasattr(cls, "__msg__"):
+        from .hints import not_a_class
+
+        raise not_a_class(cls)
     text = cls.__msg__.field(field).unit
     return parse(text) if text else None
 
 
 def convert(value: Any, unit: str, to: str) -> Any:
-    """Return a number, or an array of numpy, in another unit. Raises ValueError as `parse` and `Unit.convert` do."""
+    """Return a number, or an array of numpy, in another unit. Raises UnitError as `parse` and `Unit.convert` do."""
     return parse(unit).convert(value, to)
