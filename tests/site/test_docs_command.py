@@ -145,11 +145,11 @@ def test_a_name_that_is_too_long_for_the_disk_is_an_error() -> None:
     assert "--output: S125" in docs(code=2)
 
 
-def test_letters_that_no_file_of_msggen_has_are_replaced() -> None:
+def test_the_page_of_an_enum_has_letters_that_every_disk_has() -> None:
     Path("px4/msg/Wheel.msg").write_text("uint64 timestamp\nuint8 a  # [@enum É A]\nuint8 A_B = 1\n")
     docs()
     assert "up to date" in docs()
-    assert [path.name for path in Path("site/enum").iterdir()] == ["Wheel._A.html"]
+    assert [path.name for path in Path("site/enum").iterdir()] == ["Wheel.A.html"]
 
 
 # --- The pages of a project
