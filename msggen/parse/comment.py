@@ -51,7 +51,8 @@ def parse_constant_comment(lines: Sequence[str]) -> Comment:
     if not bar:
         return parse_comment(lines)
     comment = parse_comment(own.split("\n"))
-    return comment._replace(text=f"{comment.text} |{parameters}".strip())
+    space = " " if own[-1:].isspace() else ""
+    return comment._replace(text=f"{comment.text}{space}|{parameters}".strip())
 
 
 def _place(tag: tuple[str, str]) -> int:

@@ -124,7 +124,7 @@ def test_a_shell_completes_with_tab(shell: str, folder: Path) -> None:
     )
     os.close(theirs)
     try:
-        type_in(ours, f'{prepare}; PS1="> "; source <(msggen completion {shell}); echo pre""pared\n', "\nprepared\r")
+        type_in(ours, f'{prepare}; PS1="> "; source <(msggen completion {shell}); echo pre""pared\n', "prepared\r")
         for line, completed in LINES.items():
             # after the completion, the line becomes the argument of echo
             shown = type_in(ours, f"{line}\t\x01echo '\x05' do\"\"ne\n", " done\r")
