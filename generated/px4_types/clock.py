@@ -90,9 +90,7 @@ def from_datetime(time: datetime) -> int:
     """Return the time in us of a datetime. Raises ClockError if it has no time zone, or is before CALENDAR."""
     from datetime import datetime, timedelta, timezone
 
-    if not isinstance(time, datetime):
-        raise ClockError(f"expected a datetime, got an object of type {time.__class__.__name__}")
-    if time.tzinfo is None:
+    if getattr(time, "tzinfo", None) is None:
         raise ClockError(f"{time} has no time zone: use datetime.now(timezone.utc), or its astimezone()")
     return _calendar((time - datetime(1970, 1, 1, tzinfo=timezone.utc)) // timedelta(microseconds=1))
 
@@ -207,10 +205,9 @@ def age(message: Message, now: int | None = None, field: str = "timestamp") -> f
     set", or if only one of both times is of the calendar, so that they are not of one clock. Raises KeyError if there
     is no such field.
     """
-    if not hasattr(message.__class__, "__msg__"):
-        from .hints import not_a_message
+    from .hints import check_message
 
-        raise not_a_message(message)
+    check_message(message)
     time = getattr(message, message.__msg__.field(field).attribute)
     name = f"{message.__msg__.name}.{field}"
     if message.__msg__.field(field).type != "uint64":

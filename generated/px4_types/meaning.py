@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from . import text
 from .cdr import Message
 from .explain import array_problem, given, number_problem, text_problem
-from .hints import UnknownName, check_name, not_a_message
+from .hints import UnknownName, check_message, check_name
 from .info import Constant, Field, nested_class
 from .primitives import OCTETS, PRIMITIVES, STRINGS, listed
 from .unit import normalized_range, number_of
@@ -296,10 +296,9 @@ def _element(rule: Rule, value: Any, place: str) -> Any:
     return values[number]
 
 
-def rules(message: object) -> tuple[Rule, ...]:
+def rules(message: Message) -> tuple[Rule, ...]:
     """Return the rules of all fields of a message. Raises TypeError if it is not a message."""
-    if not isinstance(message, Message):
-        raise not_a_message(message)
+    check_message(message)
     cls = message.__class__
     found = _RULES.get(cls)
     if found is None:

@@ -19,6 +19,7 @@ from . import text
 from .cdr import Message
 from .explain import given
 from .meaning import INVALID, TYPE, Rule, is_invalid_array, items, problem_kind, problem_text, rules
+from .quantities import is_quaternion
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
@@ -64,8 +65,8 @@ def show(message: Message) -> str:
     - Of an array, the first 12 values are shown. Elements of an array of messages that read the same are shown once.
     - float32 values have 7 digits, float64 values 15.
     - Below a quaternion are its angles in degrees: yaw about z, then pitch about y, then roll about x. A field is a
-      quaternion, w first, if its type is `float32[4]`, it has no unit or `-`, and a word of its name is `q` or
-      `quaternion`.
+      quaternion, w first, if it has four floats without a unit, and a word of its name is `q`, `quaternion`,
+      `orientation` or `attitude`.
 
     Raises TypeError if `message` is not a message.
     """
@@ -149,7 +150,7 @@ def _array(rule: Rule, value: Any, depth: int) -> Iterator[Row]:
         yield from _messages(rule, values, depth)
     else:
         yield _numbers(rule, values, depth)
-        if _is_quaternion(field):
+        if is_quaternion(field):
             yield from _rotation(rule, values, depth)
 
 
@@ -218,11 +219,6 @@ def _member(enum: Enum, value: int) -> str:
 
 def _unit(field: Field) -> str:
     return "" if field.unit == "-" else field.unit
-
-
-def _is_quaternion(field: Field) -> bool:
-    is_named = not {"q", "quaternion"}.isdisjoint(field.name.split("_"))
-    return is_named and field.type == "float32[4]" and field.unit in ("", "-")
 
 
 def _rotation(rule: Rule, values: list[Any], depth: int) -> Iterator[Row]:

@@ -126,8 +126,7 @@ def parse(text: str) -> Unit:
 
     `-` and `norm` are the unit of numbers without a dimension. Raises UnitError.
     """
-    if not isinstance(text, str):
-        raise UnitError(f"expected a unit such as 'm/s', got an object of type {text.__class__.__name__}")
+    _check_text(text)
     try:
         powers = powers_of(text)
     except ValueError:
@@ -158,15 +157,19 @@ def _base(name: str, text: str) -> tuple[float, dict[str, int]]:
     raise UnitError(f"unknown unit '{text}'{hint(nearest_unit(text))}")
 
 
+def _check_text(text: object) -> None:
+    if not isinstance(text, str):
+        raise UnitError(f"expected a unit such as 'm/s', got an object of type {text.__class__.__name__}")
+
+
 def of(cls: type[Message], field: str) -> Unit | None:
     """Return the unit of a field, or None if it has none.
 
     Raises KeyError for a field that does not exist, and TypeError if `cls` is no message class.
     """
-    if not hasattr(cls, "__msg__"):
-        from .hints import not_a_class
+    from .hints import check_class
 
-        raise not_a_class(cls)
+    check_class(cls)
     text = cls.__msg__.field(field).unit
     return parse(text) if text else None
 

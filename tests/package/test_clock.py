@@ -111,7 +111,7 @@ def test_time_since_boot_has_a_ros_time_and_no_date(clock: Any) -> None:
         ("from_datetime", NAIVE, f"{NAIVE} has no time zone: use datetime.now(timezone.utc), or its astimezone()"),
         ("from_datetime64", np.datetime64("NaT"), "NaT is no time"),
         ("from_datetime64", np.array([1]), "expected datetime64, got int64"),
-        ("from_datetime", 5, "expected a datetime, got an object of type int"),
+        ("from_datetime", 5, "5 has no time zone: use datetime.now(timezone.utc), or its astimezone()"),
         ("from_ros", 5, "expected a time with sec and nanosec, got an object of type int"),
     ],
 )

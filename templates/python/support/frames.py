@@ -21,7 +21,7 @@ from .covariances import px4_to_ros_covariance as px4_to_ros_covariance
 from .covariances import ros_to_px4_covariance as ros_to_px4_covariance
 from .covariances import to_triangle as to_triangle
 from .explain import given
-from .hints import not_a_class, not_a_message
+from .hints import check_class, check_message
 from .info import Frozen
 from .quantities import HEADING, ORIENTATION, VARIANCES, VECTOR, YAW_RATE, Parts, frame_of, parts_of
 from .rotations import FrameError as FrameError
@@ -117,8 +117,7 @@ def to_ros(message: Message, name: str | None = None) -> Converted | Quantity:
     name, can be converted: its frame is not declared, or unknown in this message, or its value is no rotation. Raises
     KeyError if there is no such field.
     """
-    if not isinstance(message, Message):
-        raise not_a_message(message)
+    check_message(message)
     cls = message.__class__
 
     def value_of(field: Field) -> Any:
@@ -140,8 +139,7 @@ def batch_to_ros(cls: type[Message], array: NDArray[void]) -> Converted:
     All samples must have the same frame: select those of one frame first, as in `array[array["pose_frame"] == 1]`.
     Raises FrameError as `to_ros`.
     """
-    if not isinstance(cls, type) or not hasattr(cls, "__msg__"):
-        raise not_a_class(cls)
+    check_class(cls)
     if not getattr(getattr(array, "dtype", None), "names", None):
         raise TypeError(f"expected an array from {cls.__name__}.decode_batch, got {given(array)}")
     return _converted(cls, lambda field: array[field.name], _stacked)
@@ -194,8 +192,8 @@ def _converted(cls: type[Message], value_of: Callable[[Field], Any], join: Calla
         except FrameError as error:
             found.refused[name] = str(error)
     if not found:
-        for name, reason in found.refused.items():
-            parts.refuse(name, reason)
+        for name in (*parts.known, *found.refused):
+            parts.refuse(name, found.refused[name])
         raise FrameError(f"{cls.__msg__.name}: no field has a frame")
     return found
 
@@ -273,15 +271,13 @@ def _copied(message: MessageType) -> MessageType:
     """Return a copy of a message. Raises TypeError if it is not a message."""
     from copy import copy
 
-    if not isinstance(message, Message):
-        raise not_a_message(message)
+    check_message(message)
     return copy(message)
 
 
 def _unset(cls: type[MessageType]) -> MessageType:
     """Return a message in which every value that can be NaN is NaN. Raises TypeError for another class."""
-    if not hasattr(cls, "__msg__"):
-        raise not_a_class(cls)
+    check_class(cls)
     message = cls()
     for field in cls.__msg__.fields:
         if field.invalid.partition(" ")[0] == "NaN" and field.base in ("float32", "float64"):

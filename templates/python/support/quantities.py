@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .cdr import Message
     from .info import Field
 
-__all__ = ["Frame", "Part", "Parts", "frame_of", "parts_of"]
+__all__ = ["Frame", "Part", "Parts", "frame_of", "is_quaternion", "parts_of"]
 
 VECTOR, VARIANCES, ORIENTATION, HEADING, YAW_RATE = "vector", "variances", "orientation", "heading", "yaw rate"
 
@@ -86,7 +86,7 @@ _AXES = (("x", "y", "z"), ("n", "e", "d"), ("roll", "pitch", "yaw"))
 _SPREAD = re.compile(r"(?:^|_)(?:var|variance|variances|cov|covariance|std|stddev|accuracy)(?:_|$)")
 """Words in the name of values along the axes that have no sign."""
 
-_QUATERNION = re.compile(r"(?:^|_)(?:q|quaternion|orientation|attitude)(?:_d|_att)?$")
+_QUATERNION = re.compile(r"(?:^|_)(?:q|quaternion|orientation|attitude)(?:_|$)")
 _HEADING = re.compile(r"(?:^|_)(?:heading|yaw|course|bearing|direction)(?:_|$)")
 _YAW_RATE = re.compile(r"(?:^|_)yaw(?:_rate|speed)(?:_|$)")
 _NO_HEADING = re.compile(r"(?:^|_)(?:delta|error|max|min|offset|var|variance|accuracy|limit)(?:_|$)")
@@ -245,10 +245,16 @@ def _kind(field: Field) -> tuple[str, str]:
     return kind, ""
 
 
+def is_quaternion(field: Field) -> bool:
+    """Whether a field is a quaternion: four floats without a unit, and a word such as `q` in the name."""
+    is_named = _QUATERNION.search(field.name) is not None
+    return is_named and field.length == 4 and field.base in _FLOATS and field.unit in ("", *_DIMENSIONLESS)
+
+
 def _kind_of_array(field: Field) -> str:
     if field.base not in _FLOATS:
         return ""
-    if field.length == 4 and _QUATERNION.search(field.name):
+    if is_quaternion(field):
         return ORIENTATION
     if field.length == 3:
         return VARIANCES if _SPREAD.search(field.name) else VECTOR
