@@ -163,15 +163,24 @@ def _check_text(text: object) -> None:
 
 
 def of(cls: type[Message], field: str) -> Unit | None:
-    """Return the unit of a field, or None if it has none.
+    """Return the unit of a field, or None if it has none. A field of a nested message has a path: `esc.esc_voltage`.
 
     Raises KeyError for a field that does not exist, and TypeError if `cls` is no message class.
     """
     from .hints import check_class
 
     check_class(cls)
-    text = cls.__msg__.field(field).unit
-    return parse(text) if text else None
+    name, _, rest = field.partition(".")
+    found = cls.__msg__.field(name)
+    if rest:
+        from .hints import UnknownName
+        from .info import nested_class
+        from .primitives import PRIMITIVES, STRINGS
+
+        if found.base in (*PRIMITIVES, *STRINGS):
+            raise UnknownName(f"{name} of {cls.__msg__.name} is {found.type}, which has no fields")
+        return of(nested_class(cls, found.base), rest)
+    return parse(found.unit) if found.unit else None
 
 
 def convert(value: Any, unit: str, to: str) -> Any:

@@ -198,6 +198,11 @@ def test_a_received_answer_was_sent_before(clock: Any) -> None:
 # --- timesync_status
 
 
+def test_another_message_is_not_followed(px4_types: Any, clock: Any) -> None:
+    with pytest.raises(TypeError, match="expected a TimesyncStatus, got VehicleAttitude"):
+        clock.TimeSync().follow(px4_types.VehicleAttitude())
+
+
 def test_timesync_status_is_followed(px4_types: Any, clock: Any) -> None:
     """The firmware's estimate is 40 ms off, as it can be for minutes after the start."""
     sync = clock.TimeSync()

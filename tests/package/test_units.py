@@ -108,6 +108,14 @@ def test_fields_have_units(px4_types: Any, units: Any) -> None:
         units.of(px4_types.SensorCombined, "gyrorad")
 
 
+def test_nested_fields_have_units(px4_types: Any, units: Any) -> None:
+    assert units.of(px4_types.EscStatus, "esc.esc_voltage").text == "V"
+    with pytest.raises(KeyError, match="did you mean 'esc_voltage'"):
+        units.of(px4_types.EscStatus, "esc.voltage_esc")
+    with pytest.raises(KeyError, match=r"gyro_rad of SensorCombined is float32\[3\], which has no fields"):
+        units.of(px4_types.SensorCombined, "gyro_rad.x")
+
+
 def test_errors_name_the_nearest_unit(units: Any) -> None:
     with pytest.raises(ValueError, match="unknown unit 'rads', did you mean 'rad/s'"):
         units.parse("rads")

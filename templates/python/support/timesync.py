@@ -89,7 +89,14 @@ class TimeSync:
         self._take((received, answered - (sent + received) / 2, received - sent))
 
     def follow(self, status: Any, source: int = _DDS) -> None:
-        """Take a TimesyncStatus. Those of another `source_protocol` are ignored: by default those of MAVLink."""
+        """Take a TimesyncStatus. Those of another `source_protocol` are ignored: by default those of MAVLink.
+
+        Raises TypeError for another message.
+        """
+        if not hasattr(status, "observed_offset"):
+            from .explain import given
+
+            raise TypeError(f"expected a TimesyncStatus, got {given(status)}")
         if status.source_protocol != source or not status.remote_timestamp:
             return
         time = status.remote_timestamp
