@@ -278,7 +278,7 @@ def edits(draw: st.DrawFn) -> Edited:
 
 
 @pytest.mark.slow
-@settings(max_examples=200, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100, suppress_health_check=list(HealthCheck))
 @given(edited=edits())
 def test_random_edits_are_found_if_and_only_if_they_change_something(
     edited: Edited, tmp_path_factory: pytest.TempPathFactory

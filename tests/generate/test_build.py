@@ -765,15 +765,15 @@ def changes_disk(function: Any) -> bool:
 def build_killed_at(step: int, *arguments: str) -> bool:
     """Build in a child process that SIGKILL ends at its `step`-th change of the disk; return whether it was killed.
 
-    Steps are counted before and after each write and each move. The data on disk and the data still in Python's buffers
-    are then as they would be if the process were killed from outside at that moment.
+    Steps are counted before each write and each move: until the next one, the disk stays as the last one left it. The
+    data on disk and the data still in Python's buffers are then as if the process were killed from outside.
     """
     child = os.fork()
     if child == 0:
         steps = itertools.count()
 
         def profile(_frame: object, event: str, function: Any) -> None:
-            if event in ("c_call", "c_return") and changes_disk(function) and next(steps) == step:
+            if event == "c_call" and changes_disk(function) and next(steps) == step:
                 os.kill(os.getpid(), signal.SIGKILL)
 
         sys.setprofile(profile)

@@ -214,7 +214,7 @@ COMMENTS = st.lists(PIECES, min_size=1, max_size=6).map("".join)
 
 
 @pytest.mark.slow
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(COMMENTS)
 def test_any_printable_comment_leaves_the_shape_of_the_code_as_it_is(comment: str) -> None:
     assert shapes(definitions(comment)) == HARMLESS
