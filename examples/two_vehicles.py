@@ -1,0 +1,21 @@
+"""Show the heights of two vehicles on one port. Stop with Ctrl-C.
+
+    python two_vehicles.py [udp://127.0.0.1:8888]
+
+Each vehicle has a key of its own (UXRCE_DDS_KEY): here 1 and 2.
+"""
+
+import sys
+import time
+
+from msggen.live import Vehicle
+from px4_types import VehicleLocalPosition
+
+with Vehicle(*sys.argv[1:], key=1) as first, Vehicle(*sys.argv[1:], key=2) as second:
+    positions = [vehicle.subscribe(VehicleLocalPosition) for vehicle in (first, second)]
+    for vehicle in (first, second):
+        print("connected:", vehicle.wait_connected(30), flush=True)
+    while True:
+        time.sleep(1)
+        heights = [-message.z if (message := each.latest()) else None for each in positions]
+        print("heights in m:", heights, flush=True)
