@@ -1,0 +1,1 @@
+"""A running vehicle: its messages in Python, over DDS-XRCE or DDS."""
