@@ -7,12 +7,12 @@ import gc
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from msggen.cli.options import FAILED_CODES, SHARED, Commands, add_command, add_option, add_shared, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_option, add_shared, non_empty
 from msggen.diagnostics import counted, input_error, suggestion
 from msggen.exit_codes import DONE
 
@@ -56,17 +56,21 @@ def add_to(commands: Commands) -> None:
 def _add_vehicles(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("vehicles")
     source = group.add_mutually_exclusive_group()
-    about = {**SHARED["--px4"], "help": "firmware, such as v1.17 or a PX4-Autopilot tree (default: the newest release)"}
-    add_option(source, "--px4", old="--release", **about)
-    source.add_argument("--package", metavar="NAME|DIR", type=non_empty, help="package that msggen has generated")
-    group.add_argument("--count", metavar="N", type=_whole(_MOST_KEYS), default=1, help="number of vehicles")
+    add_shared(source, "--px4", old="--release")
+    about = {"metavar": "NAME|DIR", "type": non_empty, "help": "package that msggen has generated, instead of --px4"}
+    add_option(source, "--types", old="--package", **about)
+    group.add_argument("--count", metavar="N", type=non_empty, default="1", help="number of vehicles (default: 1)")
     group.add_argument(
-        "--namespace", metavar="NAME", type=_namespace, help="namespace, NAME_1, NAME_2, ... of several (default: uav)"
+        "--namespace", metavar="NAME", type=non_empty, help="namespace, NAME_1, NAME_2, ... of several (default: uav)"
     )
     group.add_argument(
-        "--key", metavar="N", type=_whole(_MOST_KEYS), default=1, help="UXRCE_DDS_KEY of the first vehicle (default: 1)"
+        "--key",
+        metavar="N",
+        type=non_empty,
+        default="1",
+        help="key of the first vehicle, as UXRCE_DDS_KEY (default: 1)",
     )
-    group.add_argument("--rate", metavar="HZ", type=_positive, help="publish all topics at this rate")
+    group.add_argument("--rate", metavar="HZ", type=non_empty, help="publish all topics at this rate")
     group.add_argument(
         "--sync",
         choices=_SYNCS,
@@ -74,7 +78,7 @@ def _add_vehicles(parser: argparse.ArgumentParser) -> None:
         metavar="MODE",
         help="time synchronisation: px4, which takes 5 s; short; off (default: px4)",
     )
-    group.add_argument("--for", dest="duration", metavar="SECONDS", type=_positive, help="end after this time")
+    group.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
 
 
 def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
@@ -85,9 +89,9 @@ def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
         ("--duplicate", "repeat datagrams"),
         ("--garbage", "send damaged and random datagrams too"),
     ):
-        group.add_argument(option, metavar="SHARE", type=_share, default=0.0, help=text)
-    group.add_argument("--silent-after", metavar="SECONDS", type=_positive, help="fall silent for good")
-    group.add_argument("--restart-every", metavar="SECONDS", type=_positive, help="restart the client")
+        group.add_argument(option, metavar="SHARE", type=non_empty, default="0", help=text)
+    group.add_argument("--silent-after", metavar="SECONDS", type=non_empty, help="fall silent for good")
+    group.add_argument("--restart-every", metavar="SECONDS", type=non_empty, help="restart the client")
     group.add_argument(
         "--wrong-hash",
         metavar="MESSAGE",
@@ -99,21 +103,21 @@ def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--version",
         metavar="MESSAGE=N",
-        type=_version,
+        type=non_empty,
         action="append",
         default=[],
         help="use another version suffix in the topics of a message; repeatable",
     )
-    group.add_argument("--seed", metavar="N", type=int, default=0, help="of all that is random (default: 0)")
+    group.add_argument("--seed", metavar="N", type=non_empty, default="0", help="of all that is random (default: 0)")
 
 
 # Values of options
 
 
-def _whole(most: int) -> Callable[[str], int]:
+def _whole(least: int, most: int) -> Callable[[str], int]:
     def convert(text: str) -> int:
-        if not text.isdecimal() or not 1 <= int(text) <= most:
-            raise argparse.ArgumentTypeError(f"expected a number from 1 to {most}, found {text!r}")
+        if not (text.isascii() and text.isdecimal()) or not least <= int(text) <= most:
+            raise argparse.ArgumentTypeError(f"expected a number from {least} to {most}, found {text!r}")
         return int(text)
 
     return convert
@@ -148,15 +152,44 @@ def _namespace(text: str) -> str:
 
 def _version(text: str) -> tuple[str, int]:
     name, mark, number = text.partition("=")
-    if not (mark and name and number.isdecimal()):
+    if not (mark and name and number.isascii() and number.isdecimal()):
         raise argparse.ArgumentTypeError(f"expected a message and a version such as VehicleStatus=2, found {text!r}")
     return name, int(number)
+
+
+_VALUES: Mapping[str, Callable[[str], Any]] = {
+    "count": _whole(1, _MOST_KEYS),
+    "key": _whole(1, _MOST_KEYS),
+    "namespace": _namespace,
+    "rate": _positive,
+    "for": _positive,
+    "drop": _share,
+    "reorder": _share,
+    "duplicate": _share,
+    "garbage": _share,
+    "silent_after": _positive,
+    "restart_every": _positive,
+    "seed": _whole(0, 2**32),
+    "version": _version,
+}
+
+
+def _convert(options: argparse.Namespace) -> None:
+    """Convert the values of options. They are texts until the parser has seen all of them."""
+    for name, convert in _VALUES.items():
+        given = getattr(options, name)
+        try:
+            converted = [convert(each) for each in given] if isinstance(given, list) else given and convert(given)
+        except argparse.ArgumentTypeError as error:
+            options.parser.error(f"argument --{name.replace('_', '-')}: {error}")
+        setattr(options, name, converted)
 
 
 # The run
 
 
 def _sim(options: argparse.Namespace) -> int:
+    _convert(options)
     with ExitStack() as stack:
         package, label = _package(options, stack)
         _check_messages(options, package)
@@ -183,7 +216,8 @@ def _run(simulator: Simulator, options: argparse.Namespace) -> None:
     """Run until the time is over, and print what happens."""
     from msggen.live.link import LinkError
 
-    end = None if options.duration is None else simulator.now + options.duration * 1e6
+    seconds = getattr(options, "for")  # a keyword
+    end = None if seconds is None else simulator.now + seconds * 1e6
     try:
         while end is None or simulator.now < end:
             simulator.serve(0.2 if end is None else min(0.2, (end - simulator.now) / 1e6))
