@@ -43,6 +43,7 @@ RELIABLE: Final = 0x80
 # Status values
 OK: Final = 0x00
 ERR_DDS_ERROR: Final = 0x80
+ERR_ALREADY_EXISTS: Final = 0x82
 ERR_DENIED: Final = 0x83
 ERR_UNKNOWN_REFERENCE: Final = 0x84
 ERR_INVALID_DATA: Final = 0x85
@@ -50,6 +51,8 @@ ERR_RESOURCES: Final = 0x87
 
 NO_SESSION: Final = 0x80
 """The session id of a message outside of a session: ping and CREATE_CLIENT."""
+NO_SESSION_WITH_KEY: Final = 0x00
+"""The same, with the client's key in the header."""
 PX4_SESSION: Final = 0x81
 """The session id of every PX4 client."""
 MTU: Final = 508
@@ -264,6 +267,14 @@ class Info(NamedTuple):
         return cls(payload[:2], payload[5] == 1, payload[2:4], payload[20] > 0)
 
 
+def answer_info(payload: bytes, *, known: bool) -> bytes:
+    """Return the INFO submessage for the payload of a GET_INFO."""
+    asked = GetInfo.unpack(payload)
+    if asked.object_id != AGENT_ID:
+        raise WireError("GET_INFO of something else than the agent")
+    return Info(asked.request_id, known).pack()
+
+
 class Delete(NamedTuple):
     """DELETE: a client removes an entity, or with CLIENT_ID itself."""
 
@@ -415,6 +426,13 @@ class TimestampReply(NamedTuple):
         return cls(_unpack_time(payload, 0), _unpack_time(payload, 8), _unpack_time(payload, 16))
 
 
+def answer_timestamp(payload: bytes, time: int) -> bytes:
+    """Return the TIMESTAMP_REPLY submessage for the payload of a TIMESTAMP, which is echoed as it is. `time` in ns."""
+    _need(payload, 8)
+    stamp = _pack_time(time)
+    return pack_submessage(TIMESTAMP_REPLY, stamp + stamp + payload[:8])
+
+
 class Identity(NamedTuple):
     """The 24 bytes in front of a request or a reply, which tell the caller and its request."""
 
@@ -468,7 +486,9 @@ def _need(payload: bytes, size: int) -> None:
 
 
 def _pack_time(time: int) -> bytes:
-    return _TIME.pack(*divmod(time, 1_000_000_000))
+    """Return seconds and nanoseconds. The seconds wrap in 2038."""
+    seconds, nanoseconds = divmod(time, 1_000_000_000)
+    return _TIME.pack(((seconds + 0x80000000) & 0xFFFFFFFF) - 0x80000000, nanoseconds)
 
 
 def _unpack_time(payload: bytes, at: int) -> int:
