@@ -1,6 +1,6 @@
 """Publish a DebugVect to PX4 twice a second. Stop with Ctrl-C.
 
-    python advertiser.py [udp://127.0.0.1:8888]
+Usage: python advertiser.py [udp://127.0.0.1:8888]
 
 The firmware needs `/fmu/in/debug_vect` in the subscriptions of its dds_topics.yaml.
 """

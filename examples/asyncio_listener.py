@@ -1,6 +1,6 @@
 """Wait in one asyncio program for two topics. Stop with Ctrl-C.
 
-    python asyncio_listener.py [udp://127.0.0.1:8888]
+Usage: python asyncio_listener.py [udp://127.0.0.1:8888]
 """
 
 import asyncio

@@ -1,6 +1,6 @@
 """Send the vehicle to a goal in ENU, as ROS programs have it, and show where it is in ENU. Stop with Ctrl-C.
 
-    python enu_goal.py EAST NORTH UP [udp://127.0.0.1:8888]
+Usage: python enu_goal.py EAST NORTH UP [udp://127.0.0.1:8888]
 
 The vehicle must be in Offboard mode already, as after offboard.py has armed it.
 """

@@ -1,6 +1,6 @@
 """Print what PX4's accelerometer and gyroscope measure, once a second. Stop with Ctrl-C.
 
-    python listener.py [udp://127.0.0.1:8888]
+Usage: python listener.py [udp://127.0.0.1:8888]
 """
 
 import sys

@@ -1,6 +1,6 @@
 """Take off in Offboard mode, fly a square, and land.
 
-    python offboard.py [udp://127.0.0.1:8888]
+Usage: python offboard.py [udp://127.0.0.1:8888]
 
 PX4 leaves Offboard mode if the heartbeat stops for a second: at Ctrl-C, at an error, or if the link is lost.
 """
@@ -22,6 +22,7 @@ from px4_types import (
 )
 
 HEIGHT = 3.0
+NEAR = 0.5  # meters
 SQUARE = [(0.0, 0.0), (5.0, 0.0), (5.0, 5.0), (0.0, 5.0), (0.0, 0.0)]
 OFFBOARD = {"mav_mode_value": 1, "param2": 6}  # PX4's main mode 6
 
@@ -47,8 +48,8 @@ class Flight:
             raise RuntimeError(f"command {message.command}: {VehicleCommandAck.Result(ack.result).name}")
 
     def has_arrived(self, message: VehicleLocalPosition) -> bool:
-        """Return whether the vehicle is within 0.5 m of the goal."""
-        return math.dist((message.y, message.x, -message.z), self.goal) < 0.5
+        """Return whether the vehicle is near the goal."""
+        return math.dist((message.y, message.x, -message.z), self.goal) < NEAR
 
     def fly_to(self, *goal: float) -> None:
         """Set the goal, and wait until the vehicle is there."""
@@ -69,7 +70,7 @@ def main() -> None:
             for east, north in SQUARE:
                 flight.fly_to(east, north, HEIGHT)
             flight.command(commands.NAV_LAND())
-            flight.status.wait_for(lambda status: status.arming_state == VehicleStatus.ARMING_STATE_DISARMED, timeout=60)
+            flight.status.wait_for(lambda each: each.arming_state == each.ARMING_STATE_DISARMED, timeout=60)
             print("landed", flush=True)
 
 

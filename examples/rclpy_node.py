@@ -1,9 +1,9 @@
-"""The same types in a ROS 2 node: print each change of the flight mode.
+"""The same types in a ROS 2 node: print each flight mode once.
 
-    python rclpy_node.py
+Usage: python rclpy_node.py
 
-It needs ROS 2 with px4_msgs, PX4 and Micro-XRCE-DDS-Agent. The callback gets bytes, because `raw=True`, and the types of
-msggen decode them. px4_msgs only tells ROS the name of the type.
+It needs ROS 2 with px4_msgs, and MicroXRCEAgent. With `raw=True`, the callback gets bytes, which the types of msggen
+decode. px4_msgs only tells ROS the name of the type.
 """
 
 import rclpy
@@ -14,16 +14,15 @@ from px4_types import VehicleStatus, topics
 
 endpoint = topics.out.vehicle_status
 qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-last = None
+shown = set()
 
 
 def show(data: bytes) -> None:
-    """Print the mode if it has changed."""
-    global last
-    message = VehicleStatus.decode(data)
-    if message.nav_state != last:
-        last = message.nav_state
-        print("mode:", VehicleStatus.NavigationState(last).name, flush=True)
+    """Print the mode if it has not been printed."""
+    mode = VehicleStatus.NavigationState(VehicleStatus.decode(data).nav_state)
+    if mode not in shown:
+        shown.add(mode)
+        print("mode:", mode.name, flush=True)
 
 
 rclpy.init()

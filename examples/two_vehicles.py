@@ -1,6 +1,6 @@
 """Show the heights of two vehicles on one port. Stop with Ctrl-C.
 
-    python two_vehicles.py [udp://127.0.0.1:8888]
+Usage: python two_vehicles.py [udp://127.0.0.1:8888]
 
 Each vehicle has a key of its own (UXRCE_DDS_KEY): here 1 and 2.
 """

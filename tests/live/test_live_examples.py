@@ -1,0 +1,163 @@
+"""The examples that talk to a vehicle, run as programs of their own against simulated vehicles."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Timer
+from types import ModuleType
+
+import pytest
+from IPython.core import interactiveshell
+
+from msggen.cli import main
+from msggen.live.sim import Options, Simulator
+from support.repository import ROOT
+
+EXAMPLES = ROOT / "examples"
+LONGEST = 90.0
+"""Seconds after which an example is ended."""
+
+
+@pytest.fixture
+def address() -> str:
+    """An address for an example, whose port nobody uses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as each:
+        each.bind(("127.0.0.1", 0))
+        return f"udp://127.0.0.1:{each.getsockname()[1]}"
+
+
+class Program:
+    """An example that runs. Its lines are read one by one."""
+
+    def __init__(self, *arguments: str, packages: Path = ROOT / "generated") -> None:
+        variables = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(packages)])}
+        self.process = subprocess.Popen(
+            [sys.executable, *arguments],
+            cwd=EXAMPLES,
+            env=variables,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self.printed = ""
+        self._limit = Timer(LONGEST, self.process.kill)
+        self._limit.start()
+
+    def lines(self) -> Iterator[str]:
+        """Yield lines until the program ends."""
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.printed += line
+            yield line.rstrip("\n")
+
+    def wait_for(self, *patterns: str) -> None:
+        """Read until a line matches each pattern, in this order."""
+        lines = self.lines()
+        for pattern in patterns:
+            assert any(re.search(pattern, line) for line in lines), f"no '{pattern}' in\n{self.printed}"
+
+    def end(self) -> int:
+        """Interrupt the program as Ctrl-C does, if it runs, and return its exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        for _ in self.lines():
+            pass
+        self._limit.cancel()
+        return self.process.wait()
+
+
+@pytest.fixture
+def run() -> Iterator[type[Program]]:
+    """Programs that are ended with the test."""
+    started: list[Program] = []
+
+    class Started(Program):
+        def __init__(self, *arguments: str, packages: Path = ROOT / "generated") -> None:
+            super().__init__(*arguments, packages=packages)
+            started.append(self)
+
+    yield Started
+    for program in started:
+        program.process.kill()
+        program.end()
+
+
+def interrupted(program: Program) -> None:
+    """Interrupt a program, which has printed no error before."""
+    assert "Error" not in program.printed
+    program.end()
+    assert program.printed.rstrip().endswith("KeyboardInterrupt")
+
+
+SOON = Options(sync="short")
+
+
+def test_listener(px4_types: ModuleType, address: str, run: type[Program]) -> None:
+    program = run("listener.py", address)
+    with Simulator(px4_types, address, [SOON]):
+        program.wait_for(r"m/s\^2 .* rad/s", r"m/s\^2 .* rad/s")
+    interrupted(program)
+
+
+def test_advertiser(tmp_path: Path, address: str, run: type[Program]) -> None:
+    topics = (ROOT / "dds_topics.yaml").read_text(encoding="utf-8")
+    more = "subscriptions:\n  - topic: /fmu/in/debug_vect\n    type: px4_msgs::msg::DebugVect\n"
+    (tmp_path / "dds_topics.yaml").write_text(topics.replace("subscriptions:\n", more), encoding="utf-8")
+    main(["build", "-q", "--topics", str(tmp_path / "dds_topics.yaml"), "-o", str(tmp_path)])
+    program = run("advertiser.py", address, packages=tmp_path)
+    simulator = run("-m", "msggen", "sim", address, "--types", str(tmp_path / "px4_types"), "--sync=short", "--for=7")
+    program.wait_for("Jitter")
+    interrupted(program)
+    simulator.wait_for(r"/fmu/in/debug_vect +1\d ")
+    assert simulator.end() == 0
+
+
+@pytest.mark.slow
+def test_offboard(px4_types: ModuleType, address: str, run: type[Program]) -> None:
+    program = run("offboard.py", address)
+    with Simulator(px4_types, address, [SOON]):
+        program.wait_for("connected: ", r"at \(5.0, 5.0, 3.0\)", r"at \(0.0, 0.0, 3.0\)", "landed")
+        assert program.end() == 0
+
+
+def test_two_vehicles(px4_types: ModuleType, address: str, run: type[Program]) -> None:
+    program = run("two_vehicles.py", address)
+    vehicles = [Options(sync="short", key=key, namespace=f"uav_{key}") for key in (1, 2)]
+    with Simulator(px4_types, address, vehicles):
+        program.wait_for("key=1", "key=2", r"heights in m: \[-?\d\S*, -?\d\S*\]")
+    interrupted(program)
+
+
+def test_asyncio(px4_types: ModuleType, address: str, run: type[Program]) -> None:
+    program = run("asyncio_listener.py", address)
+    with Simulator(px4_types, address, [SOON]):
+        program.wait_for("mode: ", "battery: ")
+    interrupted(program)
+
+
+def test_enu_goal(px4_types: ModuleType, address: str, run: type[Program]) -> None:
+    program = run("enu_goal.py", "1", "2", "3", address)
+    with Simulator(px4_types, address, [SOON]) as simulator:
+        program.wait_for(r"^\(.*\)$", r"^\(.*\)$")
+        assert simulator.vehicles[0].received["/fmu/in/trajectory_setpoint"] > 0
+    interrupted(program)
+
+
+def test_notebook(px4_types: ModuleType, address: str, capsys: pytest.CaptureFixture[str]) -> None:
+    shell = interactiveshell.InteractiveShell.instance()
+    notebook = json.loads((EXAMPLES / "flight.ipynb").read_text(encoding="utf-8"))
+    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    with Simulator(px4_types, address, [SOON]):
+        for cell in cells:
+            shell.run_cell(cell.replace("udp://127.0.0.1:8888", address)).raise_error()
+    printed = capsys.readouterr().out
+    assert re.search(r"\d{3,} samples, \d+ Hz", printed)
+    assert "mean in m/s^2" in printed
