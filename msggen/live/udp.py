@@ -1,0 +1,183 @@
+"""The link over UDP: PX4's client connects to this program instead of MicroXRCEAgent."""
+
+from __future__ import annotations
+
+import errno
+import ipaddress
+import selectors
+import socket
+import struct
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
+
+from .agent_link import AgentLink
+from .link import LinkError, Listener, Route
+from .xrce.agent import Address
+
+PORT = 8888
+"""The port of PX4's parameter UXRCE_DDS_PRT."""
+LONGEST = 65536
+"""The length of the longest datagram."""
+BATCH = 64
+"""The number of datagrams that are received before the listener is told."""
+RECEIVE_BUFFER = 4 << 20
+"""The size of the receive buffer that is asked for. Linux grants up to `net.core.rmem_max`."""
+
+_SO_MEMINFO = 55
+"""A socket option of Linux since 4.12, which the module socket does not name: nine numbers, the last one the drops."""
+_MEMINFO = struct.Struct("9I")
+
+
+class UdpLink(AgentLink):
+    """A link to all vehicles whose clients send to a UDP port."""
+
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = PORT,
+        *,
+        allow: Sequence[str] = (),
+        keys: Sequence[int] = (),
+        known: Iterable[Route] = (),
+    ) -> None:
+        """Make a link that listens on an address of this computer; 0.0.0.0 for all of them, port 0 for any free one.
+
+        `allow` are IP addresses and networks (`192.168.0.0/24`) that may connect, all of them if there are none.
+        `keys` and `known` as for AgentLink. Raises LinkError.
+        """
+        super().__init__(allow=allowed(allow), keys=keys, known=known)
+        self.host = host
+        self.port = port
+        """The port, once the link is started also if it was 0."""
+        self._is_open_to_all = not allow and not keys
+        self.socket: socket.socket | None = None
+        self._granted = self._dropped = 0
+
+    def open(self, listener: Listener) -> None:
+        """Bind the socket."""
+        self.socket = bound(self.host, self.port)
+        self._granted = granted(self.socket)
+        self.host, self.port = self.socket.getsockname()
+        if not ipaddress.ip_address(self.host).is_loopback:
+            listener.warned(exposed(f"{self.host}:{self.port}", is_open_to_all=self._is_open_to_all))
+        self.selector.register(self.socket, selectors.EVENT_READ, self._receive)
+
+    def _receive(self, _events: int, listener: Listener) -> None:
+        """Give the agent what has arrived, in batches."""
+        if self.socket is None:
+            return
+        receive, take, now = self.socket.recvfrom, self.agent.receive, time.time_ns
+        with self.lock:
+            for _ in range(BATCH):
+                try:
+                    data, address = receive(LONGEST)
+                except BlockingIOError:
+                    break
+                except OSError:  # Windows reports the port of an earlier receiver that has gone
+                    continue
+                take(data, address, now())
+        self.flush(listener)
+
+    def transmit(self, datagrams: list[tuple[bytes, Address]]) -> None:
+        """Send datagrams. One that cannot be sent is lost, as on the network."""
+        if self.socket is None:
+            return
+        send = self.socket.sendto
+        for data, address in datagrams:
+            try:
+                send(data, address)
+                self.sent += 1
+            except OSError:
+                pass
+
+    def dropped(self) -> int:
+        """Return how many datagrams the kernel has dropped. Known on Linux."""
+        if self.socket is not None:
+            self._dropped = max(self._dropped, dropped(self.socket))
+        return self._dropped
+
+    def receive_buffer(self) -> int:
+        """Return the size of the receive buffer in bytes that the kernel granted."""
+        return self._granted
+
+    def release(self) -> None:
+        """Close the socket."""
+        if self.socket is not None:
+            self.dropped()  # the last chance to ask
+            self.socket.close()
+
+
+def allowed(networks: Sequence[str]) -> Callable[[Address], bool]:
+    """Return a function that tells whether an address is in one of some networks. Raises LinkError."""
+    if isinstance(networks, str):
+        networks = (networks,)
+    try:
+        parsed = [ipaddress.ip_network(network, strict=False) for network in networks]
+    except ValueError as error:
+        raise LinkError(f"cannot allow {error}: expected addresses or networks, such as '192.168.0.0/24'") from error
+
+    @lru_cache(maxsize=1024)
+    def is_allowed(host: str) -> bool:
+        address = ipaddress.ip_address(host)
+        return not parsed or any(address in network for network in parsed)
+
+    return lambda address: is_allowed(address[0])
+
+
+def bound(host: str, port: int) -> socket.socket:
+    """Return a UDP socket at an address of this computer. Raises LinkError."""
+    if not 0 <= port < 65536:  # noqa: PLR2004 - 16 bits
+        raise LinkError(f"the port is {port}, and must be between 0 and 65535")
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)  # PX4's client speaks IPv4 only
+    try:
+        sock.settimeout(0.0)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        sock.bind((host, port))
+    except OSError as error:
+        sock.close()
+        raise LinkError(_why(error, host, port)) from error
+    except BaseException:
+        sock.close()
+        raise
+    return sock
+
+
+def _why(error: OSError, host: str, port: int) -> str:
+    """Return why a socket cannot be bound, and what to do."""
+    if error.errno == errno.EADDRINUSE:
+        return (
+            f"UDP port {port} of {host} is in use: MicroXRCEAgent or another program listens there. Stop it, or use "
+            f"another port: udp://{host}:{port + 1 if port < 65535 else port - 1}, "  # noqa: PLR2004 - the last port
+            "and the same port at the vehicle (UXRCE_DDS_PRT, or uxrce_dds_client start -p)"
+        )
+    if error.errno == errno.EADDRNOTAVAIL:
+        return f"{host} is no address of this computer: use 127.0.0.1, one of its own addresses, or 0.0.0.0 for all"
+    if error.errno == errno.EACCES:
+        return f"no permission for UDP port {port}: use one above 1023"
+    if isinstance(error, socket.gaierror):
+        return f"'{host}' is no IPv4 address and no name that this computer knows"
+    return f"cannot listen on UDP port {port} of {host}: {error}"
+
+
+def exposed(address: str, *, is_open_to_all: bool) -> str:
+    """Return a warning about a socket that is reachable from the network."""
+    text = f"listening on {address}: UDP has no authentication, so whoever can send to this port can pose as a vehicle"
+    return f"{text}; name those who may with allow=" if is_open_to_all else text
+
+
+def granted(sock: socket.socket) -> int:
+    """Return the size of the receive buffer of a socket in bytes."""
+    size = sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+    return size // 2 if sys.platform == "linux" else size  # Linux counts its own overhead: socket(7)
+
+
+def dropped(sock: socket.socket) -> int:
+    """Return how many datagrams the kernel has dropped because the receive buffer of a socket was full. On Linux."""
+    if sys.platform != "linux":
+        return 0
+    try:
+        return int(_MEMINFO.unpack(sock.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))[-1])
+    except (OSError, struct.error):  # closed, or an old kernel
+        return 0

@@ -1,0 +1,87 @@
+"""A client of DDS-XRCE that sends what PX4's client sent in a capture, over a real socket or a pseudo terminal."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import socket
+import struct
+import time
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from support.repository import ROOT
+
+CAPTURES = ROOT / "tests" / "live" / "captures"
+
+GET_INFO, WRITE_DATA, DELETE, DATA, INFO = 2, 7, 3, 9, 6
+
+
+@lru_cache
+def rows(name: str) -> Sequence[tuple[str, bytes]]:
+    """Return the datagrams, or the chunks of bytes, of a capture, with their senders."""
+    path = Path(CAPTURES, f"{name}.json.gz")
+    with gzip.open(path, "rt", encoding="utf-8") as file:
+        loaded: Any = json.load(file)
+    listed = loaded["datagrams"] if isinstance(loaded, dict) else loaded
+    return [(row[1], bytes.fromhex(row[2])) for row in listed]
+
+
+@lru_cache
+def sent(name: str) -> Sequence[bytes]:
+    """Return what the client sent in a capture."""
+    return [data for sender, data in rows(name) if sender == "client"]
+
+
+def kind(datagram: bytes) -> int:
+    """Return the id of the first submessage."""
+    return datagram[4]
+
+
+@lru_cache
+def creation(name: str) -> Sequence[bytes]:
+    """Return what the client sent up to its last entity: the session with all endpoints, and few samples."""
+    datagrams = sent(name)
+    last = max(place for place, data in enumerate(datagrams) if data[1] == 0x80 and kind(data) in {1, 8})
+    return datagrams[: last + 1]
+
+
+def sample(number: int, object_id: bytes, cdr: bytes) -> bytes:
+    """Return a datagram with a sample on the best-effort stream."""
+    payload = b"\0\0" + object_id + cdr
+    return struct.pack("<BBHBBH", 0x81, 1, number & 0xFFFF, WRITE_DATA, 1, len(payload)) + payload
+
+
+class Client:
+    """A socket that sends to a link."""
+
+    def __init__(self, port: int, host: str = "127.0.0.1") -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind((host, 0))
+        self.socket.connect(("127.0.0.1", port))
+        self.address = "{}:{}".format(*self.socket.getsockname())
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.socket.close()
+
+    def play(self, datagrams: Sequence[bytes]) -> None:
+        """Send datagrams, in bursts that a small receive buffer can hold."""
+        for place, data in enumerate(datagrams):
+            self.socket.send(data)
+            if place % 50 == 49:
+                time.sleep(0.005)
+
+    def received(self, patience: float = 0.3) -> list[bytes]:
+        """Return what arrives, until nothing does for a while."""
+        self.socket.settimeout(patience)
+        found = []
+        try:
+            while True:
+                found.append(self.socket.recv(65536))
+        except TimeoutError:
+            return found
