@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from urllib.parse import parse_qsl, unquote
 
 from msggen.diagnostics import suggestion
@@ -27,7 +27,14 @@ PORT = 8888
 BAUD = 921600
 """The rate of TELEM2 in PX4's guide, in bit/s."""
 
-_ALLOWED = {"allow": "addresses", "keys": "keys"}
+_LINKS = {
+    "udp": ("UdpLink", ("host", "port"), ("allow", "keys", "known")),
+    "serial": ("SerialLink", ("path", "baud"), ("keys", "known")),
+    "tap": ("TapLink", ("host", "port"), ("agent", "allow", "known")),
+    "dds": ("DdsLink", ("domain",), ()),
+}
+"""The class of each link, its positional arguments from the address, and its options."""
+
 _PORTS = 65536
 _DOMAINS = 233
 
@@ -81,21 +88,16 @@ def open_link(address: Address, allow: Sequence[str | int] = (), known: Sequence
     """
     from importlib import import_module
 
-    names = {"udp": "UdpLink", "serial": "SerialLink", "tap": "TapLink", "dds": "DdsLink"}
-    arguments: dict[str, tuple[Any, ...]] = {
-        "udp": (address.host, address.port),
-        "serial": (address.path, address.baud),
-        "tap": (address.host, address.port, *address.agent),
-        "dds": (address.domain,),
-    }
-    addresses = tuple(each for each in allow if isinstance(each, str))
     keys = tuple(each for each in allow if not isinstance(each, str))
-    options: dict[str, tuple[Any, ...]] = {"allow": addresses, "keys": keys, "known": tuple(known)}
-    for name in {"udp": (), "serial": ("allow",), "tap": (), "dds": ("allow", "keys", "known")}[address.scheme]:
-        if options.pop(name) and name != "known":
-            raise LinkError(f"'{address}' has no {_ALLOWED[name]} that allow= could name: leave them out")
-    cls = getattr(import_module(f"msggen.live.{address.scheme}"), names[address.scheme])
-    link: Link = cls(*arguments[address.scheme], **options)
+    addresses = tuple(each for each in allow if isinstance(each, str))
+    given = {"allow": addresses, "keys": keys, "known": tuple(known), "agent": address.agent}
+    name, places, options = _LINKS[address.scheme]
+    for option, noun in (("allow", "addresses"), ("keys", "keys")):
+        if given[option] and option not in options:
+            raise LinkError(f"'{address}' has no {noun} that allow= could name: leave them out")
+    cls = getattr(import_module(f"msggen.live.{address.scheme}"), name)
+    arguments = [getattr(address, place) for place in places]
+    link: Link = cls(*arguments, **{option: given[option] for option in options})
     return link
 
 
