@@ -81,6 +81,7 @@ class Client:
 
     def __init__(self, port: int, host: str = "127.0.0.1") -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)  # for answers that nobody reads yet
         self.socket.bind((host, 0))
         self.socket.connect(("127.0.0.1", port))
         self.address = "{}:{}".format(*self.socket.getsockname())
