@@ -8,6 +8,7 @@ The firmware needs `/fmu/in/debug_vect` in the subscriptions of its dds_topics.y
 import itertools
 import sys
 import time
+from contextlib import suppress
 
 from msggen.live import Vehicle
 from px4_types import DebugVect, text
@@ -17,12 +18,12 @@ numbers = itertools.count()
 
 def message() -> DebugVect:
     """Return the next message. PX4 replaces a timestamp of 0 with the time at which it arrives."""
-    return DebugVect(name=text.pack(DebugVect, "name", "test"), x=float(next(numbers)), y=2.0, z=3.0)
+    return DebugVect(name=text.pack("test", 10), x=float(next(numbers)), y=2.0, z=3.0)
 
 
 with Vehicle(*sys.argv[1:]) as vehicle:
     vehicle.wait_connected()
-    with vehicle.every(2, message) as repeater:
-        while True:
+    with vehicle.every(2, message) as repeater, suppress(KeyboardInterrupt):
+        while repeater.is_running:
             time.sleep(5)
             print(repeater.jitter, flush=True)

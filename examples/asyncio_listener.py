@@ -5,6 +5,7 @@ Usage: python asyncio_listener.py [udp://127.0.0.1:8888]
 
 import asyncio
 import sys
+from contextlib import suppress
 
 from msggen.live import Vehicle
 from px4_types import BatteryStatus, VehicleStatus
@@ -31,4 +32,5 @@ async def main() -> None:
         await asyncio.gather(watch_mode(vehicle), watch_battery(vehicle))
 
 
-asyncio.run(main())
+with suppress(KeyboardInterrupt):
+    asyncio.run(main())

@@ -6,6 +6,7 @@ The vehicle must be in Offboard mode already, as after offboard.py has armed it.
 """
 
 import sys
+from contextlib import suppress
 
 from msggen.live import Vehicle
 from px4_types import OffboardControlMode, TrajectorySetpoint, VehicleLocalPosition, frames
@@ -15,7 +16,8 @@ setpoint = frames.from_ros(TrajectorySetpoint, position=goal)  # NED; all other 
 
 with Vehicle(*sys.argv[4:]) as vehicle:
     vehicle.wait_connected(30)
-    with vehicle.every(10, OffboardControlMode(position=True)), vehicle.every(20, setpoint):
+    heartbeat = vehicle.every(10, OffboardControlMode(position=True))
+    with heartbeat, vehicle.every(20, setpoint), suppress(KeyboardInterrupt):
         for count, message in enumerate(vehicle.subscribe(VehicleLocalPosition)):
             if count % 10 == 0:
-                print(frames.to_ros(message, "xyz").value, flush=True)
+                print("east {:.2f}, north {:.2f}, up {:.2f} m".format(*frames.to_ros(message, "xyz").value), flush=True)

@@ -7,13 +7,13 @@ PX4 leaves Offboard mode if the heartbeat stops for a second: at Ctrl-C, at an e
 
 import math
 import sys
+import time
 
 from msggen.live import LinkError, Vehicle
 from px4_types import (
     OffboardControlMode,
     TrajectorySetpoint,
     VehicleCommand,
-    VehicleCommandAck,
     VehicleLocalPosition,
     VehicleStatus,
     commands,
@@ -44,8 +44,8 @@ class Flight:
         """Send a command, and fail unless PX4 accepts it."""
         message.from_external = True
         ack = self.vehicle.call(srv.VehicleCommand.Request(request=message)).reply
-        if ack.result != VehicleCommandAck.VEHICLE_CMD_RESULT_ACCEPTED:
-            raise RuntimeError(f"command {message.command}: {VehicleCommandAck.Result(ack.result).name}")
+        if ack.result != ack.VEHICLE_CMD_RESULT_ACCEPTED:
+            raise RuntimeError(f"command {message.command}: {ack.VehicleCmdResult(ack.result).name}")
 
     def has_arrived(self, message: VehicleLocalPosition) -> bool:
         """Return whether the vehicle is near the goal."""
@@ -64,7 +64,7 @@ def main() -> None:
         print("connected:", vehicle.wait_connected(30), vehicle.firmware, flush=True)
         flight = Flight(vehicle)
         with vehicle.every(10, OffboardControlMode(position=True)), vehicle.every(20, flight.setpoint):
-            flight.position.wait_for(lambda _: True, timeout=10)
+            time.sleep(1.5)  # PX4 wants to hear the heartbeat for a while
             flight.command(commands.DO_SET_MODE(**OFFBOARD))
             flight.command(commands.COMPONENT_ARM_DISARM(arming_action=VehicleCommand.ARMING_ACTION_ARM))
             for east, north in SQUARE:

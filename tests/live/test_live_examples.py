@@ -91,10 +91,9 @@ def run() -> Iterator[type[Program]]:
 
 
 def interrupted(program: Program) -> None:
-    """Interrupt a program, which has printed no error before."""
-    assert "Error" not in program.printed
-    program.end()
-    assert program.printed.rstrip().endswith("KeyboardInterrupt")
+    """Interrupt a program, which ends without an error."""
+    assert program.end() == 0, program.printed
+    assert "Traceback" not in program.printed
 
 
 SOON = Options(sync="short")
@@ -103,7 +102,7 @@ SOON = Options(sync="short")
 def test_listener(px4_types: ModuleType, address: str, run: type[Program]) -> None:
     program = run("listener.py", address)
     with Simulator(px4_types, address, [SOON]):
-        program.wait_for(r"m/s\^2 .* rad/s", r"m/s\^2 .* rad/s")
+        program.wait_for(r"m/s\^2", r"m/s\^2")
     interrupted(program)
 
 
@@ -132,7 +131,7 @@ def test_two_vehicles(px4_types: ModuleType, address: str, run: type[Program]) -
     program = run("two_vehicles.py", address)
     vehicles = [Options(sync="short", key=key, namespace=f"uav_{key}") for key in (1, 2)]
     with Simulator(px4_types, address, vehicles):
-        program.wait_for("key=1", "key=2", r"heights in m: \[-?\d\S*, -?\d\S*\]")
+        program.wait_for("key=1", "key=2", "heights: .* m, .* m")
     interrupted(program)
 
 
@@ -146,7 +145,7 @@ def test_asyncio(px4_types: ModuleType, address: str, run: type[Program]) -> Non
 def test_enu_goal(px4_types: ModuleType, address: str, run: type[Program]) -> None:
     program = run("enu_goal.py", "1", "2", "3", address)
     with Simulator(px4_types, address, [SOON]) as simulator:
-        program.wait_for(r"^\(.*\)$", r"^\(.*\)$")
+        program.wait_for("east 0.00, north 0.00", "east")
         assert simulator.vehicles[0].received["/fmu/in/trajectory_setpoint"] > 0
     interrupted(program)
 
