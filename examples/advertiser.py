@@ -25,5 +25,5 @@ with Vehicle(*sys.argv[1:]) as vehicle:
     vehicle.wait_connected()
     with vehicle.every(2, message) as repeater, suppress(KeyboardInterrupt):
         while repeater.is_running:
-            time.sleep(5)
+            time.sleep(2)
             print(repeater.jitter, flush=True)
