@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from random import Random
 
 import pytest
 
 from msggen.live.link import LinkError, Remote, Route, Service
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.agent import Agent, Connected, Disconnected, Limits, Lost, Opened, Replied, Sample, Warned
+from msggen.live.xrce.session import Session
 from msggen.live.xrce.streams import OUTPUT_WINDOW
+from support.xrce_captures import sent
 from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected, start
+from support.xrce_garbage import mutated
 
 LE = b"\0\1\0\0"
 ROUTE = Route("/fmu/out/a", "px4_msgs/msg/A", "out", 1)
@@ -410,6 +414,28 @@ def test_fragments_inside_of_fragments_are_refused() -> None:
     client.send(wire.BEST_EFFORT, inner)
     world.settle()
     assert sum(world.agent.refused.values()) == 2
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_fast_path_equals_the_slow_one(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A captured session over a bad network, with errors: the same events with and without the path for WRITE_DATA."""
+    random = Random(seed)  # noqa: S311
+    captured = sent(("session-udp", "session-namespace", "session-fragment")[seed % 3], "client")
+    written = next(at for at, data in enumerate(captured) if data[4] == wire.WRITE_DATA)
+    noisy = Network(0.1, 0.1, 0.1).carry(random, captured[written:])
+    noisy = captured[:written] + [mutated(random, data) if random.random() < 0.2 else data for data in noisy]
+    results = []
+    for is_slow in (False, True):
+        if is_slow:
+            monkeypatch.setattr(Session, "_open_fast_path", lambda _: None)
+        agent = Agent(0.0)
+        for number, data in enumerate(noisy):
+            agent.receive(data, ("127.0.0.1", 1), number)
+        counts = agent.received, agent.late, agent.lost, agent.refused
+        results.append((agent.take_events(), agent.take_outgoing(), counts))
+    assert results[0] == results[1]
+    assert results[0][2][1] > 0
+    assert len(results[0][0]) > 70
 
 
 # --- to the client
