@@ -92,7 +92,7 @@ class Agent:
         """
         self._allow = allow
         self._keys = keys
-        self._known = tuple(known) if keys is None else ()
+        self._known = [route for route in known if keys is None and 0 <= route.object_id <= entities.LARGEST_NUMBER]
         self._known_writers = {
             entities.object_id(route.object_id, entities.WRITER) for route in self._known if route.direction == "out"
         }
@@ -169,7 +169,7 @@ class Agent:
             silence = self._clock - session.heard_at
             if silence > self._limits.memory:
                 self._forget(session, "the vehicle is silent")
-            elif session.remote is None and session.namespace is not None:
+            elif session.remote is None and session.inventory.namespace is not None:
                 continue  # it sleeps
             elif silence > self._limits.silence:
                 self._disconnect(session, f"the vehicle has sent nothing for {self._limits.silence:g} s")
@@ -209,7 +209,7 @@ class Agent:
 
     def routes(self, number: int) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle. Raises LinkError if it is not connected."""
-        return self._find(number).routes()
+        return self._find(number).inventory.routes()
 
     def close(self, reason: str = "the link was closed") -> None:
         """Forget all clients and report them as disconnected. The protocol has no message for it."""
@@ -249,7 +249,7 @@ class Agent:
             self._in_session(session, header, body, time)
 
     def _in_session(self, session: Session, header: wire.Header, body: bytes, time: int) -> None:
-        if session.remote is None and session.namespace is not None and not self._wake(session):
+        if session.remote is None and session.inventory.namespace is not None and not self._wake(session):
             self._outbox.late += 1
             return
         session.receive(header, body, time)
@@ -342,7 +342,11 @@ class Agent:
         """Take a client that has told its namespace: the same client may have had a session at another address."""
         key = session.create.key
         for other in list(self._connected.values()):
-            if other.create.key == key and other.namespace == session.namespace and key not in self._shared_keys:
+            if (
+                other.create.key == key
+                and other.inventory.namespace == session.inventory.namespace
+                and key not in self._shared_keys
+            ):
                 self._disconnect(other, f"the vehicle has begun another session, at {_name(session.address)}")
                 other.replaced_at = self._clock
         self._connect(session)

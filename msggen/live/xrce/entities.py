@@ -10,7 +10,7 @@ import struct
 from typing import Final, NamedTuple, TypeAlias
 from xml.sax.saxutils import escape, unescape
 
-from msggen.live.xrce.wire import Create, WireError, pack_string, read_string, read_u32
+from msggen.live.xrce.wire import ERR_DDS_ERROR, Create, WireError, pack_string, read_string, read_u32
 
 # Kinds of entities: the lower 4 bits of an object id
 PARTICIPANT: Final = 1
@@ -20,6 +20,9 @@ SUBSCRIBER: Final = 4
 WRITER: Final = 5
 READER: Final = 6
 REPLIER: Final = 8
+
+LARGEST_NUMBER: Final = 0xFFF
+"""The largest number of an entity: 12 bits."""
 
 # Formats of representations
 BY_REFERENCE: Final = 1
@@ -35,8 +38,13 @@ _HEAD = struct.Struct("<BBxxI")
 _U16 = struct.Struct("<H")
 
 
-class UnsupportedError(ValueError):
-    """An entity that is well-formed and that this agent cannot make. The text is one of a fixed set."""
+class RefusedError(ValueError):
+    """A request about an entity that the agent refuses. The text is one of a fixed set."""
+
+    def __init__(self, reason: str, status: int) -> None:
+        super().__init__(reason)
+        self.status = status
+        """What STATUS tells the client."""
 
 
 def object_id(number: int, kind: int) -> bytes:
@@ -138,7 +146,7 @@ Entity: TypeAlias = Participant | Topic | Group | Endpoint | Replier
 
 
 def parse(create: Create) -> Entity:
-    """Return the entity of a CREATE. Raises WireError if it is malformed, UnsupportedError if its kind is unknown."""
+    """Return the entity of a CREATE. Raises WireError if it is malformed, RefusedError if its kind is unknown."""
     kind, data = create.object_id[1] & 15, create.representation
     if len(data) < 8:
         raise WireError("payload too short")
@@ -153,7 +161,7 @@ def parse(create: Create) -> Entity:
 def _by_reference(kind: int, data: bytes) -> Entity:
     """Return a participant without a name. The profiles that other entities refer to are not known here."""
     if kind != PARTICIPANT:
-        raise UnsupportedError("entity by reference")
+        raise RefusedError("entity by reference", ERR_DDS_ERROR)
     _, end = _read_text(data)
     return Participant("", _domain(data, end))
 
@@ -170,7 +178,7 @@ def _by_xml(kind: int, data: bytes) -> Entity:
     if kind in (WRITER, READER):
         flags = QOS_RELIABLE if "<kind>RELIABLE</kind>" in text else 0
         return Endpoint(kind, (_element(text, "topic", "name"), _element(text, "topic", "dataType")), parent, flags)
-    raise UnsupportedError("unknown kind of entity")
+    raise RefusedError("unknown kind of entity", ERR_DDS_ERROR)
 
 
 def _by_binary(kind: int, data: bytes) -> Entity:
@@ -184,7 +192,7 @@ def _by_binary(kind: int, data: bytes) -> Entity:
         return _endpoint(kind, content, parent)
     if kind == REPLIER:
         return _replier(content, parent)
-    raise UnsupportedError("participant in binary" if kind == PARTICIPANT else "unknown kind of entity")
+    raise RefusedError("participant in binary" if kind == PARTICIPANT else "unknown kind of entity", ERR_DDS_ERROR)
 
 
 def _topic(data: bytes, parent: bytes) -> Topic:

@@ -42,7 +42,6 @@ RELIABLE: Final = 0x80
 
 # Status values
 OK: Final = 0x00
-OK_MATCHED: Final = 0x01
 ERR_DDS_ERROR: Final = 0x80
 ERR_ALREADY_EXISTS: Final = 0x82
 ERR_DENIED: Final = 0x83
