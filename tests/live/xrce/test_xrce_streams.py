@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from random import Random
+from typing import NamedTuple
 
 import pytest
 from hypothesis import given
@@ -49,21 +50,29 @@ def test_half_of_all_numbers_are_newer(ahead: int) -> None:
     assert (BestEffortInput(0).accept(ahead) is not None) == (ahead <= 32767)
 
 
-class Line:
-    """One direction of a network that loses, doubles and reorders."""
+class Network(NamedTuple):
+    """Probabilities that a packet is lost, doubled, or overtaken."""
 
-    def __init__(self, random: Random, loss: float, repetition: float, disorder: float) -> None:
+    loss: float
+    repetition: float
+    disorder: float
+
+
+class Line:
+    """One direction of a network."""
+
+    def __init__(self, random: Random, network: Network) -> None:
         self.random = random
-        self.loss, self.repetition, self.disorder = loss, repetition, disorder
+        self.network = network
         self.waiting: list[tuple[int, ...] | tuple[int, bytes]] = []
 
     def put(self, packet: tuple[int, ...] | tuple[int, bytes]) -> None:
-        while self.random.random() >= self.loss:
+        while self.random.random() >= self.network.loss:
             at = len(self.waiting)
-            if self.random.random() < self.disorder:
+            if self.random.random() < self.network.disorder:
                 at = self.random.randint(0, at)
             self.waiting.insert(at, packet)
-            if self.random.random() >= self.repetition:
+            if self.random.random() >= self.network.repetition:
                 return
 
     def take(self) -> list[tuple[int, ...] | tuple[int, bytes]]:
@@ -71,9 +80,9 @@ class Line:
         return packets
 
 
-def transfer(random: Random, start: int, count: int, loss: float, repetition: float, disorder: float) -> int:
+def transfer(random: Random, start: int, count: int, network: Network) -> int:
     """Send messages through a bad network until all have arrived. Return the rounds that it took."""
-    there, back = (Line(random, loss, repetition, disorder) for _ in range(2))
+    there, back = (Line(random, network) for _ in range(2))
     sender, receiver = ReliableOutput(start), ReliableInput(start)
     messages = [str(number).encode() for number in range(count)]
     arrived: list[bytes] = []
@@ -108,12 +117,12 @@ def transfer(random: Random, start: int, count: int, loss: float, repetition: fl
 
 @given(st.integers(), st.sampled_from([0, 1, 65500, 65535]), st.integers(0, 60))
 def test_reliable_messages_arrive_once_and_in_order(seed: int, start: int, count: int) -> None:
-    random = Random(seed)
-    transfer(random, start, count, loss=random.random() * 0.6, repetition=random.random() * 0.5, disorder=random.random())
+    random = Random(seed)  # noqa: S311
+    transfer(random, start, count, Network(random.random() * 0.6, random.random() * 0.5, random.random()))
 
 
 def test_reliable_messages_arrive_over_a_whole_wrap() -> None:
-    transfer(Random(1), 65000, 66_000, loss=0.1, repetition=0.1, disorder=0.1)
+    transfer(Random(1), 65000, 66_000, Network(0.1, 0.1, 0.1))  # noqa: S311
 
 
 def test_without_loss_an_acknack_asks_for_nothing() -> None:
