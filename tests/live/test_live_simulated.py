@@ -16,6 +16,7 @@ from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.tap import TapLink
 from msggen.live.udp import UdpLink
 from support.link_records import Records, nothing_is_left
+from support.ports import free_port
 
 COMMAND = "/fmu/in/vehicle_command"
 SERVICE = "/fmu/vehicle_command"
@@ -67,24 +68,14 @@ def line(kind: str) -> Iterator[tuple[Link, str]]:
     if kind == "serial":
         with joined() as (ours, theirs):
             yield SerialLink(ours, 115200), f"serial://{theirs}?baud=115200"
-    elif kind == "udp":
-        yield UdpLink(port=free_port()), f"udp://127.0.0.1:{PORTS[-1]}"
-    else:
-        agent = UdpLink(port=0)
-        with started(agent):
-            yield TapLink(port=free_port(), agent=("127.0.0.1", agent.port)), f"udp://127.0.0.1:{PORTS[-1]}"
-
-
-PORTS: list[int] = []
-
-
-def free_port() -> int:
-    """Return a port that nobody uses, and remember it."""
-    probe = UdpLink(port=0)
-    probe.start(Records())
-    probe.close()
-    PORTS.append(probe.port)
-    return probe.port
+        return
+    port = free_port()
+    if kind == "udp":
+        yield UdpLink(port=port), f"udp://127.0.0.1:{port}"
+        return
+    agent = UdpLink(port=0)
+    with started(agent):
+        yield TapLink(port=port, agent=("127.0.0.1", agent.port)), f"udp://127.0.0.1:{port}"
 
 
 def messages(records: Records, package: Any, name: str) -> list[Any]:
@@ -156,7 +147,7 @@ def test_a_link_that_is_opened_again_goes_on_with_the_session(kind: str, px4_typ
         if isinstance(link, SerialLink):
             again: Link = SerialLink(link.path, 115200, known=known)
         else:
-            again = UdpLink(port=PORTS[-1], known=known)
+            again = UdpLink(port=int(address.rpartition(":")[2]), known=known)
         with started(again) as others:
             others.wait(lambda: others.samples)
             (remote,) = others.remotes
