@@ -23,7 +23,8 @@ from msggen.live.link import LinkError, Route
 from msggen.live.serial import SerialLink
 from msggen.live.xrce.framing import CLIENT, Deframer, pack_frame
 from support.link_records import Records, nothing_is_left
-from support.replay import DATA, INFO, STATUS_AGENT, creation, expected, kind, sample, sent
+from support.replay import DATA, INFO, STATUS_AGENT, creation, kind, sample, sent
+from support.xrce_captures import expected
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo terminals")
 

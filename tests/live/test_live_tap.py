@@ -18,8 +18,9 @@ from msggen.live import tap
 from msggen.live.link import LinkError, Route, Service
 from msggen.live.tap import Shift, TapLink
 from msggen.live.udp import UdpLink
+from support import xrce_captures
 from support.link_records import Records, nothing_is_left
-from support.replay import DATA, DELETE, Client, creation, kind, rows, sample, sent
+from support.replay import DATA, DELETE, STATUS_AGENT, Client, creation, kind, sample, sent
 
 LINKS = ["session-udp", "session-namespace", "session-fragment", "session-service"]
 
@@ -239,8 +240,7 @@ def test_numbers_stay_newer_than_the_last_across_the_wrap(steps: list[int | None
 
 def test_only_the_best_effort_stream_is_changed() -> None:
     shift = Shift()
-    agent = [data for sender, data in rows("session-service") if sender == "agent"]
-    session = [data for data in agent if kind(data) != 4]
+    session = [data for data in xrce_captures.sent("session-service", "agent") if kind(data) != STATUS_AGENT]
     for _ in range(5):
         shift.add(sample(0, b""))
     for data in session:

@@ -2,53 +2,27 @@
 
 from __future__ import annotations
 
-import gzip
-import json
 import socket
 import struct
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from typing import TYPE_CHECKING
 
-import pytest
-
-from support.repository import ROOT
+from support import xrce_captures
 
 if TYPE_CHECKING:
     from typing_extensions import Self
-
-CAPTURES = ROOT / "tests" / "live" / "captures"
 
 CREATE, GET_INFO, DELETE, STATUS_AGENT, INFO, WRITE_DATA, READ_DATA, DATA, TIMESTAMP = 1, 2, 3, 4, 6, 7, 8, 9, 14
 """Ids of submessages."""
 
 
-@lru_cache
-def rows(name: str) -> Sequence[tuple[str, bytes]]:
-    """Return the datagrams, or the chunks of bytes, of a capture, with their senders."""
-    path = CAPTURES / f"{name}.json.gz"
-    if not path.exists():
-        pytest.skip(f"needs {path}")
-    with gzip.open(path, "rt", encoding="utf-8") as file:
-        loaded: Any = json.load(file)
-    listed = loaded["datagrams"] if isinstance(loaded, dict) else loaded
-    return [(row[1], bytes.fromhex(row[2])) for row in listed]
-
-
-def expected() -> Any:
-    """Return the decoding of `session-udp`, and counts of the other captures."""
-    path = CAPTURES / "expected.json"
-    if not path.exists():
-        pytest.skip(f"needs {path}")
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
-@lru_cache
+@cache
 def sent(name: str) -> Sequence[bytes]:
     """Return what the client sent in a capture."""
-    return [data for sender, data in rows(name) if sender == "client"]
+    return xrce_captures.sent(name, "client")
 
 
 def kind(datagram: bytes) -> int:
@@ -56,7 +30,7 @@ def kind(datagram: bytes) -> int:
     return datagram[4]
 
 
-@lru_cache
+@cache
 def creation(name: str) -> Sequence[bytes]:
     """Return what the client sent up to its last entity, without samples and time sync: a session with endpoints."""
     datagrams = sent(name)
@@ -64,7 +38,7 @@ def creation(name: str) -> Sequence[bytes]:
     return [data for data in datagrams[: last + 1] if kind(data) not in {WRITE_DATA, TIMESTAMP}]
 
 
-@lru_cache
+@cache
 def writer() -> bytes:
     """Return the object id of a writer of `session-udp`."""
     return next(data for data in sent("session-udp") if kind(data) == WRITE_DATA)[10:12]
