@@ -12,14 +12,14 @@ from msggen.live.errors import FormatError
 from msggen.live.firmware import RESPONSE, RETRY_NS, Firmware, FormatCheck, identify, releases
 from msggen.live.link import Link, Remote, Route, Service
 from msggen.live.names import is_topic, stem_of
-from msggen.live.packages import Decoding, Packages, Topic, decoding_of
+from msggen.live.packages import Decoding, Packages, Topic, UnknownFormatError, decoding_of
 from msggen.live.selection import Selection, is_same, shown
 from msggen.live.subscription import Feed
 
 LOGGER = getLogger("msggen.live")
 
-SETTLED_S = 0.5
-"""A vehicle without a service and without samples has all its routes if none was opened for this time, in s."""
+SETTLED_S = 1.0
+"""A vehicle with routes, but without a service and samples, has all of them if none was opened for this time, in s."""
 
 _IDLE = 1 << 63
 _MISSING_NS = 2_000_000_000
@@ -52,7 +52,8 @@ class Entry:
     @property
     def is_ready(self) -> bool:
         """Whether the vehicle has opened all its routes: the service is the last one, and samples come after it."""
-        return bool(self.heard_ns or self.services or time.monotonic() - self.opened_at > SETTLED_S)
+        is_settled = bool(self.routes) and time.monotonic() - self.opened_at > SETTLED_S
+        return bool(self.heard_ns or self.services or is_settled)
 
     def firmware(self) -> Firmware:
         """Return the firmware, as far as it is known."""
@@ -337,9 +338,12 @@ class Hub:
         try:
             is_converted = feed.options.is_converted
             return decoding_of(feed.topic, route.name, member.packages, known, is_converted=is_converted)
+        except UnknownFormatError as error:
+            own, release = feed.topic.package.__name__, entry.firmware().release or "v1.17"
+            feed.fail(FormatError(f"{error}: give types of its release too, types=({own}, package_of('{release}'))"))
         except FormatError as error:
             feed.fail(error)
-            return None
+        return None
 
     def _rebuild(self, entry: Entry) -> None:
         for route in tuple(entry.routes.values()):

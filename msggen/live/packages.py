@@ -220,7 +220,11 @@ def decoding_of(
         info = cls.__msg__
         if info.message_version == version and message_hash in (None, info.message_hash):
             return _accepted(topic, cls, package, ros_name, is_converted=is_converted)
-    raise FormatError(_difference(topic, ros_name, message_hash))
+    raise UnknownFormatError(_difference(topic, ros_name, message_hash))
+
+
+class UnknownFormatError(FormatError):
+    """No given package has the vehicle's definition."""
 
 
 def _candidates(topic: Topic, packages: Packages) -> Iterator[tuple[type[Message], ModuleType]]:
@@ -259,10 +263,9 @@ def _converter(topic: Topic, package: ModuleType) -> Callable[[Any, Any], Any]:
 
 def _difference(topic: Topic, ros_name: str, message_hash: int | None) -> str:
     info, name = topic.message.__msg__, f"{topic.package.__name__}.{topic.message.__name__}"
-    cure = "give types of its release, as in types=(px4_types, package_of('v1.17')), see vehicle.firmware"
     if version_of(ros_name) != info.message_version:
-        return f"the vehicle has '{ros_name}', and {name} is version {info.message_version}: {cure}"
-    return f"{difference(ros_name, message_hash, name, info.message_hash)}: {cure}"
+        return f"the vehicle has '{ros_name}', and {name} is version {info.message_version}"
+    return difference(ros_name, message_hash, name, info.message_hash)
 
 
 def difference(ros_name: str, theirs: int | None, own_name: str, own: int) -> str:

@@ -52,7 +52,7 @@ class Vehicle:
     `key` (parameter UXRCE_DDS_KEY), `namespace` and `address` select a vehicle. Without them it is the first one that
     connects. After that, only the same vehicle is accepted when it connects again.
 
-    `allow` has the addresses and keys of clients that may connect, for links that need it; see `docs/networks.md`.
+    `allow` has the addresses and keys of clients that may connect, for links that need it; see docs/links.md.
     `queue` is the number of samples that a subscription keeps. With `isolated`, a process of its own runs the link.
 
     Raises LinkError if the address is wrong or the link cannot be opened.
@@ -66,7 +66,7 @@ class Vehicle:
         key: int | None = None,
         namespace: str | None = None,
         address: str | None = None,
-        allow: Sequence[str | int] = (),
+        allow: str | int | Sequence[str | int] = (),
         queue: int = QUEUE,
         isolated: bool = False,
     ) -> None:
@@ -77,7 +77,9 @@ class Vehicle:
         selection = Selection(key, None if namespace is None else namespace.strip("/"), address)
         self._member = Member(selection, self._packages)
         self._routes: dict[tuple[type, object], tuple[Entry, Route]] = {}
-        self._name, opened = link_of(url, allow, self._packages, is_isolated=isolated)
+        self._name, opened = link_of(
+            url, (allow,) if isinstance(allow, (str, int)) else allow, self._packages, is_isolated=isolated
+        )
         self._hub = join_hub(self._name, opened, self._member)
         self._repeaters: weakref.WeakSet[Repeater] = weakref.WeakSet()
         weakref.finalize(self, leave_soon, self._name, self._member).atexit = False
@@ -295,7 +297,7 @@ class Vehicle:
         def publish(each: Message) -> None:
             found = vehicle()
             if found is None:
-                raise NotConnectedError("the Vehicle was forgotten")
+                raise ReferenceError
             found.publish(each, topic)
 
         repeater = Repeater(hz, message, publish)
@@ -394,7 +396,5 @@ class Vehicle:
         if statistics.refused or statistics.dropped:
             told = f"{statistics.refused} datagrams were refused and {statistics.dropped} dropped"
             return f"{text}{told}: check allow= for the vehicle's address, and the baud rate of a serial line"
-        return (
-            f"{text}is uxrce_dds_client running on the vehicle, with this computer's address (UXRCE_DDS_AG_IP) and "
-            "this port (UXRCE_DDS_PRT), or on this serial line?"
-        )
+        question = "is uxrce_dds_client running on the vehicle, with this computer's address (UXRCE_DDS_AG_IP) and port"
+        return f"{text}{question} (UXRCE_DDS_PRT), or on this serial line?"
