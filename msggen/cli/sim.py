@@ -312,12 +312,12 @@ def _contents(package: ModuleType) -> str:
 
 def _package(options: argparse.Namespace, stack: ExitStack) -> tuple[ModuleType, str]:
     """Return the package to simulate, and its name for people."""
-    if options.package:
-        found, label = _import(options.package), options.package
+    if options.types:
+        found, label = _import(options.types), options.types
     else:
         found, label = _build(options.px4, stack)
     if not getattr(_topics(found), "ENDPOINTS", ()):
-        raise input_error(options.package or options.px4, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
+        raise input_error(options.types or options.px4, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
     return found, label
 
 

@@ -16,7 +16,7 @@ from contextlib import suppress
 
 from .guard import Guard
 from .link import LinkError, Listener, Remote, Route, Service, Statistics
-from .xrce.agent import Address, Agent, Sample, everybody
+from .xrce.agent import Address, Agent, Event, Sample, everybody
 
 TICK = 0.1
 """The time in s between two calls of `Agent.tick`."""
@@ -178,17 +178,16 @@ class AgentLink(ABC):
 
     def flush(self, listener: Listener) -> None:
         """Send what the agent has to send, and tell the listener what has happened. Without the lock."""
-        agent = self.agent
         with self.lock:
-            outgoing = agent.take_outgoing()
-            if outgoing:
-                self.transmit(outgoing)
-            events = agent.take_events()
-        for event in events:
-            if type(event) is Sample:  # the frequent one
-                listener.sample(event.remote, event.route, event.payload, event.time)
-            else:
-                event.deliver(listener)
+            events = self.settle()
+        deliver(events, listener)
+
+    def settle(self) -> list[Event]:
+        """Send what the agent has to send, and return what has happened. The caller holds the lock."""
+        outgoing = self.agent.take_outgoing()
+        if outgoing:
+            self.transmit(outgoing)
+        return self.agent.take_events()
 
     def _release(self) -> None:
         if self._released:
@@ -198,3 +197,12 @@ class AgentLink(ABC):
         self.selector.close()
         self._wake.close()
         self._woken.close()
+
+
+def deliver(events: list[Event], listener: Listener) -> None:
+    """Tell a listener what has happened. The caller does not hold the lock: the listener may send."""
+    for event in events:
+        if type(event) is Sample:  # the frequent one
+            listener.sample(event.remote, event.route, event.payload, event.time)
+        else:
+            event.deliver(listener)

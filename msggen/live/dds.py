@@ -127,6 +127,7 @@ class DdsLink:
         self._closing = False
         self._count = 0
         self._received = self._sent = 0
+        self._has_told_of_room = False
 
     def start(self, listener: Listener) -> None:
         """Join the domain and start the thread. Raises LinkError."""
@@ -260,7 +261,9 @@ class DdsLink:
         vehicle = self._vehicles.get(endpoint.namespace)
         if vehicle is None:
             if len(self._vehicles) == MAX_VEHICLES:
-                listener.warned(f"ignored {endpoint.name}: there are more than {MAX_VEHICLES} namespaces")
+                if not self._has_told_of_room:
+                    self._has_told_of_room = True
+                    listener.warned(f"ignored {endpoint.name}: there are more than {MAX_VEHICLES} namespaces")
                 return
             vehicle = self._vehicles[endpoint.namespace] = _Vehicle(endpoint.namespace)
         if len(vehicle.found) == MAX_ENDPOINTS:
@@ -324,8 +327,8 @@ class DdsLink:
         service = Service(name, request.ros_type, reply.ros_type, -1)
         if service in vehicle.exchanges:
             return None
+        replies = participant.reader(answered.topic, answered.type, is_reliable=True)  # first: a reply needs it
         requests = participant.writer(asked.topic, asked.type, is_reliable=True)
-        replies = participant.reader(answered.topic, answered.type, is_reliable=True)
         exchange = vehicle.exchanges[service] = _Exchange(service, requests, replies)
         self._sources[replies] = vehicle, exchange
         return service

@@ -73,7 +73,7 @@ class SerialLink(AgentLink):
         """Report the vehicle as disconnected, and try to open the device again from time to time."""
         with self.lock:
             self.selector.unregister(self._fd)
-            os.close(self._fd)
+            close_line(self._fd)
             self._fd = -1
             self.agent.close(f"{self.path} was unplugged")
         self.flush(listener)
@@ -157,8 +157,18 @@ class SerialLink(AgentLink):
     def release(self) -> None:
         """Close the device."""
         if self._fd >= 0:
-            os.close(self._fd)
+            close_line(self._fd)
             self._fd = -1
+
+
+def close_line(fd: int) -> None:
+    """Close a serial device, and let others open it, also if this is not its last file descriptor."""
+    import fcntl
+    import termios
+
+    with suppress(OSError):  # it is unplugged
+        fcntl.ioctl(fd, termios.TIOCNXCL)
+    os.close(fd)
 
 
 def open_line(path: str, baud: int) -> int:

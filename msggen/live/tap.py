@@ -15,23 +15,25 @@ from __future__ import annotations
 import ipaddress
 import selectors
 import socket
-import struct
 import time
 from collections.abc import Iterable, Sequence
 from typing import NoReturn
 
 from .agent_link import AgentLink
 from .link import LinkError, Listener, Remote, Route, Service
-from .udp import BATCH, LONGEST, PORT, allowed, bound, dropped, exposed, granted
+from .udp import BATCH, LONGEST, PORT, RECEIVE_BUFFER, allowed, bound, dropped, exposed, granted
 from .xrce.agent import Address
 from .xrce.wire import BEST_EFFORT, HEADER, NO_SESSION, STATUS_AGENT
 
 AGENT_PORT = 8889
+HALF = 0x8000
+"""A sequence number is newer than half of all numbers."""
 MAX_CLIENTS = 64
 FORGET = 60.0
 """The time in s after which the socket of a silent client is closed."""
 
-_SEQUENCE = struct.Struct("<H")
+SILENT = 5.0
+"""The time in s after which the socket of a silent client is closed if another client needs it."""
 
 
 class Shift:
@@ -39,7 +41,7 @@ class Shift:
 
     def __init__(self) -> None:
         self.added = 0
-        self._newest = 0xFFFF
+        self._newest: int | None = None
 
     def forward(self, data: bytes) -> bytes:
         """Return a datagram of the agent as it goes to the client."""
@@ -49,18 +51,18 @@ class Shift:
         if session < NO_SESSION:
             return data  # with a client key in the header: PX4's client has none
         if stream == 0 and len(data) > HEADER.size and data[HEADER.size] == STATUS_AGENT:
-            self.added, self._newest = 0, 0xFFFF  # the client begins a session, and the stream begins anew
+            self.added, self._newest = 0, None  # the client begins a session, and the stream begins anew
         if stream != BEST_EFFORT:
             return data
         shifted = (sequence + self.added) & 0xFFFF
-        if (shifted - self._newest) & 0xFFFF < 0x8000:  # noqa: PLR2004 - half of all numbers are newer
+        if self._newest is None or (shifted - self._newest) & 0xFFFF < HALF:
             self._newest = shifted
         return data if shifted == sequence else HEADER.pack(session, stream, shifted) + data[HEADER.size :]
 
     def add(self, data: bytes) -> bytes:
         """Return a datagram of this program as it goes to the client."""
         self.added = (self.added + 1) & 0xFFFF
-        self._newest = (self._newest + 1) & 0xFFFF
+        self._newest = 0 if self._newest is None else (self._newest + 1) & 0xFFFF
         session, stream, _ = HEADER.unpack_from(data)
         return HEADER.pack(session, stream, self._newest) + data[HEADER.size :]
 
@@ -175,13 +177,14 @@ class TapLink(AgentLink):
             return client
         if not self._is_allowed(address):
             return None  # the agent of this link counts it
-        if len(self._clients) >= MAX_CLIENTS:
+        if len(self._clients) >= MAX_CLIENTS and not self._make_room():
             if not self._has_told_of_clients:
                 self._has_told_of_clients = True
                 listener.warned(f"ignored {address[0]}:{address[1]}: there are more than {MAX_CLIENTS} clients")
             return None
         sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         sock.settimeout(0.0)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         try:
             sock.connect(self.agent_address)
         except OSError as error:
@@ -217,14 +220,26 @@ class TapLink(AgentLink):
     def _agent_name(self) -> str:
         return f"{self.agent_address[0]}:{self.agent_address[1]}"
 
+    def _make_room(self) -> bool:
+        """Forget the client that is silent for longest, if PX4's would not be. Return whether there was one."""
+        oldest = min(self._clients.values(), key=lambda client: client.heard)
+        is_silent = time.monotonic() - oldest.heard > SILENT
+        if is_silent:
+            self._forget(oldest)
+        return is_silent
+
+    def _forget(self, client: _Client) -> None:
+        with self.lock:
+            del self._clients[client.address]
+            self.selector.unregister(client.socket)
+            client.socket.close()
+
     def look(self, now: float, listener: Listener) -> None:  # noqa: ARG002
         """Forget clients that are silent."""
         with self.lock:
             self.agent.take_outgoing()  # heartbeats for the answers that were thrown away
-            for client in [client for client in self._clients.values() if now - client.heard > FORGET]:
-                del self._clients[client.address]
-                self.selector.unregister(client.socket)
-                client.socket.close()
+        for client in [client for client in self._clients.values() if now - client.heard > FORGET]:
+            self._forget(client)
 
     def dropped(self) -> int:
         """Return how many datagrams of clients the kernel has dropped. Known on Linux."""

@@ -40,8 +40,11 @@ class Records:
 
     def wait(self, true: Callable[[], object], patience: float = PATIENCE) -> None:
         """Wait until something is true. Fails if it never is."""
+        end = time.monotonic() + patience
         with self._changed:
-            assert self._changed.wait_for(lambda: bool(true()), patience), self
+            while not true():
+                assert time.monotonic() < end, self
+                self._changed.wait(0.05)
 
     def route(self, name: str) -> Route | Service:
         """Wait for a route or a service, and return the newest one with that name."""

@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
-import gzip
-import json
 import socket
 import struct
 import time
 from collections.abc import Sequence
-from functools import lru_cache
-from pathlib import Path
-from typing import Any
+from contextlib import suppress
+from functools import cache
+from typing import TYPE_CHECKING
 
-from support.repository import ROOT
+from support import xrce_captures
 
-CAPTURES = ROOT / "tests" / "live" / "captures"
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
-GET_INFO, WRITE_DATA, DELETE, DATA, INFO = 2, 7, 3, 9, 6
-
-
-@lru_cache
-def rows(name: str) -> Sequence[tuple[str, bytes]]:
-    """Return the datagrams, or the chunks of bytes, of a capture, with their senders."""
-    path = Path(CAPTURES, f"{name}.json.gz")
-    with gzip.open(path, "rt", encoding="utf-8") as file:
-        loaded: Any = json.load(file)
-    listed = loaded["datagrams"] if isinstance(loaded, dict) else loaded
-    return [(row[1], bytes.fromhex(row[2])) for row in listed]
+CREATE, GET_INFO, DELETE, STATUS_AGENT, INFO, WRITE_DATA, READ_DATA, DATA, TIMESTAMP = 1, 2, 3, 4, 6, 7, 8, 9, 14
+"""Ids of submessages."""
 
 
-@lru_cache
+@cache
 def sent(name: str) -> Sequence[bytes]:
     """Return what the client sent in a capture."""
-    return [data for sender, data in rows(name) if sender == "client"]
+    return xrce_captures.sent(name, "client")
 
 
 def kind(datagram: bytes) -> int:
@@ -40,17 +30,23 @@ def kind(datagram: bytes) -> int:
     return datagram[4]
 
 
-@lru_cache
+@cache
 def creation(name: str) -> Sequence[bytes]:
-    """Return what the client sent up to its last entity: the session with all endpoints, and few samples."""
+    """Return what the client sent up to its last entity, without samples and time sync: a session with endpoints."""
     datagrams = sent(name)
-    last = max(place for place, data in enumerate(datagrams) if data[1] == 0x80 and kind(data) in {1, 8})
-    return datagrams[: last + 1]
+    last = max(place for place, data in enumerate(datagrams) if data[1] == 0x80 and kind(data) in {CREATE, READ_DATA})
+    return [data for data in datagrams[: last + 1] if kind(data) not in {WRITE_DATA, TIMESTAMP}]
 
 
-def sample(number: int, object_id: bytes, cdr: bytes) -> bytes:
-    """Return a datagram with a sample on the best-effort stream."""
-    payload = b"\0\0" + object_id + cdr
+@cache
+def writer() -> bytes:
+    """Return the object id of a writer of `session-udp`."""
+    return next(data for data in sent("session-udp") if kind(data) == WRITE_DATA)[10:12]
+
+
+def sample(number: int, cdr: bytes) -> bytes:
+    """Return a datagram with a sample on the best-effort stream, of which `number` is the place."""
+    payload = b"\0\0" + writer() + cdr
     return struct.pack("<BBHBBH", 0x81, 1, number & 0xFFFF, WRITE_DATA, 1, len(payload)) + payload
 
 
@@ -59,11 +55,12 @@ class Client:
 
     def __init__(self, port: int, host: str = "127.0.0.1") -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)  # for answers that nobody reads yet
         self.socket.bind((host, 0))
         self.socket.connect(("127.0.0.1", port))
         self.address = "{}:{}".format(*self.socket.getsockname())
 
-    def __enter__(self) -> Client:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -72,8 +69,9 @@ class Client:
     def play(self, datagrams: Sequence[bytes]) -> None:
         """Send datagrams, in bursts that a small receive buffer can hold."""
         for place, data in enumerate(datagrams):
-            self.socket.send(data)
-            if place % 50 == 49:
+            with suppress(ConnectionRefusedError):  # the link is closed
+                self.socket.send(data)
+            if place % 100 == 99:
                 time.sleep(0.005)
 
     def received(self, patience: float = 0.3) -> list[bytes]:

@@ -41,7 +41,7 @@ def read_address(text: str) -> Address:
         return Address("udp", parts.hostname, _PORT if port is None else port)
     if parts.scheme == "serial" and parts.path and not parts.netloc and not options.keys() - {"baud"}:
         baud = options.get("baud", [str(_BAUD)])[-1]
-        if baud.isdecimal() and int(baud) > 0:
+        if baud.isascii() and baud.isdecimal() and int(baud) > 0:
             return Address("serial", parts.path, int(baud))
     raise ValueError(f"'{text}': {_EXAMPLES}")
 

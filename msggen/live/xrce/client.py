@@ -386,7 +386,7 @@ class Client:
         sync_time = ping_time = self._now + _SECOND
         missed, is_answered = 0, True
         while True:
-            if self._now - self._last_write > _SILENCE:
+            if self._now - self._last_write >= _SILENCE:
                 return f"no sample was sent for {_SILENCE // _SECOND} s"
             if self.clock.window and self._now >= sync_time:
                 is_done = yield from self._exchange(_SYNC_WAIT)
@@ -401,7 +401,8 @@ class Client:
                         return "the agent does not know this session, or does not answer"
                 self._written = self._read = 0
                 ping_time = max(ping_time + _SECOND, self._now + 1)
-            yield min(ping_time, sync_time) if self.clock.window else ping_time
+            next_time = min(ping_time, self._last_write + _SILENCE)
+            yield min(next_time, sync_time) if self.clock.window else next_time
 
     def _ping(self) -> _Outcome:
         """Return whether the agent answers within 1 s, and knows this session."""
@@ -457,7 +458,7 @@ class Client:
                 self._queue.append(body)
                 body = b""
             if len(padded) > wire.MTU - 4:
-                self._queue.extend(_fragments(part))
+                self._queue.extend(_fragments(padded))
             else:
                 body += padded
         if body:
@@ -626,8 +627,7 @@ def _localhost_participant(name: str) -> bytes:
 
 
 def _fragments(submessage: bytes) -> list[bytes]:
-    """Return the FRAGMENTs of a submessage that is too long for a message."""
+    """Return the FRAGMENTs of a submessage that is too long for a message. Its padding is part of the last one."""
     parts = [submessage[at : at + _FRAGMENT] for at in range(0, len(submessage), _FRAGMENT)]
     flags = [wire.LITTLE_ENDIAN] * (len(parts) - 1) + [wire.LITTLE_ENDIAN | wire.LAST_FRAGMENT]
-    packed = [wire.pack_submessage(wire.FRAGMENT, part, flag) for part, flag in zip(parts, flags, strict=True)]
-    return [part + bytes(-len(part) & 3) for part in packed]
+    return [wire.pack_submessage(wire.FRAGMENT, part, flag) for part, flag in zip(parts, flags, strict=True)]
