@@ -88,7 +88,7 @@ class Agent:
         clients that may begin a session, None for all of them.
 
         `known` are the routes that a client of the expected firmware has. With them a session that an earlier program
-        began is continued (docs/xrce.md, "Take-over"), unless `keys` are given: a running session tells no key.
+        began is continued (docs/xrce.md, 10), unless `keys` are given: a running session tells no key.
         """
         self._allow = allow
         self._keys = keys

@@ -1,4 +1,4 @@
-"""Entities that a client creates: object ids and representations. docs/xrce.md, "Entities".
+"""Entities that a client creates: object ids and representations. docs/xrce.md, 4.
 
 A representation is binary, XML, or the name of a profile that the agent would have. `parse` reads all three, as far as
 they are clear; `pack` of each class writes the one that PX4's client sends.
