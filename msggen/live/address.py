@@ -80,11 +80,13 @@ def parse_address(text: str) -> Address:
     return Address(scheme, host, port, agent=agent)
 
 
-def open_link(address: Address, allow: Sequence[str | int] = (), known: Sequence[Route] = ()) -> Link:
+def open_link(
+    address: Address, allow: Sequence[str | int] = (), known: Sequence[Route] = (), *, is_isolated: bool = False
+) -> Link:
     """Return the link of an address, which is not started yet.
 
     `allow` has IP addresses, networks and keys of clients. `known` has the routes of the expected firmware, with which
-    the session of an earlier program is continued. Raises LinkError.
+    the session of an earlier program is continued. `is_isolated` runs it in a process of its own. Raises LinkError.
     """
     from importlib import import_module
 
@@ -95,6 +97,10 @@ def open_link(address: Address, allow: Sequence[str | int] = (), known: Sequence
     for option, noun in (("allow", "addresses"), ("keys", "keys")):
         if given[option] and option not in options:
             raise LinkError(f"'{address}' has no {noun} that allow= could name: leave them out")
+    if is_isolated:
+        from msggen.live.isolated import IsolatedLink
+
+        return IsolatedLink(address, allow, known)
     cls = getattr(import_module(f"msggen.live.{address.scheme}"), name)
     arguments = [getattr(address, place) for place in places]
     link: Link = cls(*arguments, **{option: given[option] for option in options})

@@ -98,17 +98,14 @@ def _message(route: Route) -> str:
     return route.ros_type.rpartition("/")[2]
 
 
-def _likeness(
-    found: Mapping[str, Route], hashes: Mapping[str, int], known: Mapping[str, Known]
-) -> tuple[int, int, int]:
-    """Return how much a vehicle is like a release: by definitions, then object ids, then names."""
+def _likeness(found: Mapping[str, Route], hashes: Mapping[str, int], known: Mapping[str, Known]) -> int:
+    """Return how much a vehicle is like a release: by names, object ids and definitions, as far as they are known."""
     common = [(route, known[name]) for name, route in found.items() if name in known]
-    definitions = 0
+    score = 2 * len(common) - len(found) - len(known)
     for route, row in common:
         own = hashes.get(route.ros_type)
-        definitions += 0 if own is None else 1 if own == row.message_hash else -1
-    ids = sum(route.object_id == row.object_id for route, row in common)
-    return definitions, ids, 2 * len(common) - len(found) - len(known)
+        score += (route.object_id == row.object_id) + (0 if own is None else 1 if own == row.message_hash else -1)
+    return score
 
 
 RETRY_NS = 300_000_000

@@ -2,69 +2,30 @@
 
 from __future__ import annotations
 
-import atexit
 import threading
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from logging import getLogger
-from typing import NamedTuple
 
 from msggen.live.calls import Calls
 from msggen.live.errors import FormatError
 from msggen.live.firmware import RESPONSE, RETRY_NS, Firmware, FormatCheck, identify, releases
-from msggen.live.link import Link, LinkError, Remote, Route, Service
+from msggen.live.link import Link, Remote, Route, Service
 from msggen.live.names import is_topic, stem_of
-from msggen.live.packages import Decoding, Packages, Topic, decoding_of
+from msggen.live.packages import Decoding, Packages, Topic, UnknownFormatError, decoding_of
+from msggen.live.selection import Selection, is_same, shown
 from msggen.live.subscription import Feed
 
 LOGGER = getLogger("msggen.live")
 
-SETTLED_S = 0.5
-"""A vehicle without a service and without samples has all its routes if none was opened for this time, in s."""
+SETTLED_S = 1.0
+"""A vehicle with routes, but without a service and samples, has all of them if none was opened for this time, in s."""
 
 _IDLE = 1 << 63
-_END_S = 5
-"""The longest wait in s for a link to be closed by another thread."""
-
 _MISSING_NS = 2_000_000_000
 """How long after the first sample a subscribed topic must have a route before the user is told that it has none."""
 
 Row = tuple[Callable[[bytes, int, Decoding], None], Decoding]
-
-
-class Selection(NamedTuple):
-    """Which vehicle of a link is meant. None accepts any."""
-
-    key: int | None = None
-    namespace: str | None = None
-    address: str | None = None
-
-    @property
-    def is_any(self) -> bool:
-        """Whether every vehicle is accepted."""
-        return self == Selection()
-
-    def accepts(self, remote: Remote) -> bool:
-        """Whether a vehicle is meant. Key and namespace of an adopted session are not known."""
-        is_known = not remote.adopted
-        return (
-            (self.address in (None, remote.address, host_of(remote.address)))
-            and (self.key is None or (is_known and remote.key == self.key))
-            and (self.namespace is None or remote.namespace == self.namespace)
-        )
-
-
-def host_of(address: str) -> str:
-    """Return `127.0.0.1` of `127.0.0.1:40123`; other addresses as they are."""
-    host, colon, port = address.rpartition(":")
-    return host if colon and port.isdecimal() else address
-
-
-def is_same(earlier: Remote, later: Remote) -> bool:
-    """Whether `later` may be the vehicle `earlier` that has connected again, by what is known of both."""
-    if earlier.adopted or later.adopted:
-        return host_of(earlier.address) == host_of(later.address)
-    return (earlier.key, earlier.namespace) == (later.key, later.namespace)
 
 
 class Entry:
@@ -91,7 +52,8 @@ class Entry:
     @property
     def is_ready(self) -> bool:
         """Whether the vehicle has opened all its routes: the service is the last one, and samples come after it."""
-        return bool(self.heard_ns or self.services or time.monotonic() - self.opened_at > SETTLED_S)
+        is_settled = bool(self.routes) and time.monotonic() - self.opened_at > SETTLED_S
+        return bool(self.heard_ns or self.services or is_settled)
 
     def firmware(self) -> Firmware:
         """Return the firmware, as far as it is known."""
@@ -376,9 +338,12 @@ class Hub:
         try:
             is_converted = feed.options.is_converted
             return decoding_of(feed.topic, route.name, member.packages, known, is_converted=is_converted)
+        except UnknownFormatError as error:
+            own, release = feed.topic.package.__name__, entry.firmware().release or "v1.17"
+            feed.fail(FormatError(f"{error}: give types of its release too, types=({own}, package_of('{release}'))"))
         except FormatError as error:
             feed.fail(error)
-            return None
+        return None
 
     def _rebuild(self, entry: Entry) -> None:
         for route in tuple(entry.routes.values()):
@@ -387,82 +352,3 @@ class Hub:
 
 
 _NOT_DECODED = Decoding(object, bytes)  # type: ignore[arg-type]
-
-
-def shown(remote: Remote) -> str:
-    """Return a vehicle for messages to the user."""
-    if remote.adopted:
-        return f"the vehicle at {remote.address}"
-    namespace = f", namespace {remote.namespace}" if remote.namespace else ""
-    return f"the vehicle at {remote.address} (key {remote.key}{namespace})"
-
-
-_hubs: dict[Hashable, tuple[Hub, threading.Event]] = {}
-_lock = threading.RLock()
-
-
-def join_hub(name: Hashable, open_link: Callable[[], Link], member: Member) -> Hub:
-    """Return the hub with this name, which all its members share, and open its link for the first one.
-
-    Raises LinkError if the link cannot be opened.
-    """
-    while True:
-        with _lock:
-            found = _hubs.get(name)
-            if found is None:
-                hub = Hub(open_link())
-                hub.join(member)
-                hub.link.start(hub)
-                _hubs[name] = hub, threading.Event()
-                return hub
-            hub, closed = found
-            if hub.members:
-                hub.join(member)
-                return hub
-        if not closed.wait(_END_S):  # another thread closes the link
-            raise LinkError(f"{name} is still being closed: close Vehicle objects before the program opens new ones")
-
-
-def leave_hub(name: Hashable, member: Member) -> None:
-    """Remove a member, and close the link after the last one. Can be repeated."""
-    with _lock:
-        found = _hubs.get(name)
-        if found is None or member not in found[0].members:
-            return
-        hub, closed = found
-        hub.leave(member)
-        if hub.members:
-            return
-    if hub.thread == threading.get_ident():  # a callback closes its own vehicle: the link waits for its thread to end
-        threading.Thread(target=_close, args=(name, hub, closed), name="msggen.live close", daemon=True).start()
-    else:
-        _close(name, hub, closed)
-
-
-def _close(name: Hashable, hub: Hub, closed: threading.Event) -> None:
-    try:
-        hub.link.close()
-    finally:
-        with _lock:
-            _hubs.pop(name, None)
-        closed.set()
-
-
-def leave_soon(name: Hashable, member: Member) -> None:
-    """Remove the member of a Vehicle that was forgotten.
-
-    The garbage collector can run in any thread and under any lock, so another thread closes the link.
-    """
-    try:
-        threading.Thread(target=leave_hub, args=(name, member), name="msggen.live close", daemon=True).start()
-    except RuntimeError:  # the interpreter is about to end: `_close_all` is called
-        return
-
-
-@atexit.register
-def _close_all() -> None:
-    """Close the links that are left at the end of the program."""
-    for name, (hub, closed) in tuple(_hubs.items()):
-        for member in hub.members:
-            leave_hub(name, member)
-        closed.wait(_END_S)  # another thread may close it

@@ -220,7 +220,11 @@ def decoding_of(
         info = cls.__msg__
         if info.message_version == version and message_hash in (None, info.message_hash):
             return _accepted(topic, cls, package, ros_name, is_converted=is_converted)
-    raise FormatError(_difference(topic, ros_name, message_hash))
+    raise UnknownFormatError(_difference(topic, ros_name, message_hash))
+
+
+class UnknownFormatError(FormatError):
+    """No given package has the vehicle's definition."""
 
 
 def _candidates(topic: Topic, packages: Packages) -> Iterator[tuple[type[Message], ModuleType]]:
@@ -259,10 +263,9 @@ def _converter(topic: Topic, package: ModuleType) -> Callable[[Any, Any], Any]:
 
 def _difference(topic: Topic, ros_name: str, message_hash: int | None) -> str:
     info, name = topic.message.__msg__, f"{topic.package.__name__}.{topic.message.__name__}"
-    cure = "give types of its release, as in types=(px4_types, package_of('v1.17')), see vehicle.firmware"
     if version_of(ros_name) != info.message_version:
-        return f"the vehicle has '{ros_name}', and {name} is version {info.message_version}: {cure}"
-    return f"{difference(ros_name, message_hash, name, info.message_hash)}: {cure}"
+        return f"the vehicle has '{ros_name}', and {name} is version {info.message_version}"
+    return difference(ros_name, message_hash, name, info.message_hash)
 
 
 def difference(ros_name: str, theirs: int | None, own_name: str, own: int) -> str:
@@ -278,3 +281,31 @@ def known_routes(packages: Packages) -> tuple[Route, ...]:
         for package in packages[:1]
         for endpoint in package.topics.ENDPOINTS
     )
+
+
+def check_sent(cls: type[Message], route: Route, known: int | None) -> None:
+    """Raise FormatError if a message of `cls` is not what the vehicle reads from `route`."""
+    info = cls.__msg__
+    if version_of(route.name) != info.message_version:
+        text = f"the vehicle reads '{route.name}', and {cls.__name__} is version {info.message_version}"
+        raise FormatError(f"{text}: publish another version, from versions.convert of a package with --archived")
+    if known not in (None, info.message_hash):
+        own = f"{package_of_class(cls).__name__}.{cls.__name__}"
+        raise FormatError(f"{difference(route.name, known, own, info.message_hash)}: publish a message of its release")
+
+
+def check_convertible(topic: Topic, packages: Packages) -> None:
+    """Raise TopicError if no package has what `convert=True` needs."""
+    if not any(hasattr(package, "versions") for package in (topic.package, *packages)):
+        raise TopicError(f"convert=True needs archived versions: build {topic.package.__name__} with --archived")
+
+
+def response_of(request: Message) -> tuple[Any, str]:
+    """Return the class of the reply to a request, and the name of the service. Raises TypeError if it is no request."""
+    cls = type(request)
+    info = getattr(cls, "__msg__", None)
+    name, found, _ = (info.ros_type if info else "").rpartition("_Request")
+    if info is None or not found:
+        raise TypeError(f"expected a request such as srv.VehicleCommand.Request(...), got {cls.__name__}")
+    package = package_of_class(cls)
+    return getattr(package.srv, cls.__name__.removesuffix("_Request") + "_Response"), name.rpartition("/")[2]

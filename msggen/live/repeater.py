@@ -87,6 +87,8 @@ class Repeater:
             delay = time.monotonic() - due
             try:
                 is_sent = self._send()
+            except ReferenceError:  # the Vehicle was forgotten
+                return
             except Exception as error:
                 self.error = error
                 LOGGER.exception("a repeater at %g Hz ends", 1 / self._period)

@@ -4,18 +4,28 @@ from __future__ import annotations
 
 import time
 import weakref
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from msggen.diagnostics import suggestion
-from msggen.live.address import open_link, parse_address
-from msggen.live.errors import FormatError, LinkTimeoutError, NotConnectedError, TopicError
-from msggen.live.hub import Entry, Member, Selection, join_hub, leave_hub, leave_soon, shown
+from msggen.live.errors import LinkTimeoutError, NotConnectedError, TopicError
+from msggen.live.hub import Entry, Member
 from msggen.live.link import Link, LinkError, Remote, Route, Service, Statistics
-from msggen.live.names import is_topic, stem_of, version_of
-from msggen.live.packages import Endpoint, MessageT, difference, find_topic, known_routes, package_of_class, packages_of
+from msggen.live.names import is_topic, stem_of
+from msggen.live.packages import (
+    Endpoint,
+    MessageT,
+    check_convertible,
+    check_sent,
+    find_topic,
+    package_of_class,
+    packages_of,
+    response_of,
+)
 from msggen.live.repeater import Repeater
+from msggen.live.selection import Selection, shown
+from msggen.live.sharing import join_hub, leave_hub, leave_soon, link_of
 from msggen.live.subscription import Feed, Options, Subscription
 
 if TYPE_CHECKING:
@@ -42,8 +52,8 @@ class Vehicle:
     `key` (parameter UXRCE_DDS_KEY), `namespace` and `address` select a vehicle. Without them it is the first one that
     connects. After that, only the same vehicle is accepted when it connects again.
 
-    `allow` has the addresses and keys of clients that may connect, for links that need it; see `docs/networks.md`.
-    `queue` is the number of samples that a subscription keeps.
+    `allow` has the addresses and keys of clients that may connect, for links that need it; see docs/links.md.
+    `queue` is the number of samples that a subscription keeps. With `isolated`, a process of its own runs the link.
 
     Raises LinkError if the address is wrong or the link cannot be opened.
     """
@@ -56,8 +66,9 @@ class Vehicle:
         key: int | None = None,
         namespace: str | None = None,
         address: str | None = None,
-        allow: Sequence[str | int] = (),
+        allow: str | int | Sequence[str | int] = (),
         queue: int = QUEUE,
+        isolated: bool = False,
     ) -> None:
         if queue < 1:
             raise ValueError(f"expected a queue of 1 sample or more, got {queue}")
@@ -66,7 +77,9 @@ class Vehicle:
         selection = Selection(key, None if namespace is None else namespace.strip("/"), address)
         self._member = Member(selection, self._packages)
         self._routes: dict[tuple[type, object], tuple[Entry, Route]] = {}
-        self._name, opened = _link_of(url, allow, self._packages)
+        self._name, opened = link_of(
+            url, (allow,) if isinstance(allow, (str, int)) else allow, self._packages, is_isolated=isolated
+        )
         self._hub = join_hub(self._name, opened, self._member)
         self._repeaters: weakref.WeakSet[Repeater] = weakref.WeakSet()
         weakref.finalize(self, leave_soon, self._name, self._member).atexit = False
@@ -233,7 +246,7 @@ class Vehicle:
         found = find_topic(topic, "out", self._packages)
         self._check_namespace(found)
         if convert:
-            _check_convertible(found, self._packages)
+            check_convertible(found, self._packages)
         size = self._queue if queue is None else queue
         if size < 1:
             raise ValueError(f"expected a queue of 1 sample or more, got {size}")
@@ -284,7 +297,7 @@ class Vehicle:
         def publish(each: Message) -> None:
             found = vehicle()
             if found is None:
-                raise NotConnectedError("the Vehicle was forgotten")
+                raise ReferenceError
             found.publish(each, topic)
 
         repeater = Repeater(hz, message, publish)
@@ -300,7 +313,7 @@ class Vehicle:
         Raises LinkTimeoutError, NotConnectedError, LinkError, and TopicError if the vehicle has no such service.
         """
         entry = self._entry()
-        response, service_name = _response_of(request)
+        response, service_name = response_of(request)
         if entry.remote.adopted:
             raise LinkError(
                 f"'{service_name}' cannot be called, because this session was begun by an earlier program: restart the "
@@ -361,7 +374,7 @@ class Vehicle:
             raise TopicError(f"'{found.stem}' has messages of {expected}, not of {cls.__name__}")
         for route in tuple(entry.routes.values()):
             if route.direction == "in" and is_topic(route.name, found.stem, found.namespace):
-                _check_format(cls, route, entry)
+                check_sent(cls, route, entry.hash_of(route.ros_type))
                 return route
         if not entry.is_ready:
             raise NotConnectedError(f"{shown(entry.remote)} is still connecting: call wait_connected() first")
@@ -383,45 +396,5 @@ class Vehicle:
         if statistics.refused or statistics.dropped:
             told = f"{statistics.refused} datagrams were refused and {statistics.dropped} dropped"
             return f"{text}{told}: check allow= for the vehicle's address, and the baud rate of a serial line"
-        return (
-            f"{text}is uxrce_dds_client running on the vehicle, with this computer's address (UXRCE_DDS_AG_IP) and "
-            "this port (UXRCE_DDS_PRT), or on this serial line?"
-        )
-
-
-def _link_of(url: str | Link, allow: Sequence[str | int], packages: Packages) -> tuple[Hashable, Callable[[], Link]]:
-    """Return what identifies a link, and a function that makes it."""
-    if not isinstance(url, str):
-        link = url
-        return f"{type(link).__name__} {id(link):#x}", lambda: link
-    address = parse_address(url)
-    return str(address), lambda: open_link(address, allow, known_routes(packages))
-
-
-def _check_format(cls: type[Message], route: Route, entry: Entry) -> None:
-    """Raise FormatError if a message of `cls` is not what the vehicle reads from `route`."""
-    info = cls.__msg__
-    if version_of(route.name) != info.message_version:
-        text = f"the vehicle reads '{route.name}', and {cls.__name__} is version {info.message_version}"
-        raise FormatError(f"{text}: publish another version, from versions.convert of a package with --archived")
-    known = entry.hash_of(route.ros_type)
-    if known not in (None, info.message_hash):
-        own = f"{package_of_class(cls).__name__}.{cls.__name__}"
-        raise FormatError(f"{difference(route.name, known, own, info.message_hash)}: publish a message of its release")
-
-
-def _check_convertible(topic: Topic, packages: Packages) -> None:
-    if not any(hasattr(package, "versions") for package in (topic.package, *packages)):
-        raise TopicError(f"convert=True needs archived versions: build {topic.package.__name__} with --archived")
-
-
-def _response_of(request: Message) -> tuple[Any, str]:
-    """Return the class of the reply to a request, and the name of the service. Raises TypeError if it is no request."""
-    cls = type(request)
-    info = getattr(cls, "__msg__", None)
-    name, found, _ = (info.ros_type if info else "").rpartition("_Request")
-    if info is None or not found:
-        shown_class = cls.__name__
-        raise TypeError(f"expected a request such as srv.VehicleCommand.Request(...), got {shown_class}")
-    package = package_of_class(cls)
-    return getattr(package.srv, cls.__name__.removesuffix("_Request") + "_Response"), name.rpartition("/")[2]
+        question = "is uxrce_dds_client running on the vehicle, with this computer's address (UXRCE_DDS_AG_IP) and port"
+        return f"{text}{question} (UXRCE_DDS_PRT), or on this serial line?"

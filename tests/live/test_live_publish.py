@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import threading
 import time
@@ -102,6 +103,21 @@ def test_publishing_before_a_vehicle_connects_names_the_cure(link: FakeLink, veh
     assert len(link.published) == 1
 
 
+def test_a_vehicle_is_connected_once_its_topics_are_known(
+    link: FakeLink, vehicle: Vehicle, px4_types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """PX4 synchronizes its time for 5 s before it creates its topics, and has no service in v1.14."""
+    remote = link.connect(is_open=False)
+    monkeypatch.setattr("msggen.live.hub.SETTLED_S", -1.0)
+    assert not vehicle.is_connected
+    link.open(remote, routes_of(px4_types)[0])
+    assert vehicle.is_connected
+    monkeypatch.setattr("msggen.live.hub.SETTLED_S", 1000.0)
+    assert not vehicle.is_connected
+    link.user().sample(remote, routes_of(px4_types)[0], b"", 1)
+    assert vehicle.is_connected
+
+
 def test_a_topic_that_the_vehicle_lacks_names_the_cure(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
     link.connect(routes=[route for route in routes_of(px4_types) if "trajectory" not in route.name])
     with pytest.raises(TopicError, match="does not read '/fmu/in/trajectory_setpoint'"):
@@ -185,6 +201,18 @@ def test_a_repeater_refuses_what_it_cannot_do(vehicle: Vehicle, px4_types: Any) 
     with pytest.raises(ValueError, match="expected a rate above 0"):
         vehicle.every(0, px4_types.OffboardControlMode())
     assert not [thread for thread in threading.enumerate() if "every" in thread.name]
+
+
+def test_forgetting_the_vehicle_ends_its_repeaters(link: FakeLink, px4_types: Any) -> None:
+    vehicle = Vehicle(link)
+    link.connect()
+    repeater = vehicle.every(200, px4_types.OffboardControlMode())
+    assert link.sent.wait(WAIT)
+    del vehicle
+    gc.collect()
+    assert link.closed.wait(WAIT)
+    repeater._thread.join(WAIT)
+    assert (repeater.is_running, repeater.error) == (False, None)
 
 
 def test_closing_the_vehicle_ends_its_repeaters(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:

@@ -15,14 +15,9 @@ import pytest
 from msggen.live import LinkError, LinkTimeoutError, Vehicle
 from msggen.live.sim import Options, Simulator
 from support.link_records import nothing_is_left
+from support.ports import free_port
 
 WAIT = 20.0
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
 
 
 @pytest.fixture
