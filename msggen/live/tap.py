@@ -59,6 +59,10 @@ class Shift:
             self._newest = shifted
         return data if shifted == sequence else HEADER.pack(session, stream, shifted) + data[HEADER.size :]
 
+    def restart(self, data: bytes) -> None:
+        """Take the number of a datagram that goes to the client as it is for the newest one."""
+        self.added, self._newest = 0, HEADER.unpack_from(data)[2]
+
     def add(self, data: bytes) -> bytes:
         """Return a datagram of this program as it goes to the client."""
         self.added = (self.added + 1) & 0xFFFF
@@ -166,8 +170,19 @@ class TapLink(AgentLink):
         with self.lock:
             for data, address in received:
                 self.agent.receive(data, address, now)
-            self.agent.take_outgoing()  # the real agent answers
+            self._answer()
         self.flush(listener)
+
+    def _answer(self) -> None:
+        """Throw answers away, since the agent gives them, but for the ones that continue the session of an earlier tap.
+
+        Those make the client take any number for a new one (docs/xrce.md, "Take-over").
+        """
+        for data, address in self.agent.take_outgoing():
+            client = self._clients.get(address)
+            if client is not None and data[1] == BEST_EFFORT:
+                client.shift.restart(data)
+                self._to_client(data, address)
 
     def _client(self, address: Address, listener: Listener) -> _Client | None:
         """Return the client at an address, or None if it may not connect."""
