@@ -1,4 +1,4 @@
-"""Entities that a client creates: object ids and representations. docs/xrce.md, "Entities".
+"""Entities that a client creates: object ids and representations. docs/xrce.md, 4.
 
 A representation is binary, XML, or the name of a profile that the agent would have. `parse` reads all three, as far as
 they are clear; `pack` of each class writes the one that PX4's client sends.
@@ -183,6 +183,8 @@ def _by_xml(kind: int, data: bytes) -> Entity:
 
 def _by_binary(kind: int, data: bytes) -> Entity:
     size, at = read_u32(data, 4)
+    if kind == PARTICIPANT:  # has no name
+        return Participant("", _domain(data, at + size))
     content, parent = data[at : at + size], _parent(data, at + size)
     if kind == TOPIC:
         return _topic(content, parent)
@@ -192,7 +194,7 @@ def _by_binary(kind: int, data: bytes) -> Entity:
         return _endpoint(kind, content, parent)
     if kind == REPLIER:
         return _replier(content, parent)
-    raise RefusedError("participant in binary" if kind == PARTICIPANT else "unknown kind of entity", ERR_DDS_ERROR)
+    raise RefusedError("unknown kind of entity", ERR_DDS_ERROR)
 
 
 def _topic(data: bytes, parent: bytes) -> Topic:
