@@ -17,18 +17,8 @@ from hypothesis import strategies as st
 
 from msggen.live.sim import Options, SimulatedVehicle
 from msggen.live.xrce import wire
-from msggen.live.xrce.client import (
-    Client,
-    Connected,
-    Disconnected,
-    Event,
-    Reader,
-    Received,
-    Requested,
-    Server,
-    Settings,
-    Writer,
-)
+from msggen.live.xrce.client import Client, Connected, Disconnected, Event, Received, Requested
+from msggen.live.xrce.client_entities import Reader, Server, Settings, Writer
 from msggen.live.xrce.offset import OffsetFilter
 from support.repository import ROOT, shared
 from support.simulation import SECOND, built
@@ -356,6 +346,17 @@ def test_the_time_is_asked_for_once_a_second() -> None:
     assert len(line.times(wire.TIMESTAMP, start)) == 3
 
 
+def test_the_clocks_are_synchronised_anew_in_each_session() -> None:
+    line = Line()
+    line.run(0.5)
+    assert len(line.times(wire.TIMESTAMP)) == 20
+    line.agent.reset()
+    line.run(4.0, write_every=50_000)
+    assert line.client.is_connected
+    restarted = next(time for time, _, connection in line.sent if connection == 1)
+    assert len(line.times(wire.TIMESTAMP, restarted)) == 20
+
+
 def test_a_normal_end_waits_for_the_status() -> None:
     line = Line()
     line.run(0.5)
@@ -418,7 +419,7 @@ def test_a_session_is_created_and_replies_arrive_with_10_percent_of_loss_both_wa
 def test_a_message_that_the_agent_no_longer_has_is_given_up() -> None:
     line = Line(ONE._replace(sync="off"))
     line.run(0.1)
-    expected = line.client._expected
+    expected = line.client._streams._received.expected or 0
     line.client.receive(wire.pack_message(0x81, 0, 0, wire.Heartbeat(expected + 2, expected + 3).pack()), line.now)
     (answer, _) = line.client.take_outgoing()[-1]
     assert wire.AckNack.unpack(answer[8:]) == wire.AckNack(expected + 2, 0b11)
@@ -432,7 +433,7 @@ def test_no_bytes_raise(datagrams: list[bytes]) -> None:
         line.client.receive(data, line.now)
         line.client.receive(b"\x81\x80\0\0" + data, line.now)
         line.client.receive(b"\x81\0\0\0" + data, line.now)
-    assert len(line.client._waiting) <= 4
+    assert len(line.client._streams._received._waiting) <= 4
     assert len(line.client._statuses) <= 16
 
 

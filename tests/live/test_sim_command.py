@@ -117,7 +117,8 @@ def test_a_new_connection_has_a_port_of_its_own(server: Server, px4_types: Any) 
 
 def test_a_vehicle_on_a_serial_line(px4_types: Any) -> None:
     master, slave = os.openpty()
-    agent, frames, samples = Agent(time.monotonic()), Deframer(), []
+    agent, frames = Agent(time.monotonic()), Deframer()
+    samples: list[Sample] = []
     device = os.ttyname(slave)
     with Simulator(px4_types, f"serial://{device}?baud=921600", [SHORT]):
         end = time.monotonic() + 10.0

@@ -21,8 +21,9 @@ from typing import Any, NamedTuple
 
 from msggen.live.sim.channel import Channel, Misbehaviour
 from msggen.live.sim.values import Clocks, Filler, Scene
-from msggen.live.sim.world import UNSUPPORTED, Home, World
+from msggen.live.sim.world import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, Home, World
 from msggen.live.xrce import client as xrce
+from msggen.live.xrce.client_entities import Reader, Server, Settings, Sync, Writer
 from msggen.live.xrce.wire import ENCAPSULATION
 
 _DEFAULT_INTERVAL = 4_000
@@ -41,6 +42,13 @@ _ANSWERS = {
 }
 """The topics that PX4 publishes as answers or when something happens, not at a rate."""
 
+_RESULTS = {
+    ACCEPTED: "accepted",
+    TEMPORARILY_REJECTED: "temporarily rejected",
+    DENIED: "denied",
+    UNSUPPORTED: "unsupported",
+}
+
 _SPREAD = 200
 """The time in us between the first samples of two topics, so that they do not all come at once."""
 
@@ -56,7 +64,7 @@ class Options(NamedTuple):
     namespace: str = ""
     rate: float | None = None
     """The rate in Hz at which all topics are published, None for the rate of each."""
-    sync: xrce.Sync = "px4"
+    sync: Sync = "px4"
     seed: int = 0
     """Of the noise of sensors and of what goes wrong."""
     misbehaviour: Misbehaviour = Misbehaviour()
@@ -181,13 +189,13 @@ class SimulatedVehicle:
             number, dds_type = endpoint.object_id, endpoint.dds_type
             if endpoint.direction == "in":
                 self._names[number] = name
-                self._readers.append(xrce.Reader(number, f"rt{name}", dds_type, endpoint.qos.reader.depth))
+                self._readers.append(Reader(number, f"rt{name}", dds_type, endpoint.qos.reader.depth))
                 handler = handlers.get(endpoint.uorb_topic)
                 if handler:
                     self._handlers[number] = (endpoint.message, handler)
             else:
                 self._names[-number - 1] = name
-                self._writers.append(xrce.Writer(number, f"rt{name}", dds_type))
+                self._writers.append(Writer(number, f"rt{name}", dds_type))
                 publication = _Publication(number, self._interval(endpoint), Filler(endpoint.message))
                 self._by_topic[endpoint.uorb_topic] = publication
                 if endpoint.uorb_topic not in _ANSWERS:
@@ -200,7 +208,7 @@ class SimulatedVehicle:
             (endpoint.publish_interval_ms or 0) * 1000 or _DEFAULT_INTERVAL, _OWN_INTERVALS.get(endpoint.uorb_topic, 0)
         )
 
-    def _client_settings(self) -> xrce.Settings:
+    def _client_settings(self) -> Settings:
         options = self.options
         namespace = f"/{options.namespace}" if options.namespace else ""
         servers = []
@@ -208,8 +216,8 @@ class SimulatedVehicle:
             service = self._services.VehicleCommand
             topics = (f"rq{namespace}/fmu/vehicle_commandRequest", f"rr{namespace}/fmu/vehicle_commandReply")
             types = (service.Request.__msg__.dds_type, service.Response.__msg__.dds_type)
-            servers.append(xrce.Server(_SERVICE_NUMBER, "vehicle_command", *types, *topics))
-        return xrce.Settings(
+            servers.append(Server(_SERVICE_NUMBER, "vehicle_command", *types, *topics))
+        return Settings(
             self._readers, self._writers, servers, key=options.key, namespace=options.namespace, sync=options.sync
         )
 
@@ -308,8 +316,8 @@ class SimulatedVehicle:
         self.world.advance(self._now)
         numbers = [getattr(command, f"param{number}") for number in range(1, 8)]
         result = self.world.command(command.command, numbers)
-        what = " is not simulated" if result == UNSUPPORTED else " accepted" if result == 0 else f" refused ({result})"
-        self._tell(f"command {command.command}{what}")
+        reason = f": {self.world.reason}" if self.world.reason else ""
+        self._tell(f"{_command_name(command)} {_RESULTS[result]}{reason}")
         values = {
             "command": command.command,
             "result": result,
@@ -367,6 +375,15 @@ class SimulatedVehicle:
             self._client.connections = connections + 1
             self._client_start = self._now
             self._tell("the client restarts")
+
+
+def _command_name(command: Any) -> str:
+    """Return the name of a VehicleCommand's command, such as DO_SET_MODE, or its number."""
+    found = (name for name, value in vars(type(command)).items() if value == command.command)
+    return next(
+        (name.removeprefix("VEHICLE_CMD_") for name in found if name.startswith("VEHICLE_CMD_")),
+        f"command {command.command}",
+    )
 
 
 def _versioned(name: str, version: int | None) -> str:

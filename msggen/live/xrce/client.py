@@ -14,111 +14,40 @@ it waits, and continues at that time or after a datagram.
 
 from __future__ import annotations
 
-import struct
-from collections import Counter, deque
-from collections.abc import Callable, Generator, Sequence
-from typing import Final, Literal, NamedTuple, TypeAlias
-from xml.sax.saxutils import escape
+from collections import Counter
+from collections.abc import Callable, Generator
+from typing import Final, NamedTuple, TypeAlias
 
 from msggen.live.xrce import wire
-from msggen.live.xrce.entities import (
-    BY_XML,
-    PARTICIPANT,
-    PUBLISHER,
-    QOS_KEEP_LAST,
-    QOS_TRANSIENT_LOCAL,
-    READER,
-    REPLIER,
-    SUBSCRIBER,
-    TOPIC,
-    WRITER,
-    Endpoint,
-    Group,
-    Participant,
-    Replier,
-    Topic,
-    object_id,
-    object_kind,
-    object_number,
+from msggen.live.xrce.client_entities import (
+    Creation,
+    Settings,
+    create_participant,
+    create_reader,
+    create_server,
+    create_writer,
 )
+from msggen.live.xrce.client_streams import ClientStreams
+from msggen.live.xrce.entities import READER, REPLIER, WRITER, object_id, object_number
 from msggen.live.xrce.offset import OffsetFilter
-
-Sync: TypeAlias = Literal["px4", "short", "off"]
-"""The time synchronisation: as PX4's, which takes 5 s at the start; with 20 exchanges; or none."""
 
 _Steps: TypeAlias = "Generator[int, None, None]"
 _Outcome: TypeAlias = "Generator[int, None, bool]"
 
 _SECOND: Final = 1_000_000
-_SESSION: Final = wire.PX4_SESSION
-_WINDOW: Final = 4
-"""Reliable messages that wait for acknowledgement, and that wait for an earlier one."""
-_QUEUE: Final = 16
-"""Reliable messages that wait for room in the window."""
-_HEARTBEAT: Final = 100_000
-_FRAGMENT: Final = wire.MTU - 8
-"""The length of a fragment, after the headers of message and submessage."""
-
-_FIRST_REQUEST: Final = 10
 _PING_ID: Final = b"\x00\x0a"
 _DELETE_ID: Final = b"\x00\x02"
-_PARTICIPANT_ID: Final = object_id(1, PARTICIPANT)
 _ATTEMPTS: Final = 10
 """How often CREATE_CLIENT is sent, and how many TIMESTAMPs in a row may stay without an answer."""
 _EXCHANGES: Final = {"px4": 500, "short": 20, "off": 0}
 _SYNC_PAUSE: Final = {"px4": 10_000, "short": 100, "off": 0}
 _SYNC_WAIT: Final = 10_000
+_STATUSES: Final = 16
+"""The number of STATUS that are kept. PX4's client waits for three at a time."""
 _PINGS: Final = 3
 """The pings without an answer after which the next one ends the session."""
 _SILENCE: Final = 3 * _SECOND
 """The time without a sample from the vehicle after which it ends the session: UXRCE_DDS_TX_TO."""
-
-_WRITE = struct.Struct("<BBHBBH")
-
-
-class Reader(NamedTuple):
-    """A topic that the client reads."""
-
-    number: int
-    """The number of the entity: 12 bits."""
-    name: str
-    """The name in DDS: `rt/fmu/in/vehicle_command`."""
-    type: str
-    depth: int
-
-
-class Writer(NamedTuple):
-    """A topic that the client writes."""
-
-    number: int
-    name: str
-    type: str
-
-
-class Server(NamedTuple):
-    """A service of the client."""
-
-    number: int
-    name: str
-    request_type: str
-    reply_type: str
-    request_topic: str
-    reply_topic: str
-
-
-class Settings(NamedTuple):
-    """The settings of a client. Namespaces are part of the names of topics already."""
-
-    readers: Sequence[Reader]
-    writers: Sequence[Writer]
-    servers: Sequence[Server] = ()
-    key: int = 1
-    """The parameter UXRCE_DDS_KEY."""
-    namespace: str = ""
-    """Becomes part of the name of the participant."""
-    sync: Sync = "px4"
-    localhost: bool = False
-    """The parameter UXRCE_DDS_PTCFG: ask the agent to use the loopback interface only."""
 
 
 class Connected(NamedTuple):
@@ -173,10 +102,10 @@ class Client:
         self.refused: Counter[str] = Counter()
         """Datagrams that were refused, by reason."""
         self.connections = 0
-        self.clock = OffsetFilter(_EXCHANGES[settings.sync])
+        """The number of the newest connection."""
         self._now = 0
         self._until = 0
-        self._outgoing: list[tuple[bytes, int]] = []
+        self._outgoing: list[tuple[bytes, int]] = []  # of earlier connections
         self._events: list[Event] = []
         self._readers = {object_id(each.number, READER) for each in settings.readers}
         self._servers = {object_id(each.number, REPLIER) for each in settings.servers}
@@ -186,21 +115,12 @@ class Client:
 
     def _reset(self) -> None:
         """Forget a session."""
-        self._is_in_session = False
+        self.clock = OffsetFilter(_EXCHANGES[self.settings.sync])
+        self._streams = ClientStreams(self.refused)
         self._info: wire.Info | None = None
         self._agent: wire.StatusAgent | None = None
         self._reply: wire.TimestampReply | None = None
         self._statuses: dict[bytes, int] = {}
-        self._last_request = _FIRST_REQUEST - 1
-        self._best_effort_out = 0
-        self._best_effort_in = -1
-        self._reliable_out = 0
-        self._unacknowledged: dict[int, bytes] = {}
-        self._queue: deque[bytes] = deque(maxlen=_QUEUE)
-        self._buffered: list[bytes] = []
-        self._heartbeat_time: int | None = None
-        self._expected = 0
-        self._waiting: dict[int, bytes] = {}
         self._last_write = self._now
         self._written = self._read = 0
 
@@ -219,15 +139,15 @@ class Client:
     @property
     def next_time(self) -> int:
         """The time at which `advance` is to be called next."""
-        if self._heartbeat_time is None:
-            return self._until
-        return min(self._until, self._heartbeat_time)
+        heartbeat_time = self._streams.heartbeat_time
+        return self._until if heartbeat_time is None else min(self._until, heartbeat_time)
 
     def take_outgoing(self) -> list[tuple[bytes, int]]:
         """Return the datagrams to send, each with the number of its connection.
 
         A new number means a new socket: the earlier ones are closed after their datagrams were sent.
         """
+        self._collect_outgoing()
         taken, self._outgoing = self._outgoing, []
         return taken
 
@@ -239,28 +159,25 @@ class Client:
     def advance(self, now: int) -> None:
         """Do what is due."""
         self._now = max(now, self._now)
-        if self._heartbeat_time is not None and self._now >= self._heartbeat_time:
-            self._send_heartbeat()
+        self._streams.advance(self._now)
         if self._now >= self._until:
             self._continue()
 
     def receive(self, data: bytes, now: int) -> None:
         """Take a datagram, or the message of a frame. Never raises."""
         self._now = max(now, self._now)
-        try:
-            self._take(data)
-        except wire.WireError as error:
-            self.refused[str(error)] += 1
+        for submessage in self._streams.receive(data, self._now):
+            try:
+                self._take(submessage)
+            except wire.WireError as error:
+                self.refused[str(error)] += 1
         self._continue()
 
     def write(self, number: int, data: bytes) -> bool:
         """Send a sample, CDR without encapsulation. Return whether the client is ready."""
         if not self.is_ready:
             return False
-        head = _WRITE.pack(_SESSION, wire.BEST_EFFORT, self._best_effort_out, wire.WRITE_DATA, 1, len(data) + 4)
-        self._best_effort_out = self._best_effort_out + 1 & 0xFFFF
-        identity = self._next_request() + object_id(number, WRITER)
-        self._outgoing.append((b"".join((head, identity, data, bytes(-len(data) & 3))), self.connections))
+        self._streams.write(object_id(number, WRITER), data)
         self._last_write = self._now
         self._written += len(data)
         return True
@@ -268,9 +185,9 @@ class Client:
     def reply(self, number: int, identity: bytes, data: bytes) -> None:
         """Answer a request to a service, CDR without encapsulation."""
         if self.is_connected:
-            sample = wire.Sample(self._next_request(), object_id(number, REPLIER), identity + data)
-            self._buffered.append(sample.pack(wire.WRITE_DATA))
-            self._flush()
+            sample = wire.Sample(self._streams.next_request(), object_id(number, REPLIER), identity + data)
+            self._streams.collect(sample.pack(wire.WRITE_DATA))
+            self._streams.flush(self._now)
 
     def close(self, now: int) -> None:
         """End the session. The client is closed when the agent has answered, or after 1 s."""
@@ -291,21 +208,23 @@ class Client:
             yield from self._find_agent()
             reason = "the agent did not create a session"
             if (yield from self._open_session()):
-                self._is_in_session = True
+                self._streams.is_open = True
                 reason = yield from self._set_up()
                 if not reason:
                     reason = yield from self._serve()
-                self._send(wire.NO_STREAM, 0, wire.Delete(_DELETE_ID).pack())
+                self._streams.send(wire.Delete(_DELETE_ID).pack())
             self.is_connected = False
             self._events.append(Disconnected(reason))
+            self._collect_outgoing()
             self._reset()
             self.connections += 1
 
     def _end(self) -> _Steps:
-        if self._is_in_session:
+        if self._streams.is_open:
             self._statuses.pop(_DELETE_ID, None)
-            self._send(wire.NO_STREAM, 0, wire.Delete(_DELETE_ID).pack())
+            self._streams.send(wire.Delete(_DELETE_ID).pack())
             yield from self._wait(lambda: _DELETE_ID in self._statuses, _SECOND)
+        self._collect_outgoing()
         self._reset()
         self.is_closed = True
         while True:
@@ -326,7 +245,7 @@ class Client:
     def _find_agent(self) -> _Steps:
         while True:
             self._info = None
-            self._send(wire.NO_STREAM, 0, wire.GetInfo(_PING_ID).pack(), wire.NO_SESSION)
+            self._streams.send(wire.GetInfo(_PING_ID).pack(), wire.NO_SESSION)
             yield from self._wait(lambda: self._info is not None, _SECOND)
             if self._info is not None and self._info.available:
                 return
@@ -335,44 +254,39 @@ class Client:
     def _open_session(self) -> _Outcome:
         create = wire.CreateClient(self.settings.key)
         for _ in range(_ATTEMPTS):
-            self._send(wire.NO_STREAM, 0, create.pack(), wire.NO_SESSION)
+            self._streams.send(create.pack(), wire.NO_SESSION)
             if (yield from self._wait(lambda: self._agent is not None, _SECOND)):
                 return self._agent is not None and self._agent.status == wire.OK
         return False
 
     def _set_up(self) -> Generator[int, None, str]:
         """Synchronise the clocks and create all entities. Return why that failed, or ""."""
-        if not (yield from self._create((_PARTICIPANT_ID, self._participant()))):
+        if not (yield from self._create(create_participant(self.settings))):
             return "the agent refused the participant"
         if not (yield from self._synchronise()):
             return "the agent did not answer TIMESTAMP"
         for reader in self.settings.readers:
-            if (yield from self._create(*_reader_entities(reader))):
+            if (yield from self._create(*create_reader(reader))):
                 identity = object_id(reader.number, READER)
-                self._buffered.append(wire.ReadData(self._next_request(), identity).pack())
+                self._streams.collect(wire.ReadData(self._streams.next_request(), identity).pack())
         for writer in self.settings.writers:
-            if not (yield from self._create(*_writer_entities(writer))):
+            if not (yield from self._create(*create_writer(writer))):
                 return f"the agent refused the writer of {writer.name}"
         for server in self.settings.servers:
             identity = object_id(server.number, REPLIER)
-            replier = Replier(*server[1:], parent=_PARTICIPANT_ID)
-            if (yield from self._create((identity, replier.pack()))):
-                self._buffered.append(wire.ReadData(self._next_request(), identity, wire.RELIABLE).pack())
-        self._flush()
+            if (yield from self._create(create_server(server))):
+                self._streams.collect(wire.ReadData(self._streams.next_request(), identity, wire.RELIABLE).pack())
+        self._streams.flush(self._now)
         return ""
 
-    def _participant(self) -> bytes:
-        name = f"{self.settings.namespace}/px4_micro_xrce_dds"
-        return _localhost_participant(name) if self.settings.localhost else Participant(name).pack()
-
-    def _create(self, *entities: tuple[bytes, bytes]) -> _Outcome:
+    def _create(self, *entities: Creation) -> _Outcome:
         """Create entities, each an object id and a representation. Return whether the agent made all of them in 1 s."""
         self._statuses.clear()
         requests = []
         for identity, representation in entities:
-            requests.append(self._next_request())
-            self._buffered.append(wire.Create(requests[-1], identity, representation).pack())
-        self._flush()
+            requests.append(self._streams.next_request())
+            self._streams.collect(wire.Create(requests[-1], identity, representation).pack())
+        self._streams.flush(self._now)
         wanted = frozenset(requests)
         yield from self._wait(lambda: wanted <= self._statuses.keys(), _SECOND)
         return all(self._statuses.get(request) == wire.OK for request in requests)
@@ -407,7 +321,7 @@ class Client:
     def _ping(self) -> _Outcome:
         """Return whether the agent answers within 1 s, and knows this session."""
         self._info = None
-        self._send(wire.NO_STREAM, 0, wire.GetInfo(_PING_ID).pack())
+        self._streams.send(wire.GetInfo(_PING_ID).pack())
         yield from self._wait(lambda: self._info is not None, _SECOND)
         return self._info is not None and self._info.known
 
@@ -428,7 +342,7 @@ class Client:
     def _exchange(self, time: int) -> _Outcome:
         """Ask for the agent's time, and return whether it answers in time."""
         self._reply = None
-        self._send(wire.NO_STREAM, 0, wire.Timestamp(self._now * 1000).pack())
+        self._streams.send(wire.Timestamp(self._now * 1000).pack())
         yield from self._wait(lambda: self._reply is not None, time)
         reply = self._reply
         if reply is None:
@@ -439,95 +353,17 @@ class Client:
             self.exchange = Exchange(agent, agent - (sent + self._now) // 2, self._now - sent)
         return True
 
-    # Sending
-
-    def _next_request(self) -> bytes:
-        self._last_request = self._last_request + 1 if self._last_request < 0xFFFF else _FIRST_REQUEST
-        return self._last_request.to_bytes(2, "big")
-
-    def _send(self, stream: int, sequence: int, body: bytes, session: int = _SESSION) -> None:
-        message = wire.pack_message(session, stream, sequence, body)
-        self._outgoing.append((message, self.connections))
-
-    def _flush(self) -> None:
-        """Send the submessages that were collected, in as few messages as possible."""
-        body = b""
-        for part in self._buffered:
-            padded = part + bytes(-len(part) & 3)
-            if body and len(body) + len(padded) > wire.MTU - 4:
-                self._queue.append(body)
-                body = b""
-            if len(padded) > wire.MTU - 4:
-                self._queue.extend(_fragments(padded))
-            else:
-                body += padded
-        if body:
-            self._queue.append(body)
-        self._buffered.clear()
-        self._send_reliable()
-
-    def _send_reliable(self) -> None:
-        """Send what waits, as far as the window allows."""
-        while self._queue and len(self._unacknowledged) < _WINDOW:
-            message = wire.pack_message(_SESSION, wire.RELIABLE, self._reliable_out, self._queue.popleft())
-            self._unacknowledged[self._reliable_out] = message
-            self._reliable_out = self._reliable_out + 1 & 0xFFFF
-            self._outgoing.append((message, self.connections))
-            self._heartbeat_time = self._now + _HEARTBEAT
-
-    def _send_heartbeat(self) -> None:
-        kept = list(self._unacknowledged)
-        self._heartbeat_time = self._now + _HEARTBEAT if kept else None
-        if kept:
-            self._send(wire.NO_STREAM, 0, wire.Heartbeat(kept[0], kept[-1]).pack())
-
-    def _acknowledge(self, last: int | None = None) -> None:
-        """Tell the agent which reliable messages have arrived. `last` is the newest one that it has sent."""
-        ahead = [sequence - self._expected & 0xFFFF for sequence in self._waiting]
-        if last is not None:
-            ahead.append(last - self._expected & 0xFFFF)
-        newest = max((number for number in ahead if number < _WINDOW), default=-1)
-        missing = sum(
-            1 << number for number in range(newest + 1) if (self._expected + number & 0xFFFF) not in self._waiting
-        )
-        self._send(wire.NO_STREAM, 0, wire.AckNack(self._expected, missing).pack())
+    def _collect_outgoing(self) -> None:
+        self._outgoing += [(message, self.connections) for message in self._streams.outgoing]
+        self._streams.outgoing.clear()
 
     # Receiving
 
-    def _take(self, data: bytes) -> None:
-        header = wire.parse_header(data)
-        if header.session_id not in (_SESSION, wire.NO_SESSION):
-            raise wire.WireError("message of another session")
-        if header.stream == wire.NO_STREAM:
-            self._take_body(data[4:])
-        elif not self._is_in_session:
-            raise wire.WireError("message outside of a session")
-        elif header.stream == wire.BEST_EFFORT:
-            if 0 < (header.sequence - self._best_effort_in & 0xFFFF) < 0x8000:
-                self._best_effort_in = header.sequence
-                self._take_body(data[4:])
-        elif header.stream == wire.RELIABLE:
-            self._take_reliable(header.sequence, data[4:])
-        else:
-            raise wire.WireError("unknown stream")
-
-    def _take_reliable(self, sequence: int, body: bytes) -> None:
-        if (sequence - self._expected & 0xFFFF) < _WINDOW:
-            self._waiting[sequence] = body
-        try:
-            while self._expected in self._waiting:
-                body = self._waiting.pop(self._expected)
-                self._expected = self._expected + 1 & 0xFFFF
-                self._take_body(body)
-        finally:
-            self._acknowledge()
-
-    def _take_body(self, body: bytes) -> None:
-        for submessage in wire.submessages(body):
-            take = _TAKE.get(submessage.id)
-            if take is None:
-                raise wire.WireError("submessage that no agent sends")
-            take(self, submessage)
+    def _take(self, submessage: wire.Submessage) -> None:
+        take = _TAKE.get(submessage.id)
+        if take is None:
+            raise wire.WireError("submessage that no agent sends")
+        take(self, submessage)
 
     def _take_info(self, submessage: wire.Submessage) -> None:
         self._info = wire.Info.unpack(submessage.payload)
@@ -537,7 +373,7 @@ class Client:
 
     def _take_status(self, submessage: wire.Submessage) -> None:
         status = wire.Status.unpack(submessage.payload)
-        if len(self._statuses) < _QUEUE:
+        if len(self._statuses) < _STATUSES:
             self._statuses[status.request_id] = status.status
 
     def _take_timestamp_reply(self, submessage: wire.Submessage) -> None:
@@ -549,38 +385,9 @@ class Client:
         self._read += len(sample.data)
         if sample.object_id in self._readers:
             self._events.append(Received(number, sample.data))
-        elif sample.object_id in self._servers and object_kind(sample.object_id) == REPLIER:
+        elif sample.object_id in self._servers:
             wire.Identity.unpack(sample.data)
             self._events.append(Requested(number, sample.data[:24], sample.data[24:]))
-
-    def _take_acknack(self, submessage: wire.Submessage) -> None:
-        acknowledged = wire.AckNack.unpack(submessage.payload)
-        kept = self._unacknowledged
-        if acknowledged.stream != wire.RELIABLE or not kept:
-            return
-        oldest = next(iter(kept))
-        if (acknowledged.first - oldest & 0xFFFF) > len(kept):
-            return  # late, or of messages that were never sent
-        for sequence in [each for each in kept if 0 < (acknowledged.first - each & 0xFFFF) < 0x8000]:
-            del kept[sequence]
-        for number in range(16):
-            again = kept.get(acknowledged.first + number & 0xFFFF) if acknowledged.missing >> number & 1 else None
-            if again:
-                self._outgoing.append((again, self.connections))
-        self._heartbeat_time = self._now + _HEARTBEAT if kept else None
-        self._send_reliable()
-
-    def _take_heartbeat(self, submessage: wire.Submessage) -> None:
-        heartbeat = wire.Heartbeat.unpack(submessage.payload)
-        if heartbeat.stream != wire.RELIABLE or not self._is_in_session:
-            return
-        if 0 < (heartbeat.first - self._expected & 0xFFFF) < 0x8000:  # the agent no longer has what is missing
-            self._expected = heartbeat.first
-            self._waiting = {key: body for key, body in self._waiting.items() if self._is_ahead(key)}
-        self._acknowledge(heartbeat.last)
-
-    def _is_ahead(self, sequence: int) -> bool:
-        return (sequence - self._expected & 0xFFFF) < _WINDOW
 
 
 _TAKE: Final = {
@@ -589,45 +396,4 @@ _TAKE: Final = {
     wire.STATUS: Client._take_status,  # noqa: SLF001
     wire.TIMESTAMP_REPLY: Client._take_timestamp_reply,  # noqa: SLF001
     wire.DATA: Client._take_data,  # noqa: SLF001
-    wire.ACKNACK: Client._take_acknack,  # noqa: SLF001
-    wire.HEARTBEAT: Client._take_heartbeat,  # noqa: SLF001
 }
-
-
-def _reader_entities(reader: Reader) -> list[tuple[bytes, bytes]]:
-    topic, subscriber, identity = (object_id(reader.number, kind) for kind in (TOPIC, SUBSCRIBER, READER))
-    return [
-        (topic, Topic(reader.name, reader.type, _PARTICIPANT_ID).pack()),
-        (subscriber, Group(SUBSCRIBER, _PARTICIPANT_ID).pack()),
-        (identity, Endpoint(READER, topic, subscriber, QOS_KEEP_LAST, reader.depth).pack()),
-    ]
-
-
-def _writer_entities(writer: Writer) -> list[tuple[bytes, bytes]]:
-    topic, publisher, identity = (object_id(writer.number, kind) for kind in (TOPIC, PUBLISHER, WRITER))
-    return [
-        (topic, Topic(writer.name, writer.type, _PARTICIPANT_ID).pack()),
-        (publisher, Group(PUBLISHER, _PARTICIPANT_ID).pack()),
-        (identity, Endpoint(WRITER, topic, publisher, QOS_KEEP_LAST | QOS_TRANSIENT_LOCAL).pack()),
-    ]
-
-
-def _localhost_participant(name: str) -> bytes:
-    """Return the representation of a participant that is restricted to the loopback interface."""
-    transport = "<transport_id>udp_localhost</transport_id>"
-    only = "<interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>"
-    xml = (
-        f"<dds><profiles><transport_descriptors><transport_descriptor>{transport}<type>UDPv4</type>{only}"
-        "</transport_descriptor></transport_descriptors></profiles>"
-        f"<participant><rtps><name>{escape(name)}</name><useBuiltinTransports>false</useBuiltinTransports>"
-        f"<userTransports>{transport}</userTransports></rtps></participant></dds>"
-    )
-    text = bytes((PARTICIPANT, BY_XML, 0, 0)) + wire.pack_string(xml)
-    return text + bytes(len(text) & 1) + bytes(2)
-
-
-def _fragments(submessage: bytes) -> list[bytes]:
-    """Return the FRAGMENTs of a submessage that is too long for a message. Its padding is part of the last one."""
-    parts = [submessage[at : at + _FRAGMENT] for at in range(0, len(submessage), _FRAGMENT)]
-    flags = [wire.LITTLE_ENDIAN] * (len(parts) - 1) + [wire.LITTLE_ENDIAN | wire.LAST_FRAGMENT]
-    return [wire.pack_submessage(wire.FRAGMENT, part, flag) for part, flag in zip(parts, flags, strict=True)]
