@@ -19,7 +19,7 @@ import time
 from collections.abc import Iterable, Sequence
 from typing import NoReturn
 
-from .agent_link import AgentLink
+from .agent_link import SelectorLink
 from .link import LinkError, Listener, Remote, Route, Service
 from .udp import BATCH, LONGEST, PORT, RECEIVE_BUFFER, allowed, bound, dropped, exposed, granted
 from .xrce.agent import Address
@@ -81,7 +81,7 @@ class _Client:
         self.heard = time.monotonic()
 
 
-class TapLink(AgentLink):
+class TapLink(SelectorLink):
     """A link to the vehicles that send to a UDP port, and through it to a real agent."""
 
     def __init__(
@@ -111,6 +111,7 @@ class TapLink(AgentLink):
 
     def open(self, listener: Listener) -> None:
         """Bind the socket that clients send to."""
+        super().open(listener)
         self._listens = bound(self.host, self.port)
         self._granted = granted(self._listens)
         self.host, self.port = self._listens.getsockname()
@@ -274,3 +275,4 @@ class TapLink(AgentLink):
         for client in self._clients.values():
             client.socket.close()
         self._clients.clear()
+        super().release()
