@@ -166,8 +166,8 @@ def test_a_slow_listener_loses_datagrams_and_they_are_counted() -> None:
 
     last = 2000
     with linked(Slow()) as (link, records), connected(link, records) as (client, _):
-        assert link.socket is not None
-        link.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65536)
+        assert link.bound is not None
+        link.bound.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65536)
         client.socket.send(sample(0, bytes(64)))
         records.wait(lambda: records.samples)
         for number in range(1, last):
