@@ -1,4 +1,4 @@
-"""Frames of a serial line: docs/xrce.md, "Serial line".
+"""Frames of a serial line: docs/xrce.md, 9.
 
 The begin byte occurs in a frame only at its start, so a receiver that lost bytes continues at the next one.
 """

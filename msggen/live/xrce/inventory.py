@@ -1,4 +1,4 @@
-"""The entities of one client, and the routes and services that they make. docs/xrce.md, "Entities"."""
+"""The entities of one client, and the routes and services that they make. docs/xrce.md, 4."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ class Session:
         self.best_effort.last = None
 
     def adopt(self, known: Iterable[Route]) -> None:
-        """Take over a session that an earlier program began: docs/xrce.md, "Take-over"."""
+        """Take over a session that an earlier program began: docs/xrce.md, 10."""
         self.adopted = True
         self.inventory.adopt(known)
         self.best_effort = BestEffortInput(None)

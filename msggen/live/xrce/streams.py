@@ -1,4 +1,4 @@
-"""Streams: order, loss and repetition of messages. Both sides of a session use them. docs/xrce.md, "Streams".
+"""Streams: order, loss and repetition of messages. Both sides of a session use them. docs/xrce.md, 6.
 
 A sequence number has 16 bits and wraps. Number b is newer than a if (b - a) mod 65536 is 1 to 32767.
 """

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from random import Random
 
 import pytest
 
 from msggen.live.link import LinkError, Remote, Route, Service
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.agent import Agent, Connected, Disconnected, Limits, Lost, Opened, Replied, Sample, Warned
+from msggen.live.xrce.session import Session
 from msggen.live.xrce.streams import OUTPUT_WINDOW
+from support.xrce_captures import sent
 from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected, start
+from support.xrce_garbage import mutated
 
 LE = b"\0\1\0\0"
 ROUTE = Route("/fmu/out/a", "px4_msgs/msg/A", "out", 1)
@@ -124,6 +128,16 @@ def test_a_silent_client_is_disconnected_and_forgotten() -> None:
     world.settle()
     assert len(world.all(Connected)) == len(world.all(Disconnected)) == 2
     assert world.agent.refused == {"message of an unknown session": 1}
+    assert world.agent._sessions == {}
+
+
+def test_a_silent_client_that_ends_its_session_is_not_connected_again() -> None:
+    world, client = connected()
+    world.run(6)
+    client.delete()
+    world.settle()
+    assert client.statuses()[-1] == wire.OK
+    assert [type(event).__name__ for event in world.events[4:]] == ["Disconnected"]
     assert world.agent._sessions == {}
 
 
@@ -412,6 +426,28 @@ def test_fragments_inside_of_fragments_are_refused() -> None:
     assert sum(world.agent.refused.values()) == 2
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_the_fast_path_equals_the_slow_one(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A captured session over a bad network, with errors: the same events with and without the path for WRITE_DATA."""
+    random = Random(seed)  # noqa: S311
+    captured = sent(("session-udp", "session-namespace", "session-fragment")[seed % 3], "client")
+    written = next(at for at, data in enumerate(captured) if data[4] == wire.WRITE_DATA)
+    noisy = Network(0.1, 0.1, 0.1).carry(random, captured[written:])
+    noisy = captured[:written] + [mutated(random, data) if random.random() < 0.2 else data for data in noisy]
+    results = []
+    for is_slow in (False, True):
+        if is_slow:
+            monkeypatch.setattr(Session, "_open_fast_path", lambda _: None)
+        agent = Agent(0.0)
+        for number, data in enumerate(noisy):
+            agent.receive(data, ("127.0.0.1", 1), number)
+        counts = agent.received, agent.late, agent.lost, agent.refused
+        results.append((agent.take_events(), agent.take_outgoing(), counts))
+    assert results[0] == results[1]
+    assert results[0][2][1] > 0
+    assert len(results[0][0]) > 70
+
+
 # --- to the client
 
 
@@ -493,7 +529,7 @@ def test_a_key_that_is_not_allowed_gets_no_session() -> None:
     assert [part.id for part in client.received] == [wire.INFO]
     assert world.agent.refused["key that is not allowed"] == 1
     assert [event.text for event in world.events if isinstance(event, Warned)] == [
-        "refused 127.0.0.1:50001: key 5 is not allowed; add it to the keys in allow="
+        "refused 127.0.0.1: key 5 is not allowed; add it to the keys in allow="
     ]
     world, _ = connected(Client(key=2), keys={1, 2})
     assert len(world.all(Connected)) == 1
