@@ -263,8 +263,7 @@ class SimulatedVehicle:
                 self._due = [(self._now + index * _SPREAD, index) for index in range(len(self._publications))]
             else:
                 self._tell(f"disconnected: {event.reason}")
-        exchange = self._client.exchange
-        self._clocks = Clocks(exchange.agent, -exchange.observed, -self._client.offset, exchange.round_trip)
+        self._clocks = _clocks_of(self._client)
         self.refused.update(self._client.refused)
         self._client.refused.clear()
 
@@ -375,6 +374,12 @@ class SimulatedVehicle:
             self._client.connections = connections + 1
             self._client_start = self._now
             self._tell("the client restarts")
+
+
+def _clocks_of(client: xrce.Client) -> Clocks:
+    """Return the last exchange of times, within the ranges of TimesyncStatus whatever the agent's clock is."""
+    agent, observed, round_trip = client.exchange
+    return Clocks(max(0, agent), -observed, -client.offset, min(round_trip, 0xFFFFFFFF))
 
 
 def _command_name(command: Any) -> str:
