@@ -12,16 +12,15 @@ thrown away.
 
 from __future__ import annotations
 
-import ipaddress
 import selectors
 import socket
 import time
 from collections.abc import Iterable, Sequence
 from typing import NoReturn
 
-from .agent_link import AgentLink
+from .agent_link import SelectorLink
 from .link import LinkError, Listener, Remote, Route, Service
-from .udp import BATCH, LONGEST, PORT, RECEIVE_BUFFER, allowed, bound, dropped, exposed, granted
+from .udp import BATCH, LONGEST, PORT, RECEIVE_BUFFER, Bound, allowed
 from .xrce.agent import Address
 from .xrce.wire import BEST_EFFORT, HEADER, NO_SESSION, STATUS_AGENT
 
@@ -59,6 +58,10 @@ class Shift:
             self._newest = shifted
         return data if shifted == sequence else HEADER.pack(session, stream, shifted) + data[HEADER.size :]
 
+    def restart(self, data: bytes) -> None:
+        """Take the number of a datagram that goes to the client as it is for the newest one."""
+        self.added, self._newest = 0, HEADER.unpack_from(data)[2]
+
     def add(self, data: bytes) -> bytes:
         """Return a datagram of this program as it goes to the client."""
         self.added = (self.added + 1) & 0xFFFF
@@ -77,7 +80,7 @@ class _Client:
         self.heard = time.monotonic()
 
 
-class TapLink(AgentLink):
+class TapLink(SelectorLink):
     """A link to the vehicles that send to a UDP port, and through it to a real agent."""
 
     def __init__(
@@ -100,16 +103,15 @@ class TapLink(AgentLink):
         """The port, once the link is started also if it was 0."""
         self.agent_address = agent
         self._is_open_to_all = not allow
-        self._listens: socket.socket | None = None
+        self._bound: Bound | None = None
         self._clients: dict[Address, _Client] = {}
-        self._granted = self._dropped = 0
         self._has_told_of_agent = self._has_told_of_clients = False
 
     def open(self, listener: Listener) -> None:
         """Bind the socket that clients send to."""
-        self._listens = bound(self.host, self.port)
-        self._granted = granted(self._listens)
-        self.host, self.port = self._listens.getsockname()
+        super().open(listener)
+        self._bound = Bound(self.host, self.port)
+        self.host, self.port = self._bound.host, self._bound.port
         try:
             self.agent_address = (socket.gethostbyname(self.agent_address[0]), self.agent_address[1])
         except OSError as error:
@@ -119,9 +121,8 @@ class TapLink(AgentLink):
                 f"the tap and the agent cannot both be at {self.host}:{self.port}: start the agent with another port, "
                 f"MicroXRCEAgent udp4 -p {AGENT_PORT}, and use tap://{self.host}:{self.port}?agent=127.0.0.1:{AGENT_PORT}"
             )
-        if not ipaddress.ip_address(self.host).is_loopback:
-            listener.warned(exposed(f"{self.host}:{self.port}", is_open_to_all=self._is_open_to_all))
-        self.selector.register(self._listens, selectors.EVENT_READ, self._from_clients)
+        self._bound.warn(listener, is_open_to_all=self._is_open_to_all)
+        self.selector.register(self._bound.socket, selectors.EVENT_READ, self._from_clients)
 
     def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> NoReturn:  # noqa: ARG002
         """Raise LinkError: requests go on the reliable stream, which belongs to the agent."""
@@ -138,36 +139,44 @@ class TapLink(AgentLink):
                 self._to_client(client.shift.add(data), address)
 
     def _to_client(self, data: bytes, address: Address) -> None:
-        if self._listens is not None:
-            try:
-                self._listens.sendto(data, address)
-                self.sent += 1
-            except OSError:
-                pass  # lost, as on the network
+        if self._bound is not None:
+            self.sent += self._bound.send(data, address)
 
     def _from_clients(self, _events: int, listener: Listener) -> None:
         """Forward what clients have sent, then let the agent of this link have it."""
-        if self._listens is None:
+        if self._bound is None:
             return
         received: list[tuple[bytes, Address]] = []
         for _ in range(BATCH):
             try:
-                data, address = self._listens.recvfrom(LONGEST)
+                data, address = self._bound.socket.recvfrom(LONGEST)
             except OSError:
                 break
-            received.append((data, address))
             client = self._client(address, listener)
             if client is not None:
                 try:
                     client.socket.send(data)
                 except OSError:
                     self._miss_agent(listener)
+            if client is not None or not self._is_allowed(address):
+                received.append((data, address))
         now = time.time_ns()
         with self.lock:
             for data, address in received:
                 self.agent.receive(data, address, now)
-            self.agent.take_outgoing()  # the real agent answers
+            self._answer()
         self.flush(listener)
+
+    def _answer(self) -> None:
+        """Throw answers away, since the agent gives them, but for the ones that continue the session of an earlier tap.
+
+        Those make the client take any number for a new one (docs/xrce.md, "Take-over").
+        """
+        for data, address in self.agent.take_outgoing():
+            client = self._clients.get(address)
+            if client is not None and data[1] == BEST_EFFORT:
+                client.shift.restart(data)
+                self._to_client(data, address)
 
     def _client(self, address: Address, listener: Listener) -> _Client | None:
         """Return the client at an address, or None if it may not connect."""
@@ -243,19 +252,17 @@ class TapLink(AgentLink):
 
     def dropped(self) -> int:
         """Return how many datagrams of clients the kernel has dropped. Known on Linux."""
-        if self._listens is not None:
-            self._dropped = max(self._dropped, dropped(self._listens))
-        return self._dropped
+        return self._bound.dropped() if self._bound else 0
 
     def receive_buffer(self) -> int:
         """Return the size of the receive buffer in bytes that the kernel granted."""
-        return self._granted
+        return self._bound.receive_buffer if self._bound else 0
 
     def release(self) -> None:
         """Close all sockets."""
-        if self._listens is not None:
-            self.dropped()  # the last chance to ask
-            self._listens.close()
+        if self._bound is not None:
+            self._bound.close()
         for client in self._clients.values():
             client.socket.close()
         self._clients.clear()
+        super().release()

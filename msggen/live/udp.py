@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import ipaddress
-import selectors
 import socket
 import struct
 import sys
@@ -55,64 +54,118 @@ class UdpLink(AgentLink):
         self.port = port
         """The port, once the link is started also if it was 0."""
         self._is_open_to_all = not allow and not keys
-        self.socket: socket.socket | None = None
-        self._granted = self._dropped = 0
+        self.bound: Bound | None = None
         self._last = 0
 
     def open(self, listener: Listener) -> None:
         """Bind the socket."""
-        self.socket = bound(self.host, self.port)
-        self._granted = granted(self.socket)
-        self.host, self.port = self.socket.getsockname()
-        if not ipaddress.ip_address(self.host).is_loopback:
-            listener.warned(exposed(f"{self.host}:{self.port}", is_open_to_all=self._is_open_to_all))
-        self.selector.register(self.socket, selectors.EVENT_READ, self._receive)
+        self.bound = Bound(self.host, self.port)
+        self.host, self.port = self.bound.host, self.bound.port
+        self.bound.warn(listener, is_open_to_all=self._is_open_to_all)
+        self._waits = self.bound.socket.dup()  # the same socket, with another time-out
 
-    def _receive(self, _events: int, listener: Listener) -> None:
-        """Give the agent what has arrived. Ask for more than one datagram only if they come fast: asking in vain costs
-        a third of the time that a datagram takes.
+    def wait(self, seconds: float, listener: Listener) -> None:
+        """Give the agent what arrives.
+
+        There is no selector, which would cost half as much again as all the rest, and more than one datagram is asked
+        for only if they come fast.
         """
-        sock, agent = self.socket, self.agent
-        if sock is None:
+        agent = self.agent
+        self._waits.settimeout(seconds)
+        try:
+            data, address = self._waits.recvfrom(LONGEST)
+        except (BlockingIOError, TimeoutError, ConnectionError):  # the last one on Windows: a receiver has gone
             return
+        now = time.time_ns()
         with self.lock:
-            last, rest = self._last, BATCH
-            with suppress(OSError):  # nothing more is there; Windows reports receivers that have gone
-                while rest:
-                    data, address = sock.recvfrom(LONGEST)
-                    self._last = now = time.time_ns()
-                    agent.receive(data, address, now)
-                    rest = rest - 1 if now - last < FAST else 0
+            agent.receive(data, address, now)
+            if now - self._last < FAST:
+                self._drain(now)
+            self._last = now
             events = self.settle()
         deliver(events, listener)
 
+    def _drain(self, now: int) -> None:
+        """Give the agent what has arrived already. The caller holds the lock."""
+        if self.bound is None:
+            return
+        receive, take = self.bound.socket.recvfrom, self.agent.receive
+        with suppress(BlockingIOError, ConnectionError):
+            for _ in range(BATCH):
+                data, address = receive(LONGEST)
+                take(data, address, now)
+
+    def wake(self) -> None:
+        """Let the thread look around at once, where the system wakes it. Elsewhere it does so after TICK."""
+        if self.bound is not None:
+            with suppress(OSError):
+                self.bound.socket.shutdown(socket.SHUT_RD)
+
     def transmit(self, datagrams: list[tuple[bytes, Address]]) -> None:
         """Send datagrams. One that cannot be sent is lost, as on the network."""
-        if self.socket is None:
+        if self.bound is None:
             return
-        send = self.socket.sendto
         for data, address in datagrams:
-            try:
-                send(data, address)
-                self.sent += 1
-            except OSError:
-                pass
+            self.sent += self.bound.send(data, address)
 
     def dropped(self) -> int:
         """Return how many datagrams the kernel has dropped. Known on Linux."""
-        if self.socket is not None:
-            self._dropped = max(self._dropped, dropped(self.socket))
-        return self._dropped
+        return self.bound.dropped() if self.bound else 0
 
     def receive_buffer(self) -> int:
         """Return the size of the receive buffer in bytes that the kernel granted."""
-        return self._granted
+        return self.bound.receive_buffer if self.bound else 0
 
     def release(self) -> None:
         """Close the socket."""
-        if self.socket is not None:
-            self.dropped()  # the last chance to ask
-            self.socket.close()
+        if self.bound is not None:
+            self._waits.close()
+            self.bound.close()
+
+
+class Bound:
+    """A UDP socket at an address of this computer, and what the kernel tells of it."""
+
+    def __init__(self, host: str, port: int) -> None:
+        """Bind a socket that does not block. Raises LinkError."""
+        self.socket = bound(host, port)
+        self.host: str
+        self.port: int
+        self.host, self.port = self.socket.getsockname()
+        size = self.socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+        self.receive_buffer = size // 2 if sys.platform == "linux" else size  # Linux counts its own overhead: socket(7)
+        self._dropped = 0
+
+    def warn(self, listener: Listener, *, is_open_to_all: bool) -> None:
+        """Warn if the socket is reachable from the network."""
+        if ipaddress.ip_address(self.host).is_loopback:
+            return
+        text = (
+            f"listening on {self.host}:{self.port}: UDP has no authentication, "
+            "so whoever can send to this port can pose as a vehicle"
+        )
+        listener.warned(f"{text}; name those who may with allow=" if is_open_to_all else text)
+
+    def send(self, data: bytes, address: Address) -> bool:
+        """Send a datagram. Return whether it could be sent."""
+        try:
+            self.socket.sendto(data, address)
+        except OSError:
+            return False
+        return True
+
+    def dropped(self) -> int:
+        """Return how many datagrams the kernel has dropped because the receive buffer was full. Known on Linux."""
+        if sys.platform == "linux":
+            with suppress(OSError, struct.error):  # closed, or an old kernel
+                told = self.socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size)
+                self._dropped = _MEMINFO.unpack(told)[-1]
+        return self._dropped
+
+    def close(self) -> None:
+        """Close the socket."""
+        self.dropped()  # the last chance to ask
+        self.socket.close()
 
 
 def allowed(networks: Sequence[str]) -> Callable[[Address], bool]:
@@ -165,25 +218,3 @@ def _why(error: OSError, host: str, port: int) -> str:
     if isinstance(error, socket.gaierror):
         return f"'{host}' is no IPv4 address and no name that this computer knows"
     return f"cannot listen on UDP port {port} of {host}: {error}"
-
-
-def exposed(address: str, *, is_open_to_all: bool) -> str:
-    """Return a warning about a socket that is reachable from the network."""
-    text = f"listening on {address}: UDP has no authentication, so whoever can send to this port can pose as a vehicle"
-    return f"{text}; name those who may with allow=" if is_open_to_all else text
-
-
-def granted(sock: socket.socket) -> int:
-    """Return the size of the receive buffer of a socket in bytes."""
-    size = sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
-    return size // 2 if sys.platform == "linux" else size  # Linux counts its own overhead: socket(7)
-
-
-def dropped(sock: socket.socket) -> int:
-    """Return how many datagrams the kernel has dropped because the receive buffer of a socket was full. On Linux."""
-    if sys.platform != "linux":
-        return 0
-    try:
-        return int(_MEMINFO.unpack(sock.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))[-1])
-    except (OSError, struct.error):  # closed, or an old kernel
-        return 0

@@ -9,6 +9,8 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from msggen.firmware.embedded import EMBEDDED
 from msggen.live.sim import Misbehaviour, Options, SimulatedVehicle
@@ -247,6 +249,36 @@ def test_a_heartbeat_with_times_of_another_clock_is_too_old(bench: Bench) -> Non
     assert bench.command(176, 1.0, 6.0) == 0
 
 
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_no_sample_and_no_request_stops_a_vehicle(px4_types: Any, data: st.DataObject) -> None:
+    """Any bytes as the content of any topic: the vehicle goes on, and its messages can be encoded."""
+    bench = Bench(px4_types, Options(sync="off"))
+    bench.run(0.05)
+    for _ in range(data.draw(st.integers(1, 8))):
+        endpoint = data.draw(st.sampled_from([*bench.topics.in_]))
+        size = endpoint.message.__msg__.cdr_size
+        bench.agent.publish(f"rt{endpoint.ros_name}", b"\0\1\0\0" + data.draw(st.binary(min_size=size, max_size=size)))
+        bench.agent.call(1, b"\0\1\0\0" + data.draw(st.binary(min_size=56, max_size=56)))
+        bench.run(0.02)
+    bench.run(0.3)
+    assert bench.vehicle.is_connected
+    assert bench.last("vehicle_status").timestamp > 0
+
+
+@pytest.mark.parametrize("transmitted", [-(2**31) * 10**9, 0, (2**31 - 1) * 10**9])
+@pytest.mark.parametrize("originated", [0, 10**9, 2**31 * 10**9 - 1])
+def test_no_clock_of_an_agent_stops_a_vehicle(px4_types: Any, transmitted: int, originated: int) -> None:
+    bench = Bench(px4_types, SHORT._replace(rate=5.0))
+    bench.run(0.1)
+    bench.now += 2**33  # two hours, so that a round trip does not fit in 32 bits
+    bench.run(1.0)
+    bench.agent.wrong_time = wire.TimestampReply(transmitted, transmitted, originated)
+    bench.run(2.5)
+    assert bench.vehicle.is_connected
+    assert bench.last("timesync_status").timestamp > 0
+
+
 def test_modes_that_end_are_reported(bench: Bench) -> None:
     bench.command(400, 1.0)
     bench.command(22, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
@@ -378,12 +410,12 @@ def test_the_agent_receives_all_samples(px4_types: Any) -> None:
     assert not agent.refused
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_vehicle_and_agent_connect_with_10_percent_of_loss_both_ways(px4_types: Any, seed: int) -> None:
     wrong = Misbehaviour(drop=0.1, reorder=0.02, duplicate=0.02)
     vehicle = SimulatedVehicle(px4_types, Options(sync="off", seed=seed, misbehaviour=wrong))
     agent = Agent(0.0)
-    samples = served(vehicle, agent, 0, 40.0)
+    samples = served(vehicle, agent, 0, 30.0)
     assert vehicle.is_connected
     assert len(samples) > 1000
     assert {sample.remote.key for sample in samples} == {1}

@@ -17,6 +17,7 @@ class SmallAgent:
         self._send_to = send
         self.is_away = False
         self.answers_time = True
+        self.wrong_time: wire.TimestampReply | None = None
         self.status = wire.OK
         self.reset()
 
@@ -123,8 +124,9 @@ class SmallAgent:
                     self._take(whole, session)
             elif kind == wire.TIMESTAMP:
                 time = (self.now + EPOCH) * 1000
+                reply = wire.TimestampReply(time, time, wire.Timestamp.unpack(payload).time)
                 if self.answers_time:
-                    self._send(0, wire.TimestampReply(time, time, wire.Timestamp.unpack(payload).time).pack())
+                    self._send(0, (self.wrong_time or reply).pack())
             elif kind == wire.ACKNACK:
                 acknowledged = wire.AckNack.unpack(payload)
                 self._kept = {n: each for n, each in self._kept.items() if n - acknowledged.first & 0xFFFF < 0x8000}
