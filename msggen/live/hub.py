@@ -9,12 +9,12 @@ from logging import getLogger
 
 from msggen.live.calls import Calls
 from msggen.live.errors import FormatError
+from msggen.live.feed import Feed, check_outside_callback
 from msggen.live.firmware import RESPONSE, RETRY_NS, Firmware, FormatCheck, identify, releases
 from msggen.live.link import Link, Remote, Route, Service
 from msggen.live.names import is_topic, stem_of
 from msggen.live.packages import Decoding, Packages, Topic, UnknownFormatError, decoding_of
 from msggen.live.selection import Selection, is_same, shown
-from msggen.live.subscription import Feed
 
 LOGGER = getLogger("msggen.live")
 
@@ -273,6 +273,7 @@ class Hub:
 
     def wait(self, predicate: Callable[[], bool], timeout: float | None, interval: float = 0.2) -> bool:
         """Wait until `predicate` is true, which is called with the lock held. Return whether it is, at the end."""
+        check_outside_callback()
         deadline = None if timeout is None else time.monotonic() + timeout
         with self.changed:
             while not predicate():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from msggen.diagnostics import suggestion
 from msggen.live.errors import LinkTimeoutError, NotConnectedError, TopicError
+from msggen.live.feed import Feed, Options
 from msggen.live.hub import Entry, Member
 from msggen.live.link import Link, LinkError, Remote, Route, Service, Statistics
 from msggen.live.names import is_topic, stem_of
@@ -26,7 +27,7 @@ from msggen.live.packages import (
 from msggen.live.repeater import Repeater
 from msggen.live.selection import Selection, shown
 from msggen.live.sharing import join_hub, leave_hub, leave_soon, link_of
-from msggen.live.subscription import Feed, Options, Subscription
+from msggen.live.subscription import Subscription
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -327,8 +328,6 @@ class Vehicle:
             )
         payload = entry.calls.call(service, request.encode(), timeout)
         return response.decode(payload)
-
-    # internals
 
     def _check_open(self) -> None:
         if self._member.is_closed:

@@ -300,6 +300,33 @@ def test_an_async_iterator_needs_no_thread(link: FakeLink, vehicle: Vehicle, px4
     assert asyncio.run(asyncio.wait_for(read(), WAIT)) == [1000, *range(200)]
 
 
+def test_an_async_iterator_leaves_time_to_other_tasks(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
+    subscription = vehicle.subscribe(px4_types.VehicleStatus)
+    remote = link.connect()
+    for number in range(300):
+        link.sample(remote, status(px4_types, number))
+
+    async def main() -> int:
+        turns = 0
+
+        async def other() -> None:
+            nonlocal turns
+            while True:
+                turns += 1
+                await asyncio.sleep(0)
+
+        task = asyncio.get_running_loop().create_task(other())
+        seen = 0
+        async for _ in subscription:
+            seen += 1
+            if seen == 300:
+                break
+        task.cancel()
+        return turns
+
+    assert asyncio.run(main()) >= 4
+
+
 def test_an_async_iterator_ends_when_the_vehicle_is_closed(vehicle: Vehicle, px4_types: Any) -> None:
     subscription = vehicle.subscribe(px4_types.VehicleStatus)
 
