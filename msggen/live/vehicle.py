@@ -187,17 +187,7 @@ class Vehicle:
     @overload
     def subscribe(
         self,
-        topic: type[MessageT],
-        callback: Callable[[MessageT], object] | None = None,
-        *,
-        queue: int | None = None,
-        raw: Literal[False] = False,
-        convert: bool = False,
-    ) -> Subscription[MessageT]: ...
-    @overload
-    def subscribe(
-        self,
-        topic: Endpoint[MessageT],
+        topic: type[MessageT] | Endpoint[MessageT],
         callback: Callable[[MessageT], object] | None = None,
         *,
         queue: int | None = None,
