@@ -308,7 +308,7 @@ class Vehicle:
         if entry.remote.adopted:
             raise LinkError(
                 f"'{service_name}' cannot be called, because this session was begun by an earlier program: restart the "
-                "client on the vehicle (uxrce_dds_client stop, uxrce_dds_client start), or publish VehicleCommand"
+                "client on the vehicle (uxrce_dds_client stop, uxrce_dds_client start), or publish to 'vehicle_command'"
             )
         service = entry.services.get(type(request).__msg__.ros_type)
         if service is None:
