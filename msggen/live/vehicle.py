@@ -77,7 +77,7 @@ class Vehicle:
         self._packages: Packages = packages_of(types)
         selection = Selection(key, None if namespace is None else namespace.strip("/"), address)
         self._member = Member(selection, self._packages)
-        self._routes: dict[tuple[type, object], tuple[Entry, Route]] = {}
+        self._routes: dict[tuple[type, object], tuple[Entry, Route, object]] = {}
         self._name, opened = link_of(
             url, (allow,) if isinstance(allow, (str, int)) else allow, self._packages, is_isolated=isolated
         )
@@ -343,15 +343,18 @@ class Vehicle:
 
     def _route_to(self, message: Message, topic: Endpoint[Any] | str | None) -> tuple[Entry, Route]:
         entry = self._entry()
-        name = (type(message), topic)
+        # an endpoint takes 15 us to hash; its id cannot become that of another one, because it is kept here
+        name = (type(message), topic if isinstance(topic, str) else id(topic))
         found = self._routes.get(name)
         if found is not None and found[0] is entry:
-            return found
+            return entry, found[1]
         route = self._find_route(entry, type(message), topic)
-        if entry.check.is_complete:  # before, the definition may turn out to differ
+        if (
+            entry.check.is_complete or route.ros_type in entry.check.hashes
+        ):  # before, the definition may turn out to differ
             if len(self._routes) >= 1000:  # noqa: PLR2004 - endpoints made anew for each call
                 self._routes.clear()
-            self._routes[name] = entry, route
+            self._routes[name] = entry, route, topic
         return entry, route
 
     def _find_route(self, entry: Entry, cls: type[Message], topic: Endpoint[Any] | str | None) -> Route:
