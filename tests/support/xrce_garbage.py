@@ -70,7 +70,7 @@ def check(agent: Agent, limits: Limits) -> None:
     assert len(agent._connected) <= limits.clients
     assert len(agent._warned) <= 100
     assert len(agent.refused) < 50
-    assert len(agent._shared_keys) <= 256
+    assert len(agent._shared_keys) <= limits.clients
     for session in agent._sessions.values():
         inventory = session.inventory
         assert len(inventory) <= limits.entities

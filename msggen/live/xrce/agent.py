@@ -1,7 +1,7 @@
 """All clients of one transport, agent side: docs/xrce.md.
 
 No input, output, clock or thread: a transport gives datagrams and times, and takes datagrams and events. A transport
-that calls an agent from several threads holds a lock of its own.
+that calls an agent from several threads holds a lock of its own. It takes datagrams and events after each call.
 
     agent.receive(data, address, time.time_ns())
     for data, address in agent.take_outgoing():
@@ -106,7 +106,7 @@ class Agent:
         self._clock = 0.0  # the sum of steps, so that jumps of `now` do no harm
         self._ended: dict[Address, float] = {}
         self._warned: set[str] = set()
-        self._shared_keys: set[int] = set()
+        self._shared_keys: set[int] = set()  # of vehicles that send at the same time
 
     @property
     def received(self) -> int:
@@ -249,7 +249,8 @@ class Agent:
             self._in_session(session, header, body, time)
 
     def _in_session(self, session: Session, header: wire.Header, body: bytes, time: int) -> None:
-        if session.remote is None and session.inventory.namespace is not None and not self._wake(session):
+        is_asleep = session.remote is None and session.inventory.namespace is not None
+        if is_asleep and _first(body).id != wire.DELETE and not self._wake(session):
             self._outbox.late += 1
             return
         session.receive(header, body, time)
@@ -261,7 +262,7 @@ class Agent:
         submessage = _first(body)
         if submessage.id == wire.GET_INFO:
             if session is not None:
-                session.heard = session.pinged = True
+                session.pinged = True
             self._send(header, wire.answer_info(submessage.payload, known=session is not None), address)
         elif submessage.id == wire.CREATE_CLIENT:
             self._create_client(header, wire.CreateClient.unpack(submessage.payload), address, session)
@@ -302,11 +303,11 @@ class Agent:
     ) -> None:
         status = wire.OK
         if self._keys is not None and create.key not in self._keys:
-            self._warn(f"refused {_name(address)}: key {create.key} is not allowed; add it to the keys in allow=")
+            self._warn(f"refused {_host(address)}: key {create.key} is not allowed; add it to the keys in allow=")
             raise WireError("key that is not allowed")
         if create.session_id in (wire.NO_SESSION, wire.NO_SESSION_WITH_KEY):
             raise WireError("wrong session id or key")
-        if session is None or not self._is_repetition(session, create):
+        if session is None or not self._is_doubled(session, create):
             if session is not None:
                 self._forget(session, "the vehicle has begun another session")
             if self._has_room():
@@ -318,10 +319,10 @@ class Agent:
         key = wire.key_bytes(create.key) if create.session_id < 0x80 else b""
         self._send(header._replace(session_id=create.session_id, key=key), wire.StatusAgent(status).pack(), address)
 
-    def _is_repetition(self, session: Session, create: wire.CreateClient) -> bool:
-        """Whether a CREATE_CLIENT asks for the session that is there, since its answer was lost or it was doubled."""
-        is_doubled = not session.pinged and self._clock - session.begun_at < _REPEATED
-        return create == session.create and (session.is_new or is_doubled)
+    def _is_doubled(self, session: Session, create: wire.CreateClient) -> bool:
+        """Whether a CREATE_CLIENT is the one that began the session, doubled on its way."""
+        is_soon = self._clock - session.begun_at < _REPEATED
+        return create == session.create and is_soon and not session.pinged
 
     def _has_room(self) -> bool:
         """Whether a session can begin. Forget one that is not connected, if that is needed."""
@@ -357,6 +358,8 @@ class Agent:
             if self._clock - session.replaced_at < _REPEATED:
                 return False
             key = session.create.key
+            if len(self._shared_keys) >= self._limits.clients:
+                self._shared_keys.clear()
             self._shared_keys.add(key)
             self._warn(f"two vehicles have the key {key}: set the parameter UXRCE_DDS_KEY of one to another number")
             session.replaced_at = None

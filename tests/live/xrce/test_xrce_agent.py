@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from random import Random
 
 import pytest
 
 from msggen.live.link import LinkError, Remote, Route, Service
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.agent import Agent, Connected, Disconnected, Limits, Lost, Opened, Replied, Sample, Warned
+from msggen.live.xrce.session import Session
 from msggen.live.xrce.streams import OUTPUT_WINDOW
+from support.xrce_captures import sent
 from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected, start
+from support.xrce_garbage import mutated
 
 LE = b"\0\1\0\0"
 ROUTE = Route("/fmu/out/a", "px4_msgs/msg/A", "out", 1)
@@ -127,12 +131,44 @@ def test_a_silent_client_is_disconnected_and_forgotten() -> None:
     assert world.agent._sessions == {}
 
 
+def test_a_silent_client_that_ends_its_session_is_not_connected_again() -> None:
+    world, client = connected()
+    world.run(6)
+    client.delete()
+    world.settle()
+    assert client.statuses()[-1] == wire.OK
+    assert [type(event).__name__ for event in world.events[4:]] == ["Disconnected"]
+    assert world.agent._sessions == {}
+
+
 def test_a_client_that_pings_stays() -> None:
     world, client = connected()
     for _ in range(20):
         client.ping(in_session=True)
         world.run(1)
     assert world.all(Disconnected) == []
+
+
+def test_a_client_that_only_writes_stays() -> None:
+    world, client = connected()
+    for _ in range(20):
+        client.write(1, b"a")
+        world.run(1)
+    assert world.all(Disconnected) == []
+    assert len(world.all(Sample)) == 20
+
+
+def test_a_jump_of_the_clock_counts_as_one_second() -> None:
+    world, _ = connected()
+    for now in (0.1, 1e9, -1e9, 2e9, 5.0, 2e9):
+        world.agent.tick(now)
+    world.carry()
+    assert world.all(Disconnected) == []
+    world.agent.tick(3e9)
+    world.agent.tick(4e9)
+    world.agent.tick(5e9)
+    world.carry()
+    assert len(world.all(Disconnected)) == 1
 
 
 def test_jumps_of_the_clock_disconnect_nobody() -> None:
@@ -249,6 +285,16 @@ def test_two_vehicles_with_one_key_both_work() -> None:
     ]
     assert len(world.agent._connected) == 2
     assert world.all(Lost) == []
+    count = len(world.all(Disconnected))
+    third = Client(50003)  # the second one restarts
+    world.clients = [first, third]
+    start(third)
+    for _ in range(70):
+        first.write(1, b"1")
+        third.write(1, b"3")
+        world.run(0.1)
+    reasons = [event.reason for event in world.all(Disconnected)[count:]]
+    assert reasons == ["the vehicle has sent nothing for 5 s"]
 
 
 def test_two_vehicles_with_one_key_and_two_namespaces_both_work_at_once() -> None:
@@ -288,6 +334,30 @@ def test_late_and_doubled_samples_are_dropped_and_gaps_are_counted() -> None:
     assert [event.payload[4:] for event in world.all(Sample)] == [b"1", b"3", b"5"]
     assert [event.missing for event in world.all(Lost)] == [1, 1, 1]
     assert (world.agent.lost, world.agent.late) == (3, 4)
+
+
+@pytest.mark.parametrize(("ahead", "arrives"), [(1, True), (32767, True), (32768, False), (65535, False)])
+def test_half_of_all_numbers_are_newer(ahead: int, arrives: bool) -> None:  # noqa: FBT001
+    world, client = connected()
+    client.write(1, b"a")
+    client.next = ahead
+    client.write(1, b"b")
+    world.settle()
+    assert len(world.all(Sample)) == 1 + arrives
+    assert world.agent.lost == (ahead - 1 if arrives else 0)
+
+
+def test_what_follows_a_sample_in_its_message_counts() -> None:
+    world, client = connected()
+    sample = wire.Sample(b"\0\1", entities.object_id(1, entities.WRITER), b"1234").pack(wire.WRITE_DATA)
+    client.write(1, b"a")
+    client.send(wire.BEST_EFFORT, sample, wire.pack_submessage(wire.RESET, b""))
+    client.next = 0
+    client.write(1, b"b")
+    client.send(wire.BEST_EFFORT, wire.Delete(b"\0\1").pack(), sample)
+    world.settle()
+    assert [event.payload[4:] for event in world.all(Sample)] == [b"a", b"1234", b"b"]
+    assert type(world.events[-1]) is Disconnected
 
 
 @pytest.mark.parametrize("sizes", [[1], [4, 4], [3, 1, 9], [0, 7]])
@@ -401,6 +471,19 @@ def test_fragments_that_never_end_are_bounded() -> None:
     assert client.statuses()[-2:] == [wire.OK, wire.OK]
 
 
+def test_a_message_between_fragments_ends_them() -> None:
+    world, client = connected()
+    client.send(wire.RELIABLE, wire.pack_submessage(wire.FRAGMENT, b"lost"))
+    client.participate()
+    whole = wire.Create(client.ask(), PARTICIPANT, entities.Participant("/px4_micro_xrce_dds").pack()).pack()
+    client.send(wire.RELIABLE, wire.pack_submessage(wire.FRAGMENT, whole[:20]))
+    last = wire.LITTLE_ENDIAN | wire.LAST_FRAGMENT
+    client.send(wire.RELIABLE, wire.pack_submessage(wire.FRAGMENT, whole[20:], last))
+    world.settle()
+    assert client.statuses() == [wire.OK] * 10
+    assert world.agent.refused == {"fragments without an end": 1}
+
+
 def test_fragments_inside_of_fragments_are_refused() -> None:
     world, client = connected()
     inner = wire.pack_submessage(wire.FRAGMENT, b"", wire.LITTLE_ENDIAN | wire.LAST_FRAGMENT)
@@ -410,6 +493,28 @@ def test_fragments_inside_of_fragments_are_refused() -> None:
     client.send(wire.BEST_EFFORT, inner)
     world.settle()
     assert sum(world.agent.refused.values()) == 2
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_fast_path_equals_the_slow_one(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A captured session over a bad network, with errors: the same events with and without the path for WRITE_DATA."""
+    random = Random(seed)  # noqa: S311
+    captured = sent(("session-udp", "session-namespace", "session-fragment")[seed % 3], "client")
+    written = next(at for at, data in enumerate(captured) if data[4] == wire.WRITE_DATA)
+    noisy = Network(0.1, 0.1, 0.1).carry(random, captured[written:])
+    noisy = captured[:written] + [mutated(random, data) if random.random() < 0.2 else data for data in noisy]
+    results = []
+    for is_slow in (False, True):
+        if is_slow:
+            monkeypatch.setattr(Session, "_open_fast_path", lambda _: None)
+        agent = Agent(0.0)
+        for number, data in enumerate(noisy):
+            agent.receive(data, ("127.0.0.1", 1), number)
+        counts = agent.received, agent.late, agent.lost, agent.refused
+        results.append((agent.take_events(), agent.take_outgoing(), counts))
+    assert results[0] == results[1]
+    assert results[0][2][1] > 0
+    assert len(results[0][0]) > 70
 
 
 # --- to the client
@@ -438,6 +543,36 @@ def test_what_does_not_fit_is_an_error() -> None:
     with pytest.raises(LinkError, match="does not acknowledge"):
         agent.call(1, SERVICE, 100, LE)
     assert client.samples() == []
+
+
+def test_a_client_that_acknowledges_nothing_is_bounded() -> None:
+    world, client = connected()
+    world.clients = []
+    for _ in range(50):
+        client.participate()
+    for data in client.outgoing:
+        world.agent.receive(data, client.address, 0)
+    assert len(world.agent._find(1)._output._kept) == OUTPUT_WINDOW
+    assert world.agent.refused == {"too many messages without acknowledgement": 50 - OUTPUT_WINDOW}
+    world.agent.take_outgoing()
+    for number in range(1, 101):
+        world.agent.tick(number / 100)
+    beats = [data for data, _ in world.agent.take_outgoing()]
+    assert 5 <= len(beats) <= 10
+    assert {data[4] for data in beats} == {wire.HEARTBEAT}
+
+
+def test_a_reader_that_is_created_again_has_to_ask_again() -> None:
+    world, client = connected()
+    client.publish(2, "fmu/in/b", entities.READER)
+    world.settle()
+    with pytest.raises(LinkError, match="does not read object 2"):
+        world.agent.publish(1, 2, LE)
+    client.read(entities.object_id(2, entities.READER))
+    world.settle()
+    world.agent.publish(1, 2, LE + b"x")
+    world.settle()
+    assert client.samples() == [b"x"]
 
 
 def test_a_reply_to_another_program_is_refused() -> None:
@@ -493,7 +628,7 @@ def test_a_key_that_is_not_allowed_gets_no_session() -> None:
     assert [part.id for part in client.received] == [wire.INFO]
     assert world.agent.refused["key that is not allowed"] == 1
     assert [event.text for event in world.events if isinstance(event, Warned)] == [
-        "refused 127.0.0.1:50001: key 5 is not allowed; add it to the keys in allow="
+        "refused 127.0.0.1: key 5 is not allowed; add it to the keys in allow="
     ]
     world, _ = connected(Client(key=2), keys={1, 2})
     assert len(world.all(Connected)) == 1
