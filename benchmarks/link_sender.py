@@ -21,7 +21,8 @@ from environment import ROOT
 from messages import read_samples
 from msggen.live.cyclone import Participant
 from msggen.live.dds import LOOPBACK
-from msggen.live.xrce.client import Client, Settings, Writer
+from msggen.live.xrce.client import Client
+from msggen.live.xrce.client_entities import Settings, Writer
 from peers import Cyclone
 
 sys.path.insert(0, str(ROOT / "generated"))

@@ -41,9 +41,6 @@ class AgentLink(ABC):
         self.lock = threading.Lock()
         """Held while the agent is used, and while its datagrams are sent: they must leave in order."""
         self.sent = 0
-        self.selector: selectors.BaseSelector
-        self._wake: socket.socket
-        self._woken: socket.socket
         self._thread: threading.Thread | None = None
         self._closing = False
         self._released = False
@@ -52,7 +49,15 @@ class AgentLink(ABC):
 
     @abstractmethod
     def open(self, listener: Listener) -> None:
-        """Open the transport and register it at the selector, with a function to call. Raises LinkError."""
+        """Open the transport. Raises LinkError."""
+
+    @abstractmethod
+    def wait(self, seconds: float, listener: Listener) -> None:
+        """Wait at most some seconds for something to arrive, and give it to the agent and the listener."""
+
+    @abstractmethod
+    def wake(self) -> None:
+        """Let the thread look around, which ends. From any thread."""
 
     @abstractmethod
     def transmit(self, datagrams: list[tuple[bytes, Address]]) -> None:
@@ -80,11 +85,6 @@ class AgentLink(ABC):
         if self._thread is not None or self._closing:
             raise LinkError("a link can be started once: make another one")
         guard = Guard(listener)
-        self.selector = selectors.DefaultSelector()
-        self._wake, self._woken = socket.socketpair()
-        self._wake.settimeout(0.0)
-        self._woken.settimeout(0.0)
-        self.selector.register(self._woken, selectors.EVENT_READ, self._drain)
         try:
             self.open(guard)
         except BaseException:
@@ -138,15 +138,6 @@ class AgentLink(ABC):
 
     # --- The thread
 
-    def wake(self) -> None:
-        """Let the thread look around. From any thread."""
-        with suppress(OSError):  # it has been woken often enough, or has ended
-            self._wake.send(b"\0")
-
-    def _drain(self, _events: int, _listener: Listener) -> None:
-        with suppress(BlockingIOError):
-            self._woken.recv(4096)
-
     def _run(self, listener: Listener) -> None:
         reason = "the link was closed"
         try:
@@ -162,12 +153,10 @@ class AgentLink(ABC):
             self._release()
 
     def _serve(self, listener: Listener) -> None:
-        clock = time.monotonic
-        select = self.selector.select
-        due = clock()
+        clock, wait = time.monotonic, self.wait
+        due = now = clock()
         while not self._closing:
-            for key, events in select(max(0.0, due - clock())):
-                key.data(events, listener)
+            wait(max(0.0, due - now), listener)
             now = clock()
             if now >= due:
                 due = now + TICK
@@ -194,6 +183,35 @@ class AgentLink(ABC):
             return
         self._released = True
         self.release()
+
+
+class SelectorLink(AgentLink):
+    """A link that waits for several files or sockets. Each is registered at `selector` with a function to call."""
+
+    def open(self, listener: Listener) -> None:  # noqa: ARG002
+        """Make the selector, and a pair of sockets to wake the thread."""
+        self.selector = selectors.DefaultSelector()
+        self._wake, self._woken = socket.socketpair()
+        self._wake.settimeout(0.0)
+        self._woken.settimeout(0.0)
+        self.selector.register(self._woken, selectors.EVENT_READ, self._drain)
+
+    def wait(self, seconds: float, listener: Listener) -> None:
+        """Wait, and call the functions of what is ready."""
+        for key, events in self.selector.select(seconds):
+            key.data(events, listener)
+
+    def wake(self) -> None:
+        """Send a byte to the thread."""
+        with suppress(OSError):  # it has been woken often enough, or has ended
+            self._wake.send(b"\0")
+
+    def _drain(self, _events: int, _listener: Listener) -> None:
+        with suppress(BlockingIOError):
+            self._woken.recv(4096)
+
+    def release(self) -> None:
+        """Close the selector and the pair of sockets."""
         self.selector.close()
         self._wake.close()
         self._woken.close()

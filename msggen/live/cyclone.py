@@ -226,12 +226,12 @@ def _topic(participant: DomainParticipant, name: str, type_name: str) -> Topic[A
 
     @final
     @dataclass
-    class Raw(IdlStruct, typename=type_name.replace("::", ".")):
+    class Raw(IdlStruct, typename=type_name.replace("::", ".")):  # type: ignore[call-arg]
         unused: uint8 = 0
         data = b""
 
-    Raw.serialize = lambda sample, **_: sample.data  # type: ignore[method-assign]
-    Raw.deserialize = _Sample  # type: ignore[assignment, method-assign]
+    Raw.serialize = lambda sample, **_: sample.data
+    Raw.deserialize = _Sample
     return Topic(participant, name, Raw)
 
 

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
-from .agent_link import AgentLink
+from .agent_link import SelectorLink
 from .link import LinkError, Listener, Route
 from .xrce.agent import Address
 from .xrce.framing import Deframer, pack_frame
@@ -28,7 +28,7 @@ SILENT_BYTES = 2000
 """The number of bytes without any intact frame that shows that something is wrong with the line."""
 
 
-class SerialLink(AgentLink):
+class SerialLink(SelectorLink):
     """A link to the vehicle at the other end of a serial line."""
 
     def __init__(
@@ -56,8 +56,9 @@ class SerialLink(AgentLink):
         self._unsent = 0
         self._has_told_of_speed = self._has_told_of_space = False
 
-    def open(self, listener: Listener) -> None:  # noqa: ARG002
+    def open(self, listener: Listener) -> None:
         """Open the device."""
+        super().open(listener)
         self._plug(open_line(self.path, self.baud))
 
     def _plug(self, fd: int) -> None:
@@ -159,6 +160,7 @@ class SerialLink(AgentLink):
         if self._fd >= 0:
             close_line(self._fd)
             self._fd = -1
+        super().release()
 
 
 def close_line(fd: int) -> None:

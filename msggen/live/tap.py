@@ -19,7 +19,7 @@ import time
 from collections.abc import Iterable, Sequence
 from typing import NoReturn
 
-from .agent_link import AgentLink
+from .agent_link import SelectorLink
 from .link import LinkError, Listener, Remote, Route, Service
 from .udp import BATCH, LONGEST, PORT, RECEIVE_BUFFER, allowed, bound, dropped, exposed, granted
 from .xrce.agent import Address
@@ -59,6 +59,10 @@ class Shift:
             self._newest = shifted
         return data if shifted == sequence else HEADER.pack(session, stream, shifted) + data[HEADER.size :]
 
+    def restart(self, data: bytes) -> None:
+        """Take the number of a datagram that goes to the client as it is for the newest one."""
+        self.added, self._newest = 0, HEADER.unpack_from(data)[2]
+
     def add(self, data: bytes) -> bytes:
         """Return a datagram of this program as it goes to the client."""
         self.added = (self.added + 1) & 0xFFFF
@@ -77,7 +81,7 @@ class _Client:
         self.heard = time.monotonic()
 
 
-class TapLink(AgentLink):
+class TapLink(SelectorLink):
     """A link to the vehicles that send to a UDP port, and through it to a real agent."""
 
     def __init__(
@@ -107,6 +111,7 @@ class TapLink(AgentLink):
 
     def open(self, listener: Listener) -> None:
         """Bind the socket that clients send to."""
+        super().open(listener)
         self._listens = bound(self.host, self.port)
         self._granted = granted(self._listens)
         self.host, self.port = self._listens.getsockname()
@@ -166,8 +171,19 @@ class TapLink(AgentLink):
         with self.lock:
             for data, address in received:
                 self.agent.receive(data, address, now)
-            self.agent.take_outgoing()  # the real agent answers
+            self._answer()
         self.flush(listener)
+
+    def _answer(self) -> None:
+        """Throw answers away, since the agent gives them, but for the ones that continue the session of an earlier tap.
+
+        Those make the client take any number for a new one (docs/xrce.md, "Take-over").
+        """
+        for data, address in self.agent.take_outgoing():
+            client = self._clients.get(address)
+            if client is not None and data[1] == BEST_EFFORT:
+                client.shift.restart(data)
+                self._to_client(data, address)
 
     def _client(self, address: Address, listener: Listener) -> _Client | None:
         """Return the client at an address, or None if it may not connect."""
@@ -259,3 +275,4 @@ class TapLink(AgentLink):
         for client in self._clients.values():
             client.socket.close()
         self._clients.clear()
+        super().release()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import ipaddress
-import selectors
 import socket
 import struct
 import sys
@@ -66,25 +65,44 @@ class UdpLink(AgentLink):
         self.host, self.port = self.socket.getsockname()
         if not ipaddress.ip_address(self.host).is_loopback:
             listener.warned(exposed(f"{self.host}:{self.port}", is_open_to_all=self._is_open_to_all))
-        self.selector.register(self.socket, selectors.EVENT_READ, self._receive)
+        self._waits = self.socket.dup()  # the same socket, with another time-out
 
-    def _receive(self, _events: int, listener: Listener) -> None:
-        """Give the agent what has arrived. Ask for more than one datagram only if they come fast: asking in vain costs
-        a third of the time that a datagram takes.
+    def wait(self, seconds: float, listener: Listener) -> None:
+        """Give the agent what arrives.
+
+        There is no selector, which would cost half as much again as all the rest, and more than one datagram is asked
+        for only if they come fast.
         """
-        sock, agent = self.socket, self.agent
-        if sock is None:
+        agent = self.agent
+        self._waits.settimeout(seconds)
+        try:
+            data, address = self._waits.recvfrom(LONGEST)
+        except (BlockingIOError, TimeoutError, ConnectionError):  # the last one on Windows: a receiver has gone
             return
+        now = time.time_ns()
         with self.lock:
-            last, rest = self._last, BATCH
-            with suppress(OSError):  # nothing more is there; Windows reports receivers that have gone
-                while rest:
-                    data, address = sock.recvfrom(LONGEST)
-                    self._last = now = time.time_ns()
-                    agent.receive(data, address, now)
-                    rest = rest - 1 if now - last < FAST else 0
+            agent.receive(data, address, now)
+            if now - self._last < FAST:
+                self._drain(now)
+            self._last = now
             events = self.settle()
         deliver(events, listener)
+
+    def _drain(self, now: int) -> None:
+        """Give the agent what has arrived already. The caller holds the lock."""
+        if self.socket is None:
+            return
+        receive, take = self.socket.recvfrom, self.agent.receive
+        with suppress(BlockingIOError, ConnectionError):
+            for _ in range(BATCH):
+                data, address = receive(LONGEST)
+                take(data, address, now)
+
+    def wake(self) -> None:
+        """Let the thread look around at once, where the system wakes it. Elsewhere it does so after TICK."""
+        if self.socket is not None:
+            with suppress(OSError):
+                self.socket.shutdown(socket.SHUT_RD)
 
     def transmit(self, datagrams: list[tuple[bytes, Address]]) -> None:
         """Send datagrams. One that cannot be sent is lost, as on the network."""
@@ -112,6 +130,7 @@ class UdpLink(AgentLink):
         """Close the socket."""
         if self.socket is not None:
             self.dropped()  # the last chance to ask
+            self._waits.close()
             self.socket.close()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import socket
 import struct
 import threading
@@ -20,7 +21,19 @@ from msggen.live.tap import Shift, TapLink
 from msggen.live.udp import UdpLink
 from support import xrce_captures
 from support.link_records import Records, nothing_is_left
-from support.replay import DATA, DELETE, STATUS_AGENT, Client, creation, kind, sample, sent
+from support.replay import (
+    DATA,
+    DELETE,
+    GET_INFO,
+    STATUS_AGENT,
+    WRITE_DATA,
+    Client,
+    creation,
+    kind,
+    known_routes,
+    sample,
+    sent,
+)
 
 LINKS = ["session-udp", "session-namespace", "session-fragment", "session-service"]
 
@@ -148,6 +161,21 @@ def test_datagrams_that_nobody_understands_are_forwarded_untouched() -> None:
                     assert agent.recvfrom(65536)[1] != source
         finally:
             link.close()
+
+
+def test_a_tap_that_restarts_goes_on_with_the_session() -> None:
+    running = [data for data in sent("session-udp") if kind(data) in {GET_INFO, WRITE_DATA} and data[0] == 0x81]
+    with tapped(known=known_routes()) as (_, theirs, link, ours), Client(link.port) as client:
+        client.play(running)
+        ours.wait(lambda: len(ours.samples) >= 490)
+        (remote,) = ours.remotes
+        assert remote.adopted
+        assert theirs.remotes == []
+        link.publish(remote, in_route(ours), b"\0\1\0\0" + b"1" * 8)
+        numbers = [int.from_bytes(data[2:4], "little") for data in client.received() if kind(data) == DATA]
+        assert numbers[-2:] == [0, 1]
+        assert all(0 < (after - before) & 0xFFFF < 0x8000 for before, after in itertools.pairwise(numbers))
+        assert max(numbers) >= 0x8000, "once around, so that any last number is passed"
 
 
 def test_an_agent_that_restarts_gets_the_client_again() -> None:

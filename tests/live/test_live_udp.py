@@ -21,7 +21,7 @@ import pytest
 from msggen.live.link import LinkError, Remote, Route
 from msggen.live.udp import UdpLink
 from support.link_records import Records, nothing_is_left
-from support.replay import DATA, DELETE, GET_INFO, WRITE_DATA, Client, creation, kind, sample, sent
+from support.replay import DATA, DELETE, GET_INFO, WRITE_DATA, Client, creation, kind, known_routes, sample, sent
 from support.repository import ROOT
 from support.xrce_captures import expected
 
@@ -426,17 +426,8 @@ def test_a_link_that_is_killed_frees_its_port_for_the_next() -> None:
 
 def test_a_session_of_an_earlier_program_goes_on() -> None:
     """With the object ids that the registry knows, the samples of a running session have topics at once."""
-    names = expected()["entities"]
-    topics = {entity["object_id"][:3]: entity for entity in names if entity["kind"] == "topic"}
-    known = []
-    for entity in names:
-        if entity["kind"] in {"datawriter", "datareader"}:
-            topic = topics[entity["object_id"][:3]]
-            ros_type = topic["type"].replace("::dds_::", "::").rstrip("_").replace("::", "/")
-            direction: Any = "out" if entity["kind"] == "datawriter" else "in"
-            known.append(Route(topic["name"].removeprefix("rt"), ros_type, direction, entity["id"]))
     running = [data for data in sent("session-udp") if kind(data) in {GET_INFO, WRITE_DATA} and data[0] == 0x81]
-    with linked(known=known) as (link, records), Client(link.port) as client:
+    with linked(known=known_routes()) as (link, records), Client(link.port) as client:
         client.play(running)
         records.wait(lambda: len(records.samples) >= 490)
         (remote,) = records.remotes

@@ -346,6 +346,17 @@ def test_the_time_is_asked_for_once_a_second() -> None:
     assert len(line.times(wire.TIMESTAMP, start)) == 3
 
 
+def test_the_clocks_are_synchronised_anew_in_each_session() -> None:
+    line = Line()
+    line.run(0.5)
+    assert len(line.times(wire.TIMESTAMP)) == 20
+    line.agent.reset()
+    line.run(4.0, write_every=50_000)
+    assert line.client.is_connected
+    restarted = next(time for time, _, connection in line.sent if connection == 1)
+    assert len(line.times(wire.TIMESTAMP, restarted)) == 20
+
+
 def test_a_normal_end_waits_for_the_status() -> None:
     line = Line()
     line.run(0.5)

@@ -37,7 +37,7 @@ LOOPBACK = """<CycloneDDS><Domain>
 def raw_topic(participant: DomainParticipant, name: str, type_name: str) -> Topic[Any]:
     @final
     @dataclass
-    class Raw(IdlStruct, typename=type_name.replace("::", ".")):
+    class Raw(IdlStruct, typename=type_name.replace("::", ".")):  # type: ignore[call-arg]
         unused: uint8 = 0
         data = b""
 
@@ -46,8 +46,8 @@ def raw_topic(participant: DomainParticipant, name: str, type_name: str) -> Topi
         sample.data = data
         return sample
 
-    Raw.serialize = lambda sample, **_: sample.data  # type: ignore[method-assign]
-    Raw.deserialize = deserialize  # type: ignore[assignment, method-assign]
+    Raw.serialize = lambda sample, **_: sample.data
+    Raw.deserialize = deserialize
     return Topic(participant, name, Raw)
 
 

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from msggen.live.sim.channel import Channel, Misbehaviour
 from msggen.live.sim.values import Clocks, Filler, Scene
-from msggen.live.sim.world import UNSUPPORTED, Home, World
+from msggen.live.sim.world import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, Home, World
 from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Sync, Writer
 from msggen.live.xrce.wire import ENCAPSULATION
@@ -41,6 +41,13 @@ _ANSWERS = {
     "vehicle_command_ack",
 }
 """The topics that PX4 publishes as answers or when something happens, not at a rate."""
+
+_RESULTS = {
+    ACCEPTED: "accepted",
+    TEMPORARILY_REJECTED: "temporarily rejected",
+    DENIED: "denied",
+    UNSUPPORTED: "unsupported",
+}
 
 _SPREAD = 200
 """The time in us between the first samples of two topics, so that they do not all come at once."""
@@ -309,8 +316,8 @@ class SimulatedVehicle:
         self.world.advance(self._now)
         numbers = [getattr(command, f"param{number}") for number in range(1, 8)]
         result = self.world.command(command.command, numbers)
-        what = " is not simulated" if result == UNSUPPORTED else " accepted" if result == 0 else f" refused ({result})"
-        self._tell(f"command {command.command}{what}")
+        reason = f": {self.world.reason}" if self.world.reason else ""
+        self._tell(f"{_command_name(command)} {_RESULTS[result]}{reason}")
         values = {
             "command": command.command,
             "result": result,
@@ -368,6 +375,15 @@ class SimulatedVehicle:
             self._client.connections = connections + 1
             self._client_start = self._now
             self._tell("the client restarts")
+
+
+def _command_name(command: Any) -> str:
+    """Return the name of a VehicleCommand's command, such as DO_SET_MODE, or its number."""
+    found = (name for name, value in vars(type(command)).items() if value == command.command)
+    return next(
+        (name.removeprefix("VEHICLE_CMD_") for name in found if name.startswith("VEHICLE_CMD_")),
+        f"command {command.command}",
+    )
 
 
 def _versioned(name: str, version: int | None) -> str:

@@ -123,6 +123,8 @@ class World:
         self.arming_reason = self.disarming_reason = 0
         self.is_armed = False
         self.failsafe = False
+        self.reason = ""
+        """Why the last command was refused."""
         self.completed: deque[int] = deque(maxlen=8)
         """The modes that reached their end and were not yet taken."""
         self._heartbeats: deque[int] = deque(maxlen=2)
@@ -251,7 +253,8 @@ class World:
     # Commands
 
     def command(self, number: int, parameters: Sequence[float]) -> int:
-        """Carry out a command with its seven parameters, and return the result."""
+        """Carry out a command with its seven parameters, and return the result. `reason` tells why it is refused."""
+        self.reason = ""
         if number == ARM_DISARM:
             return self._arm_or_disarm(parameters[0], is_forced=_whole(parameters[1]) == _FORCE)
         if number == SET_MODE:
@@ -260,22 +263,26 @@ class World:
             return self._take_off(parameters[6])
         if number == LAND:
             return self._change(LANDING)
-        return UNSUPPORTED
+        return self._refuse(UNSUPPORTED, "it is not simulated")
+
+    def _refuse(self, result: int, reason: str) -> int:
+        self.reason = reason
+        return result
 
     def _arm_or_disarm(self, value: float, *, is_forced: bool) -> int:
         if value not in {0.0, 1.0}:
-            return DENIED
+            return self._refuse(DENIED, f"param1 is {value:g}, expected 1 to arm or 0 to disarm")
         if value == self.is_armed:
             return ACCEPTED
         if value:
-            if self.mode == LANDING or (self.battery.warning > 1 and not is_forced):
-                return TEMPORARILY_REJECTED
+            if self.battery.warning > 1 and not is_forced:
+                return self._refuse(TEMPORARILY_REJECTED, "the battery is empty")
             self.is_armed, self.armed_time, self.arming_reason = True, self.time, _BY_COMMAND
             self.takeoff_time = 0
         elif self.is_landed or is_forced:
             self._disarm(_BY_COMMAND)
         else:
-            return TEMPORARILY_REJECTED
+            return self._refuse(TEMPORARILY_REJECTED, "the vehicle is in the air")
         return ACCEPTED
 
     def _disarm(self, reason: int) -> None:
@@ -287,17 +294,19 @@ class World:
     def _set_mode(self, parameters: Sequence[float]) -> int:
         base, main, sub = (_whole(value) for value in parameters[:3])
         if not base & _CUSTOM_MODE:
-            return DENIED
+            return self._refuse(DENIED, f"param1 is {parameters[0]:g}, expected 1: param2 is a mode of PX4")
         mode = _AUTO_MODES.get(sub) if main == _AUTO else _MAIN_MODES.get(main)
         if mode == TAKING_OFF:
             return self._take_off(NAN)
-        return DENIED if mode is None else self._change(mode)
+        if mode is None:
+            return self._refuse(DENIED, f"mode {main}, {sub} is not simulated")
+        return self._change(mode)
 
     def _change(self, mode: int) -> int:
         if mode == OFFBOARD and not self.has_offboard_signal(self.time):
-            return TEMPORARILY_REJECTED
+            return self._refuse(TEMPORARILY_REJECTED, "offboard_control_mode does not arrive at 2 Hz, or is too old")
         if mode == LANDING and not self.is_armed:
-            return TEMPORARILY_REJECTED
+            return self._refuse(TEMPORARILY_REJECTED, "the vehicle is disarmed")
         self._choose(mode)
         return ACCEPTED
 
@@ -306,7 +315,7 @@ class World:
         x, y, z = self.flight.position
         goal = z - _TAKEOFF_HEIGHT if not math.isfinite(altitude) else self.home.altitude - altitude
         if goal > z - _REACHED:
-            return DENIED
+            return self._refuse(DENIED, f"param7 is {altitude:g} m above sea level, which is below the vehicle")
         self._choose(TAKING_OFF)
         self._hold = Target(position=(x, y, goal), yaw=self.flight.yaw)
         return ACCEPTED

@@ -103,7 +103,6 @@ class Client:
         """Datagrams that were refused, by reason."""
         self.connections = 0
         """The number of the newest connection."""
-        self.clock = OffsetFilter(_EXCHANGES[settings.sync])
         self._now = 0
         self._until = 0
         self._outgoing: list[tuple[bytes, int]] = []  # of earlier connections
@@ -116,7 +115,8 @@ class Client:
 
     def _reset(self) -> None:
         """Forget a session."""
-        self._streams = ClientStreams()
+        self.clock = OffsetFilter(_EXCHANGES[self.settings.sync])
+        self._streams = ClientStreams(self.refused)
         self._info: wire.Info | None = None
         self._agent: wire.StatusAgent | None = None
         self._reply: wire.TimestampReply | None = None
@@ -171,8 +171,6 @@ class Client:
                 self._take(submessage)
             except wire.WireError as error:
                 self.refused[str(error)] += 1
-        self.refused.update(self._streams.refused)
-        self._streams.refused.clear()
         self._continue()
 
     def write(self, number: int, data: bytes) -> bool:

@@ -29,15 +29,15 @@ _WRITE = struct.Struct("<BBHBBH")
 class ClientStreams:
     """The messages of one session of a client."""
 
-    def __init__(self) -> None:
+    def __init__(self, refused: Counter[str]) -> None:
+        """Count messages that are refused in `refused`, by reason."""
         self.outgoing: list[bytes] = []
         """The messages to send."""
-        self.refused: Counter[str] = Counter()
-        """Messages that were refused, by reason."""
         self.is_open = False
         """Whether the session exists. Before, messages of streams are refused."""
         self.heartbeat_time: int | None = None
         """The time of the next HEARTBEAT, None if nothing waits for acknowledgement."""
+        self._refused = refused
         self._last_request = _FIRST_REQUEST - 1
         self._best_effort_sent = 0
         self._best_effort = BestEffortInput()
@@ -94,7 +94,7 @@ class ClientStreams:
         try:
             bodies = self._bodies(data)
         except WireError as error:
-            self.refused[str(error)] += 1
+            self._refused[str(error)] += 1
             return []
         found: list[Submessage] = []
         while bodies:
@@ -108,7 +108,7 @@ class ClientStreams:
                     else:
                         found.append(submessage)
             except WireError as error:
-                self.refused[str(error)] += 1
+                self._refused[str(error)] += 1
         return found
 
     def _bodies(self, data: bytes) -> list[bytes]:
