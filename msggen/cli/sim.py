@@ -37,8 +37,9 @@ def add_to(commands: Commands) -> None:
         _sim,
         help="simulate vehicles that connect to a program, for tests without PX4",
         description="Simulate PX4's client: vehicles that fly, publish, and answer commands and format requests, for "
-        "programs that use msggen.live and for other agents of DDS-XRCE.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C; {FAILED_CODES}",
+        "programs that use msggen.live and for other agents of DDS-XRCE. By default, they have the messages of the "
+        "newest embedded release.",
+        epilog=f"Exit codes: 0 done, or vehicles ended by Ctrl-C, {FAILED_CODES}",
     )
     parser.add_argument(
         "address",

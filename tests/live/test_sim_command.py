@@ -19,7 +19,7 @@ import pytest
 
 from msggen.cli import main
 from msggen.live.link import LinkError
-from msggen.live.sim import Options, Simulator
+from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.sim.transport import read_address
 from msggen.live.xrce.agent import Agent, Connected, Disconnected, Event, Sample
 from msggen.live.xrce.framing import Deframer, pack_frame
@@ -108,8 +108,6 @@ def test_a_simulator_waits_for_its_agent(px4_types: Any) -> None:
 
 
 def test_a_new_connection_has_a_port_of_its_own(server: Server, px4_types: Any) -> None:
-    from msggen.live.sim import Misbehaviour
-
     with Simulator(px4_types, server.address, [SHORT._replace(misbehaviour=Misbehaviour(restart_every=0.3))]):
         wait_until(lambda: len(server.of(Connected)) >= 3)
     assert len({event.remote.address for event in server.of(Connected)}) >= 3
@@ -276,3 +274,51 @@ def test_nothing_is_left_in_the_folder_for_temporary_files(
     assert [*tmp_path.iterdir()] == []
     assert sys.path == before
     assert not [name for name in sys.modules if name.startswith("msggen_sim")]
+
+
+# --- the page
+
+PAGE = (ROOT / "docs" / "sim.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+
+
+def test_the_example_with_a_virtual_clock_prints_what_the_page_shows(
+    px4_types: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert px4_types
+    (shown,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+    exec(BLOCKS[1], {})  # noqa: S102 - the code of the page
+    assert capsys.readouterr().out == shown
+
+
+def test_the_example_with_a_vehicle_works(px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("msggen.live.vehicle")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    exec(BLOCKS[0].replace("8888", port), {})  # noqa: S102 - the code of the page
+    assert capsys.readouterr().out == f"{px4_types.VehicleStatus.ARMING_STATE_DISARMED}\n"
+
+
+def test_the_commands_of_the_page_are_accepted() -> None:
+    from msggen.cli import parser_for
+
+    commands = re.findall(r"^(?:\$ )?msggen (sim.*?)(?:  #.*)?$", PAGE, re.MULTILINE)
+    assert len(commands) == 6
+    for command in commands:
+        parser_for(command.split()).parse_args(command.split())
+
+
+def test_the_options_of_the_page_are_all_misbehaviours() -> None:
+    shown = re.findall(r"^\| `(--[\w-]+)", PAGE, re.MULTILINE)
+    names = [name.replace("_", "-") for name in Misbehaviour._fields]
+    assert shown == [f"--{ {'wrong-hashes': 'wrong-hash', 'versions': 'version'}.get(name, name) }" for name in names]
+
+
+def test_the_summary_of_the_page_has_the_format_of_the_command(
+    server: Server, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["sim", server.address, "--types", PACKAGE, "--sync", "short", "--for", "0.5"])
+    masked = [re.sub(r"[\d.]+", "N", line) for line in capsys.readouterr().out.splitlines()]
+    shown = [re.sub(r"[\d.]+", "N", line) for line in PAGE.split("```")[1].splitlines()]
+    assert {line.split("N")[0] for line in masked[1:]} <= {line.split("N")[0] for line in shown}
