@@ -119,7 +119,7 @@ class Feed:
     def remove_waker(self, waker: Waker) -> None:
         """No longer call `waker`."""
         with self._lock:
-            self._wakers = tuple(each for each in self._wakers if each is not waker)
+            self._wakers = tuple(each for each in self._wakers if each != waker)  # bound methods are equal
 
 
 class _Callbacks(threading.local):

@@ -398,6 +398,30 @@ def test_a_topic_that_the_vehicle_does_not_have_is_told(
     ]
 
 
+def test_a_wait_leaves_nothing_behind(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
+    subscription = vehicle.subscribe(px4_types.VehicleStatus)
+    remote = link.connect()
+    iterator = iter(subscription)
+    for number in range(3):
+        timer = threading.Timer(0.01, link.sample, (remote, status(px4_types, number)))
+        timer.start()
+        assert next(iterator).timestamp == number
+        timer.join()
+        with pytest.raises(LinkTimeoutError):
+            subscription.wait_for(lambda _: False, 0.001)
+        subscription.wait_for(lambda _: True, WAIT)
+
+    async def read() -> None:
+        reader = subscription.__aiter__()
+        asyncio.get_running_loop().call_later(0.01, link.sample, remote, status(px4_types, 4))
+        await reader.__anext__()
+        await reader.aclose()  # type: ignore[attr-defined]
+
+    asyncio.run(read())
+    assert subscription._feed._wakers == ()
+    assert vehicle._member.feeds == (subscription._feed,)
+
+
 def test_a_reader_is_not_late(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
     """A sample between the last look at the queue and the wait wakes the reader; otherwise this takes minutes."""
     subscription = vehicle.subscribe(px4_types.VehicleStatus)
