@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 
 from msggen.live.errors import LinkTimeoutError, NotConnectedError
+from msggen.live.feed import check_outside_callback
 from msggen.live.link import Link, LinkError, Remote, Service
 
 WAITING = 16
@@ -37,6 +38,7 @@ class Calls:
 
         Raises LinkTimeoutError, NotConnectedError if the vehicle disconnects, and LinkError if too many calls wait.
         """
+        check_outside_callback()
         deadline = time.monotonic() + timeout
         call = _Call()
         with self._changed:

@@ -9,12 +9,12 @@ from logging import getLogger
 
 from msggen.live.calls import Calls
 from msggen.live.errors import FormatError
+from msggen.live.feed import Feed, check_outside_callback
 from msggen.live.firmware import RESPONSE, RETRY_NS, Firmware, FormatCheck, identify, releases
 from msggen.live.link import Link, Remote, Route, Service
 from msggen.live.names import is_topic, stem_of
 from msggen.live.packages import Decoding, Packages, Topic, UnknownFormatError, decoding_of
 from msggen.live.selection import Selection, is_same, shown
-from msggen.live.subscription import Feed
 
 LOGGER = getLogger("msggen.live")
 
@@ -39,7 +39,7 @@ class Entry:
         self.connected_ns = time.time_ns()
         self.opened_at = time.monotonic()
         self.heard_ns = 0
-        self.due_ns = 0
+        self.ticked_ns = self.due_ns = 0
         """When `Hub.tick` has something to do, of the clock of the samples: at once, for the first one."""
         self.is_started = self.is_checked = False
         self.check = FormatCheck(
@@ -162,7 +162,7 @@ class Hub:
         entry.heard_ns = time
         for push, decoding in entry.table.get(route.name, ()):
             push(payload, time, decoding)
-        if time >= entry.due_ns:
+        if not entry.ticked_ns <= time < entry.due_ns:  # also if the clock was set back
             self.tick(entry, time)
 
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:  # noqa: ARG002
@@ -194,7 +194,7 @@ class Hub:
                 first = [feed.topic.message.__msg__.ros_type for feed in feeds]
                 entry.check.add(entry.routes.values(), entry.remote.namespace, first)
             entry.check.ask()
-            entry.due_ns = now + RETRY_NS
+            entry.ticked_ns, entry.due_ns = now, now + RETRY_NS
             if not entry.check.is_complete:
                 entry.is_checked = False
             elif not entry.is_checked:
@@ -202,7 +202,7 @@ class Hub:
                 entry.due_ns = now + _MISSING_NS
                 self.evaluate(entry, None)
             else:
-                entry.due_ns = _IDLE
+                entry.ticked_ns, entry.due_ns = 0, _IDLE
                 for member in self.members:
                     if member.entry is entry:
                         self._tell_missing(member, entry)
@@ -273,6 +273,7 @@ class Hub:
 
     def wait(self, predicate: Callable[[], bool], timeout: float | None, interval: float = 0.2) -> bool:
         """Wait until `predicate` is true, which is called with the lock held. Return whether it is, at the end."""
+        check_outside_callback()
         deadline = None if timeout is None else time.monotonic() + timeout
         with self.changed:
             while not predicate():

@@ -160,7 +160,8 @@ def _by_class(cls: type[Message], way: Way) -> Topic:
     if not package.topics.ENDPOINTS:
         text = "has no endpoints, because it was built without a dds_topics.yaml: name one with --topics"
         raise TopicError(f"no endpoint for {cls.__name__}: {package.__name__} {text}")
-    raise TopicError(f"no endpoint for {cls.__name__}: its topic is not in the dds_topics.yaml of {package.__name__}")
+    text = f"no endpoint for {cls.__name__}: its topic is not in the dds_topics.yaml of {package.__name__}"
+    raise TopicError(f"{text}, which can be built with that of your firmware: --px4 or --topics")
 
 
 def _by_name(name: str, way: Way, packages: Packages) -> Topic:

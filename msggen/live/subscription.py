@@ -1,145 +1,28 @@
-"""Subscriptions: bounded queues between the thread of the link and the threads that read."""
+"""Subscriptions, for the threads and tasks that read."""
 
 from __future__ import annotations
 
 import threading
 import time
 import weakref
-from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator
-from logging import getLogger
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from msggen.live.errors import FormatError, LinkTimeoutError, TopicError
-from msggen.live.packages import Decoding, Topic
+from msggen.live.feed import LOGGER, Feed, Item, Waker, check_outside_callback
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
     from typing_extensions import Self
 
-LOGGER = getLogger("msggen.live")
 SLICE = 0.2
 """The longest wait in s without a look at signals: waiting for a lock cannot be interrupted on every platform."""
 
+RUN = 64
+"""The number of samples that an asynchronous iterator yields at most before other tasks run."""
+
 Value = TypeVar("Value")
-Waker = Callable[[], None]
-
-
-Item: TypeAlias = tuple[bytes, int, Decoding]
-"""A sample in a queue: its payload, the time of its arrival in ns, and how to decode it."""
-
-
-class Feed:
-    """The end of a subscription that the thread of the link fills.
-
-    It does not know the subscription, so that a forgotten one can be collected. It has no lock: `deque` is thread-safe,
-    and only the thread of the link appends. A reader adds its waker before it looks at the queue a last time, so no
-    sample is missed.
-    """
-
-    def __init__(self, topic: Topic, size: int, callback: Callable[[Any], object] | None, options: Options) -> None:
-        self.topic = topic
-        self.options = options
-        self.queue: deque[Item] = deque(maxlen=size)
-        self.size = size
-        self.callback = callback
-        self.newest: Item | None = None
-        self.received = self.dropped = self.undecodable = self.callback_errors = 0
-        self.error: FormatError | None = None
-        self.is_closed = False
-        self._wakers: tuple[Waker, ...] = ()
-        self._lock = threading.Lock()
-
-    def push(self, payload: bytes, time: int, decoding: Decoding) -> None:
-        """Take a sample, in the thread of the link."""
-        item = (payload, time, decoding)
-        self.newest = item
-        self.received += 1
-        if self.callback is not None:
-            self._call(item)
-        else:
-            queue = self.queue
-            if len(queue) == self.size:
-                self.dropped += 1
-            queue.append(item)
-        for wake in self._wakers:
-            wake()
-
-    def _call(self, item: Item) -> None:
-        callback = self.callback
-        if callback is None or self.is_closed:
-            return
-        value = self.decoded(item)
-        if value is None:
-            return
-        try:
-            callback(value)
-        except Exception:
-            self.callback_errors += 1
-            if _is_told(self.callback_errors):
-                text = "error %d in the callback of '%s', which is still called"
-                LOGGER.exception(text, self.callback_errors, self.topic.stem)
-
-    def decoded(self, item: Item) -> Any:
-        """Return the message in a sample, or None if it cannot be decoded, which is counted and told."""
-        if self.options.is_raw:
-            return item[0]
-        try:
-            return item[2].decode(item[0])
-        except ValueError as error:
-            self.tell_undecodable(error)
-            return None
-
-    def tell_undecodable(self, error: ValueError) -> None:
-        """Count a sample that cannot be decoded, and tell of the first one."""
-        self.undecodable += 1
-        if self.undecodable == 1:
-            text = "a sample of '%s' cannot be decoded, and further ones are only counted: %s"
-            LOGGER.warning(text, self.topic.stem, error)
-
-    def fail(self, error: FormatError) -> None:
-        """End the delivery of a topic whose definition differs, until the vehicle connects again."""
-        if self.error is not None:
-            return
-        self.queue.clear()
-        self.newest = None
-        self.error = error
-        if self.callback is not None:  # readers of the queue get the error
-            LOGGER.error("the callback of '%s' is no longer called: %s", self.topic.stem, error)
-        self.wake()
-
-    def close(self) -> None:
-        """End the iterators after the samples in the queue. Can be repeated."""
-        self.is_closed = True
-        self.wake()
-
-    def wake(self) -> None:
-        """Wake all readers."""
-        for wake in self._wakers:
-            wake()
-
-    def add_waker(self, waker: Waker) -> None:
-        """Call `waker` for each sample, from now on."""
-        with self._lock:
-            self._wakers = (*self._wakers, waker)
-
-    def remove_waker(self, waker: Waker) -> None:
-        """No longer call `waker`."""
-        with self._lock:
-            self._wakers = tuple(each for each in self._wakers if each is not waker)
-
-
-class Options(NamedTuple):
-    """How a subscription delivers samples."""
-
-    is_raw: bool = False
-    is_converted: bool = False
-
-
-def _is_told(count: int) -> bool:
-    """Whether to log the error with this number: the 1st, 10th, 100th, and so on."""
-    return str(count).strip("0") == "1"
 
 
 class Subscription(Generic[Value]):
@@ -210,9 +93,9 @@ class Subscription(Generic[Value]):
 
     async def __aiter__(self) -> AsyncIterator[Value]:
         """Yield each message, as `__iter__`, in an event loop of asyncio. Needs no further thread."""
-        from asyncio import Event, get_running_loop
+        from asyncio import Event, get_running_loop, sleep
 
-        loop, event = get_running_loop(), Event()
+        loop, event, run = get_running_loop(), Event(), 0
         is_scheduled = False
 
         def wake() -> None:
@@ -236,6 +119,9 @@ class Subscription(Generic[Value]):
                     value = self._feed.decoded(item)
                     if value is not None:
                         yield value
+                    run += 1
+                    if run % RUN == 0:  # a queue that never empties must not stop the other tasks
+                        await sleep(0)
                 elif self._feed.is_closed:
                     return
                 else:
@@ -336,6 +222,7 @@ class Subscription(Generic[Value]):
         item = self._pop()
         if item is not None:
             return item
+        check_outside_callback()
         event = threading.Event()
         self._feed.add_waker(event.set)
         try:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from msggen.diagnostics import suggestion
 from msggen.live.errors import LinkTimeoutError, NotConnectedError, TopicError
+from msggen.live.feed import Feed, Options
 from msggen.live.hub import Entry, Member
 from msggen.live.link import Link, LinkError, Remote, Route, Service, Statistics
 from msggen.live.names import is_topic, stem_of
@@ -26,7 +27,7 @@ from msggen.live.packages import (
 from msggen.live.repeater import Repeater
 from msggen.live.selection import Selection, shown
 from msggen.live.sharing import join_hub, leave_hub, leave_soon, link_of
-from msggen.live.subscription import Feed, Options, Subscription
+from msggen.live.subscription import Subscription
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -76,7 +77,7 @@ class Vehicle:
         self._packages: Packages = packages_of(types)
         selection = Selection(key, None if namespace is None else namespace.strip("/"), address)
         self._member = Member(selection, self._packages)
-        self._routes: dict[tuple[type, object], tuple[Entry, Route]] = {}
+        self._routes: dict[tuple[type, object], tuple[Entry, Route, object]] = {}
         self._name, opened = link_of(
             url, (allow,) if isinstance(allow, (str, int)) else allow, self._packages, is_isolated=isolated
         )
@@ -186,17 +187,7 @@ class Vehicle:
     @overload
     def subscribe(
         self,
-        topic: type[MessageT],
-        callback: Callable[[MessageT], object] | None = None,
-        *,
-        queue: int | None = None,
-        raw: Literal[False] = False,
-        convert: bool = False,
-    ) -> Subscription[MessageT]: ...
-    @overload
-    def subscribe(
-        self,
-        topic: Endpoint[MessageT],
+        topic: type[MessageT] | Endpoint[MessageT],
         callback: Callable[[MessageT], object] | None = None,
         *,
         queue: int | None = None,
@@ -317,7 +308,7 @@ class Vehicle:
         if entry.remote.adopted:
             raise LinkError(
                 f"'{service_name}' cannot be called, because this session was begun by an earlier program: restart the "
-                "client on the vehicle (uxrce_dds_client stop, uxrce_dds_client start), or publish VehicleCommand"
+                "client on the vehicle (uxrce_dds_client stop, uxrce_dds_client start), or publish to 'vehicle_command'"
             )
         service = entry.services.get(type(request).__msg__.ros_type)
         if service is None:
@@ -327,8 +318,6 @@ class Vehicle:
             )
         payload = entry.calls.call(service, request.encode(), timeout)
         return response.decode(payload)
-
-    # internals
 
     def _check_open(self) -> None:
         if self._member.is_closed:
@@ -354,15 +343,18 @@ class Vehicle:
 
     def _route_to(self, message: Message, topic: Endpoint[Any] | str | None) -> tuple[Entry, Route]:
         entry = self._entry()
-        name = (type(message), topic)
+        # an endpoint takes 15 us to hash; its id cannot become that of another one, because it is kept here
+        name = (type(message), topic if isinstance(topic, str) else id(topic))
         found = self._routes.get(name)
         if found is not None and found[0] is entry:
-            return found
+            return entry, found[1]
         route = self._find_route(entry, type(message), topic)
-        if entry.check.is_complete:  # before, the definition may turn out to differ
+        if (
+            entry.check.is_complete or route.ros_type in entry.check.hashes
+        ):  # before, the definition may turn out to differ
             if len(self._routes) >= 1000:  # noqa: PLR2004 - endpoints made anew for each call
                 self._routes.clear()
-            self._routes[name] = entry, route
+            self._routes[name] = entry, route, topic
         return entry, route
 
     def _find_route(self, entry: Entry, cls: type[Message], topic: Endpoint[Any] | str | None) -> Route:

@@ -146,6 +146,16 @@ def test_a_request_without_an_answer_is_repeated_and_then_left_out(px4_types: An
         assert vehicle.firmware.hashes == {}
 
 
+def test_a_request_is_repeated_after_the_clock_was_set_back(px4_types: Any) -> None:
+    link = FakeLink(px4_types)
+    with Vehicle(link):
+        remote = link.connect()
+        hour = 3600 * 10**9
+        for when in (10 * hour, 10 * hour + 1, hour, hour + 1, hour + 10**9):
+            link.sample(remote, px4_types.VehicleStatus(), when=when)
+        assert len(link.published) == 3
+
+
 def test_answers_that_nobody_asked_for_are_ignored(px4_types: Any) -> None:
     link = FakeLink(px4_types)
     with Vehicle(link) as vehicle:

@@ -104,6 +104,19 @@ def test_a_vehicle_that_restarts_may_connect_before_its_old_session_ends(link: F
         assert vehicle.remote == new
 
 
+def test_a_vehicle_that_restarts_often_leaves_nothing(link: FakeLink, px4_types: Any) -> None:
+    with Vehicle(link) as vehicle:
+        subscription = vehicle.subscribe(px4_types.VehicleStatus)
+        for number in range(50):
+            remote = link.connect(address=f"127.0.0.1:{40000 + number}")
+            link.sample(remote, px4_types.VehicleStatus(timestamp=number))
+            link.answer(remote, most=3)
+            link.disconnect(remote)
+        assert vehicle._hub.entries == {}
+        assert vehicle._member.entry is None
+        assert subscription.received == 50
+
+
 def test_another_vehicle_with_the_same_key_is_not_a_restarted_one(link: FakeLink, px4_types: Any) -> None:
     with Vehicle(link) as vehicle:
         first = link.connect(1, address="127.0.0.1:1")

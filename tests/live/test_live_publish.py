@@ -316,6 +316,32 @@ def test_the_queue_of_calls_is_bounded(link: FakeLink, vehicle: Vehicle, px4_typ
     assert sum("16 calls of '/fmu/vehicle_command' are waiting" in error for error in errors) == 4
 
 
+def test_a_callback_can_publish_and_cannot_wait(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
+    errors: list[str] = []
+
+    def callback(_: Any) -> None:
+        vehicle.publish(px4_types.OffboardControlMode())
+        for wait in (
+            lambda: vehicle.call(px4_types.srv.VehicleCommand.Request()),
+            vehicle.wait_connected,
+            vehicle.wait_disconnected,
+            lambda: next(iter(attitude)),
+            lambda: attitude.wait_for(bool),
+        ):
+            try:
+                wait()
+            except LinkError as error:
+                errors.append(str(error))
+
+    attitude = vehicle.subscribe(px4_types.VehicleAttitude)
+    vehicle.subscribe(px4_types.VehicleStatus, callback)
+    remote = link.connect()
+    link.sample(remote, px4_types.VehicleStatus())
+    text = "a callback cannot wait for the vehicle, because its thread receives: use another thread"
+    assert errors == [text] * 5
+    assert link.published[0][1].name == "/fmu/in/offboard_control_mode"
+
+
 def test_a_call_that_cannot_be_made_names_the_cure(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
     request = px4_types.srv.VehicleCommand.Request()
     with pytest.raises(NotConnectedError, match="no vehicle is connected"):

@@ -300,6 +300,33 @@ def test_an_async_iterator_needs_no_thread(link: FakeLink, vehicle: Vehicle, px4
     assert asyncio.run(asyncio.wait_for(read(), WAIT)) == [1000, *range(200)]
 
 
+def test_an_async_iterator_leaves_time_to_other_tasks(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
+    subscription = vehicle.subscribe(px4_types.VehicleStatus)
+    remote = link.connect()
+    for number in range(300):
+        link.sample(remote, status(px4_types, number))
+
+    async def main() -> int:
+        turns = 0
+
+        async def other() -> None:
+            nonlocal turns
+            while True:
+                turns += 1
+                await asyncio.sleep(0)
+
+        task = asyncio.get_running_loop().create_task(other())
+        seen = 0
+        async for _ in subscription:
+            seen += 1
+            if seen == 300:
+                break
+        task.cancel()
+        return turns
+
+    assert asyncio.run(main()) >= 4
+
+
 def test_an_async_iterator_ends_when_the_vehicle_is_closed(vehicle: Vehicle, px4_types: Any) -> None:
     subscription = vehicle.subscribe(px4_types.VehicleStatus)
 
@@ -369,6 +396,30 @@ def test_a_topic_that_the_vehicle_does_not_have_is_told(
     assert [each for each in caplog.messages if "has no topic" in each] == [
         f"{text}: it is not in the dds_topics.yaml of its firmware"
     ]
+
+
+def test_a_wait_leaves_nothing_behind(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
+    subscription = vehicle.subscribe(px4_types.VehicleStatus)
+    remote = link.connect()
+    iterator = iter(subscription)
+    for number in range(3):
+        timer = threading.Timer(0.01, link.sample, (remote, status(px4_types, number)))
+        timer.start()
+        assert next(iterator).timestamp == number
+        timer.join()
+        with pytest.raises(LinkTimeoutError):
+            subscription.wait_for(lambda _: False, 0.001)
+        subscription.wait_for(lambda _: True, WAIT)
+
+    async def read() -> None:
+        reader = subscription.__aiter__()
+        asyncio.get_running_loop().call_later(0.01, link.sample, remote, status(px4_types, 4))
+        await reader.__anext__()
+        await reader.aclose()  # type: ignore[attr-defined]
+
+    asyncio.run(read())
+    assert subscription._feed._wakers == ()
+    assert vehicle._member.feeds == (subscription._feed,)
 
 
 def test_a_reader_is_not_late(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:

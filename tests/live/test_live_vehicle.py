@@ -12,10 +12,11 @@ from typing import Any
 
 import pytest
 
-from msggen.live import LinkError, LinkTimeoutError, Vehicle
+from msggen.live import FormatError, LinkError, LinkTimeoutError, Vehicle
 from msggen.live.sim import Options, Simulator
 from support.link_records import nothing_is_left
 from support.ports import free_port
+from support.replay import DELETE, Client, kind, sent
 
 WAIT = 20.0
 
@@ -98,6 +99,20 @@ def test_a_program_that_restarts_continues_the_session(url: str, px4_types: Any)
                 vehicle.call(px4_types.srv.VehicleCommand.Request())
             assert str(vehicle.wait_firmware(WAIT)) == "v1.18"
         assert simulated_vehicle.sent
+
+
+@pytest.mark.parametrize("capture", ["session-udp", "session-namespace", "session-fragment"])
+def test_a_captured_vehicle_is_recognized(url: str, px4_types: Any, capture: str) -> None:
+    """What PX4's client of v1.17 sent in a capture, without an answer to format requests."""
+    with Vehicle(url, px4_types) as vehicle, Client(int(url.rpartition(":")[2])) as client:
+        combined, status = vehicle.subscribe("sensor_combined"), vehicle.subscribe("vehicle_status")
+        client.play([data for data in sent(capture) if kind(data) != DELETE])
+        combined.wait_for(lambda _: True, WAIT)
+        assert str(vehicle.firmware) == "v1.17"
+        assert len(vehicle.routes) == 65
+        assert combined.undecodable == 0
+        with pytest.raises(FormatError, match=r"is version 4: give types of its release too, .*package_of\('v1.17'\)"):
+            status.latest()
 
 
 def test_asyncio_reads_two_topics_of_a_vehicle(url: str, px4_types: Any) -> None:
