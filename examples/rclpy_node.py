@@ -51,7 +51,7 @@ class Companion(Node):
             print("mode:", mode.name, flush=True)
 
     def send_heartbeat(self) -> None:
-        """Tell PX4 that position setpoints follow. Alone, it changes nothing."""
+        """Tell PX4 that position setpoints follow. Offboard mode needs this at least twice a second."""
         self.publisher.publish(OffboardControlMode(position=True).encode())
 
 
