@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import builtins
-import itertools
-import os
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -17,29 +14,10 @@ import pytest
 
 from msggen.live.dds import DdsLink, Endpoint, endpoint_of
 from msggen.live.link import LinkError, Remote, Route, Service
+from support.dds_vehicle import domains, vehicle
 from support.link_records import Records, nothing_is_left
-from support.repository import ROOT
 
-DOMAINS = itertools.count(140 + os.getpid() % 9 * 10)
-"""Domains of their own, so that other programs and other tests do not take part."""
-
-
-@contextmanager
-def vehicle(domain: int, namespace: str, *topics: str) -> Iterator[subprocess.Popen[str]]:
-    """Run a participant that looks like PX4 behind an agent."""
-    pytest.importorskip("cyclonedds")
-    program = ROOT / "tests" / "support" / "px4_behind_agent.py"
-    command = [sys.executable, str(program), str(domain), namespace, *topics]
-    environment = {"PYTHONPATH": str(ROOT / "generated"), "PYTHONDONTWRITEBYTECODE": "1"}
-    with subprocess.Popen(
-        command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "ready\n"
-            yield process
-        finally:
-            process.kill()
+DOMAINS = domains(140)
 
 
 @contextmanager

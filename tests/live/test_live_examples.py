@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
-from threading import Timer
 from types import ModuleType
 
 import pytest
@@ -19,11 +14,8 @@ from IPython.core import interactiveshell
 
 from msggen.cli import main
 from msggen.live.sim import Options, Simulator
+from support.example_program import EXAMPLES, LONGEST, Program, interrupted
 from support.repository import ROOT
-
-EXAMPLES = ROOT / "examples"
-LONGEST = 90.0
-"""Seconds after which an example is ended."""
 
 
 @pytest.fixture
@@ -32,46 +24,6 @@ def address() -> str:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as each:
         each.bind(("127.0.0.1", 0))
         return f"udp://127.0.0.1:{each.getsockname()[1]}"
-
-
-class Program:
-    """An example that runs. Its lines are read one by one."""
-
-    def __init__(self, *arguments: str, packages: Path = ROOT / "generated") -> None:
-        variables = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(packages)])}
-        self.process = subprocess.Popen(
-            [sys.executable, *arguments],
-            cwd=EXAMPLES,
-            env=variables,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        self.printed = ""
-        self._limit = Timer(LONGEST, self.process.kill)
-        self._limit.start()
-
-    def lines(self) -> Iterator[str]:
-        """Yield lines until the program ends."""
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.printed += line
-            yield line.rstrip("\n")
-
-    def wait_for(self, *patterns: str) -> None:
-        """Read until a line matches each pattern, in this order."""
-        lines = self.lines()
-        for pattern in patterns:
-            assert any(re.search(pattern, line) for line in lines), f"no '{pattern}' in\n{self.printed}"
-
-    def end(self) -> int:
-        """Interrupt the program as Ctrl-C does, if it runs, and return its exit code."""
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-        for _ in self.lines():
-            pass
-        self._limit.cancel()
-        return self.process.wait()
 
 
 @pytest.fixture
@@ -88,12 +40,6 @@ def run() -> Iterator[type[Program]]:
     for program in started:
         program.process.kill()
         program.end()
-
-
-def interrupted(program: Program) -> None:
-    """Interrupt a program, which ends without an error."""
-    assert program.end() == 0, program.printed
-    assert "Traceback" not in program.printed
 
 
 SOON = Options(sync="short")

@@ -1,6 +1,7 @@
 """A participant of DDS that looks like PX4 behind an agent, run as a program of its own.
 
 Arguments: the domain, the namespace or "", and uORB topics to publish 50 times a second, with a timestamp that counts.
+A topic can have values of other fields: `vehicle_status,nav_state=14`.
 What arrives is printed, a line for each sample: the topic and the payload in hex. Requests are answered. The program
 ends with its standard input.
 """
@@ -13,6 +14,7 @@ import sys
 import threading
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from cyclonedds.core import Policy, Qos
@@ -30,7 +32,7 @@ LOOPBACK = """<CycloneDDS><Domain>
     <Interfaces><NetworkInterface name="lo" multicast="true"/></Interfaces>
     <AllowMulticast>spdp</AllowMulticast>
   </General>
-  <Discovery><SPDPInterval>1s</SPDPInterval></Discovery>
+  <Discovery><SPDPInterval>1s</SPDPInterval><ParticipantIndex>auto</ParticipantIndex></Discovery>
 </Domain></CycloneDDS>"""
 
 
@@ -67,13 +69,15 @@ class Px4:
         self.types = types
         self.readers: dict[str, DataReader[Any]] = {}
         self.writers: list[tuple[Any, Topic[Any], DataWriter[Any]]] = []
+        published = dict(map(fields_of, names))
         for endpoint in types.topics.namespaced(namespace) if namespace else types.topics.ENDPOINTS:
             topic = raw_topic(participant, endpoint.dds_name, endpoint.dds_type)
             if endpoint.direction == "in":
                 depth = endpoint.qos.reader.depth
                 self.readers[endpoint.dds_name] = DataReader(participant, topic, qos(depth=depth))
-            elif endpoint.uorb_topic in names:
-                self.writers.append((endpoint, topic, DataWriter(participant, topic, qos(is_kept=True))))
+            elif endpoint.uorb_topic in published:
+                new = partial(endpoint.message, **published[endpoint.uorb_topic])
+                self.writers.append((new, topic, DataWriter(participant, topic, qos(is_kept=True))))
         prefix = f"{namespace}/fmu" if namespace else "fmu"
         types_of = "px4_msgs::srv::dds_::VehicleCommand_"
         request = raw_topic(participant, f"rq/{prefix}/vehicle_commandRequest", f"{types_of}Request_")
@@ -82,9 +86,9 @@ class Px4:
         self.replies = DataWriter(participant, self.reply, qos(is_reliable=True))
 
     def publish(self, number: int) -> None:
-        for endpoint, topic, writer in self.writers:
+        for new, topic, writer in self.writers:
             sample = topic.data_type()
-            sample.data = endpoint.message(timestamp=number).encode()
+            sample.data = new(timestamp=number).encode()
             writer.write(sample)
 
     def show(self) -> None:
@@ -100,6 +104,11 @@ class Px4:
             sample = self.reply.data_type()
             sample.data = service.Response(reply=ack).encode()
             self.replies.write(sample)
+
+
+def fields_of(argument: str) -> tuple[str, dict[str, int]]:
+    topic, *values = argument.split(",")
+    return topic, {name: int(number) for name, number in (value.split("=") for value in values)}
 
 
 def taken(reader: DataReader[Any]) -> list[bytes]:
