@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, Protocol
 
 from msggen.diagnostics import Diagnostic, InputError, input_error, suggestion
 from msggen.disk.names import too_long
+from msggen.disk.path_hint import path_hint
 from msggen.disk.reading import read_bytes
-from msggen.firmware.path_hint import path_hint
 from msggen.location import Location
 from msggen.model import Catalog
 from msggen.render.jinja_template import JinjaTemplate, Pattern
