@@ -101,10 +101,11 @@ def lint(
     """
     contents = read_files(sources)
     catalog = read_catalog(sources, contents, tolerated=_OF_TAGS)
-    chosen = _as_strict([rule for rule in LINT if rule.is_default] if rules is None else rules, sources)
+    chosen = [rule for rule in LINT if rule.is_default] if rules is None else rules
+    applied = _as_strict(chosen, sources)
     definitions = list(definitions_of(sources, catalog, contents))
     ignored = ignored or {}
-    found = [Finding(rule, change) for each in definitions for rule in chosen for change in rule.find(each)]
+    found = [Finding(rule, change) for each in definitions for rule in applied for change in rule.find(each)]
     findings = [finding for finding in found if not _is_ignored(finding, ignored)]
     hidden = len(found) - len(findings)
     subjects = {finding.change.subject for finding in findings}
@@ -113,7 +114,7 @@ def lint(
     return Report(
         previous="",
         current=sources.label,
-        rules=_applied(chosen, ignored),
+        rules=_applied(applied, ignored),
         findings=_ordered(findings),
         compared=len({each.message.location.path for each in definitions}),
         summary=", ".join([f"{sources.label}: {counts}", *_count(hidden, "ignored")]),
