@@ -27,7 +27,6 @@ from msggen.model import Catalog, Message, Service
 _OF_NEW_VERSIONS = ("S119",)
 """Notes about a tree that is newer than the known releases. A new version in the change itself would cause one."""
 
-
 _OF_TAGS = ("M107",)
 """Warnings about unknown tags, which are findings of `lint`."""
 
@@ -71,9 +70,8 @@ def breaking(
     """Return the findings of `rules` in the change from `previous` to `current`.
 
     `ignored` maps names of messages, services or topics to the rules to ignore there; `*` in a name matches any text.
-    Their findings are only counted.
-    With `topics_only`, compare only the messages that are bridged on either side, the messages that they nest, and the
-    services. Raises InputError if a side cannot be read.
+    Ignored findings are only counted. With `topics_only`, compare only the messages that are bridged on either side,
+    the messages that they nest, and the services. Raises InputError if a side cannot be read.
     """
     wanted = bridged_names(previous, current) | bridged_names(current, previous) if topics_only else None
     before = _side(previous, wanted)
@@ -81,20 +79,14 @@ def breaking(
     comparison = Comparison(before, after)
     rules, ignored = _as_strict(rules, current), ignored or {}
     found = list(find(comparison, rules))
-    hidden = [finding for finding in found if _is_ignored(finding, ignored)]
-    nowhere = {rule.id for rule in ignored.get("*", ())}
-    report = _report(
-        comparison,
-        [rule for rule in rules if rule.id not in nowhere],
-        [finding for finding in found if finding not in hidden],
-        ("does not break", "breaks"),
-        ignored=len(hidden),
-    )
+    kept = [finding for finding in found if not _is_ignored(finding, ignored)]
+    applied = _applied(rules, ignored)
+    report = _report(comparison, applied, kept, ("does not break", "breaks"), ignored=len(found) - len(kept))
     notices = (*previous.notices, *comparison.current.catalog.notices)
     subjects = {*_subjects(previous, before.catalog), *_subjects(current, after.catalog)}
     subjects |= {subject for finding in found for subject in _names_of(finding)}
-    unmatched = {name: suggestion(name, subjects) for name in ignored if not _is_matched(name, subjects)}
-    return replace(report, notices=_without(notices, OF_BOARDS + _OF_NEW_VERSIONS), unmatched=unmatched)
+    shown = _without(notices, OF_BOARDS + _OF_NEW_VERSIONS)
+    return replace(report, notices=shown, unmatched=_unmatched(ignored, subjects))
 
 
 def lint(
@@ -119,17 +111,16 @@ def lint(
     subjects = {finding.change.subject for finding in findings}
     word = "finding" if sources.strict else "warning"
     counts = f"{counted(len(findings), word)} in {counted(len(subjects), 'definition')}" if findings else "no findings"
-    names = _subjects(sources, catalog)
     return Report(
         previous="",
         current=sources.label,
-        rules=tuple(rule for rule in applied if rule.id not in {each.id for each in ignored.get("*", ())}),
+        rules=_applied(applied, ignored),
         findings=_ordered(findings),
         compared=len({each.message.location.path for each in definitions}),
         summary=", ".join([f"{sources.label}: {counts}", *_count(hidden, "ignored")]),
         notices=_without(catalog.notices, OF_BOARDS + _OF_NEW_VERSIONS),
         ignored=hidden,
-        unmatched={name: suggestion(name, names) for name in ignored if not _is_matched(name, names)},
+        unmatched=_unmatched(ignored, _subjects(sources, catalog)),
     )
 
 
@@ -228,6 +219,17 @@ def _is_ignored(finding: Finding, ignored: Mapping[str, Collection[Rule]]) -> bo
         finding.rule.id in {rule.id for rule in rules} and _is_matched(name, _names_of(finding))
         for name, rules in ignored.items()
     )
+
+
+def _applied(rules: Iterable[Rule], ignored: Mapping[str, Collection[Rule]]) -> tuple[Rule, ...]:
+    """Return `rules` without those that are ignored everywhere."""
+    nowhere = {rule.id for rule in ignored.get("*", ())}
+    return tuple(rule for rule in rules if rule.id not in nowhere)
+
+
+def _unmatched(ignored: Iterable[str], subjects: Collection[str]) -> dict[str, str]:
+    """Return the names in `ignored` that match no subject, each with a hint."""
+    return {name: suggestion(name, subjects) for name in ignored if not _is_matched(name, subjects)}
 
 
 def _names_of(finding: Finding) -> set[str]:

@@ -213,7 +213,7 @@ def printable(text: str) -> str:
 
 
 def shortened(text: str, width: int = _WIDTH, end: int = _END) -> str:
-    """Return `text`, cut to `width` characters, of which the last are its `end`, with `…` for what is left out."""
+    """Return `text`. If it is longer than `width`, cut it to its start, `…`, and its last `end` characters."""
     return text if len(text) <= width else f"{text[: width - end - 1]}…{text[-end:]}"
 
 
