@@ -51,7 +51,7 @@ FOUND = {
         "5:19 'load': '[@invalid NaN]': a uint8 cannot be NaN",
     ],
     "UNIT_UNKNOWN": [
-        "4:17 'turn': unknown unit '[rads]', did you mean '[rad/s]'?",
+        "4:17 'turn': unknown unit '[rads]', did you mean '[rad]'?",
         "5:24 'temperature': unknown unit '[Celcius]', did you mean '[°C]'?",
     ],
     "UNIT_INCONSISTENT": [
@@ -169,6 +169,8 @@ def test_nothing_is_found_in_good_definitions(text: str, tmp_path: Path) -> None
     ("text", "message"),
     [
         ("float32 x # [M/S] A speed.", "'x': unknown unit '[M/S]', did you mean '[m/s]'?"),
+        ("float32 x # [degs] An angle.", "'x': unknown unit '[degs]', did you mean '[deg]'?"),
+        ("float32 x # [rads/s] A rate.", "'x': unknown unit '[rads/s]', did you mean '[rad/s]'?"),
         ("float32 x # [NED] A place.", "'x': '[NED]' is not a unit: expected '[@frame NED]'"),
         (
             "float32 x # [@frame local frame] A place.",
