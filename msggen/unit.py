@@ -178,10 +178,13 @@ def normalized_range(text: str) -> str:
     A text that is not a range is returned in lower case with normalized white space.
     """
     text = " ".join(text.lower().split())
-    if len(text) > _LONGEST:
-        return text
-    bounds = _BETWEEN.split(_NOTE.sub("", text).strip(), maxsplit=1)
-    return ", ".join(map(_bound, bounds)) if len(bounds) > 1 else text
+    spelled = spelled_bounds(text)
+    return ", ".join(map(_bound, spelled)) if len(spelled) > 1 else text
+
+
+def spelled_bounds(text: str) -> list[str]:
+    """Return the bounds of a range as they are spelled, without notes; another text as the only one."""
+    return _BETWEEN.split(_NOTE.sub("", text).strip(), maxsplit=1) if len(text) <= _LONGEST else [text]
 
 
 def bounds(text: str) -> tuple[float, float] | None:

@@ -2,7 +2,8 @@
 
 PX4 uses NED (x north, y east, z down) and, for the body, FRD (x forward, y right, z down). ROS uses ENU (x east,
 y north, z up) and FLU (x forward, y left, z up). A rotation by 180 degrees about the axis (1, 1, 0) turns NED into
-ENU, and one by 180 degrees about x turns FRD into FLU. Source: PX4's ROS 2 user guide, "ROS 2 & PX4 Frame Conventions", and REP 103.
+ENU, and one by 180 degrees about x turns FRD into FLU. Source: PX4's ROS 2 user guide, "ROS 2 & PX4 Frame
+Conventions", and REP 103.
 
 Each function takes a sequence of numbers and returns a tuple. It also takes a numpy array with the components in its
 last axis, and returns an array of that shape. Quaternions are Hamilton, w first. NaN stays NaN.

@@ -258,7 +258,7 @@ def test_an_unknown_frame_is_an_error(px4_types: Any, frames: Any, value: int, s
         ("GimbalDeviceAttitudeStatus", "q", "its definition does not say its frame: its comment has no [@frame ...]"),
         (
             "TrajectorySetpoint6dof",
-            "quaternion",
+            "angular_velocity",
             "its definition does not say its frame: its comment has no [@frame ...]",
         ),
         ("VehicleOdometry", "timestamp", "it has no frame"),
