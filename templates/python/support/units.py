@@ -121,7 +121,7 @@ class Unit(Frozen):
         Raises UnitError if the dimensions differ.
         """
         other = to if isinstance(to, Unit) else parse(to)
-        if isinstance(value, (tuple, list)) or value.__class__.__name__ in SEQUENCES:
+        if issubclass(value.__class__, (tuple, list)) or value.__class__.__name__ in SEQUENCES:
             return tuple([self.convert(each, other) for each in value])
         if other.dimension != self.dimension:
             raise UnitError(f"cannot convert '{self.text}' to '{other.text}': they have different dimensions")
