@@ -19,7 +19,7 @@ from msggen.firmware.history import read_history
 from msggen.firmware.inferred import Inference
 from msggen.firmware.sources import Sources, find_sources, read_files
 from msggen.firmware.tree import Folder, Snapshot
-from msggen.lint.definition import definitions_of
+from msggen.lint.definition import Definition, definitions_of
 from msggen.lint.rules import LINT
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
@@ -93,17 +93,19 @@ def lint(
     sources: Sources,
     rules: Sequence[Rule] | None = None,
     ignored: Mapping[str, Collection[Rule]] | None = None,
+    messages: Collection[str] = (),
 ) -> Report:
     """Return the findings of `rules`, by default those that are applied unless others are selected.
 
-    Embedded definitions are only looked at if there are no others, and definitions of other packages never. `ignored`
-    is as in `breaking`. Raises InputError if the sources cannot be read.
+    Embedded definitions are only looked at if there are no others, and definitions of other packages never. `messages`
+    limits them to messages and services with these names or files. `ignored` is as in `breaking`. Raises InputError if
+    the sources cannot be read, or have no such message.
     """
     contents = read_files(sources)
     catalog = read_catalog(sources, contents, tolerated=_OF_TAGS)
     chosen = [rule for rule in LINT if rule.is_default] if rules is None else rules
     applied = _as_strict(chosen, sources)
-    definitions = list(definitions_of(sources, catalog, contents))
+    definitions = _named(messages, definitions_of(sources, catalog, contents), sources.label)
     ignored = ignored or {}
     found = [Finding(rule, change) for each in definitions for rule in applied for change in rule.find(each)]
     findings = [finding for finding in found if not _is_ignored(finding, ignored)]
@@ -122,6 +124,20 @@ def lint(
         ignored=hidden,
         unmatched=_unmatched(ignored, _subjects(sources, catalog)),
     )
+
+
+def _named(names: Collection[str], definitions: Iterable[Definition], label: str) -> list[Definition]:
+    """Return the definitions with these names or files, or all if there are no names. Raises InputError."""
+    every = list(definitions)
+    known = {name for each in every for name in each.names}
+    wanted = {os.path.basename(name): name for name in names}
+    if unknown := [base for base in wanted if base not in known]:
+        stems = sorted({each.names[1] for each in every})
+        raise InputError(
+            Diagnostic(Location(wanted[base], 0), "S130", f"no such message in {label}{suggestion(base, stems)}")
+            for base in unknown
+        )
+    return [each for each in every if not names or wanted.keys() & {*each.names}]
 
 
 def _as_strict(rules: Sequence[Rule], current: Sources) -> tuple[Rule, ...]:
