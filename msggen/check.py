@@ -19,14 +19,13 @@ from msggen.firmware.history import read_history
 from msggen.firmware.inferred import Inference
 from msggen.firmware.sources import Sources, find_sources, read_files
 from msggen.firmware.tree import Folder, Snapshot
-from msggen.lint.definition import definitions_of
+from msggen.lint.definition import Definition, definitions_of
 from msggen.lint.rules import LINT
 from msggen.location import Location
 from msggen.model import Catalog, Message, Service
 
 _OF_NEW_VERSIONS = ("S119",)
 """Notes about a tree that is newer than the known releases. A new version in the change itself would cause one."""
-
 
 _OF_TAGS = ("M107",)
 """Warnings about unknown tags, which are findings of `lint`."""
@@ -71,9 +70,8 @@ def breaking(
     """Return the findings of `rules` in the change from `previous` to `current`.
 
     `ignored` maps names of messages, services or topics to the rules to ignore there; `*` in a name matches any text.
-    Their findings are only counted.
-    With `topics_only`, compare only the messages that are bridged on either side, the messages that they nest, and the
-    services. Raises InputError if a side cannot be read.
+    Ignored findings are only counted. With `topics_only`, compare only the messages that are bridged on either side,
+    the messages that they nest, and the services. Raises InputError if a side cannot be read.
     """
     wanted = bridged_names(previous, current) | bridged_names(current, previous) if topics_only else None
     before = _side(previous, wanted)
@@ -81,37 +79,33 @@ def breaking(
     comparison = Comparison(before, after)
     rules, ignored = _as_strict(rules, current), ignored or {}
     found = list(find(comparison, rules))
-    hidden = [finding for finding in found if _is_ignored(finding, ignored)]
-    nowhere = {rule.id for rule in ignored.get("*", ())}
-    report = _report(
-        comparison,
-        [rule for rule in rules if rule.id not in nowhere],
-        [finding for finding in found if finding not in hidden],
-        ("does not break", "breaks"),
-        ignored=len(hidden),
-    )
+    kept = [finding for finding in found if not _is_ignored(finding, ignored)]
+    applied = _applied(rules, ignored)
+    report = _report(comparison, applied, kept, ("does not break", "breaks"), ignored=len(found) - len(kept))
     notices = (*previous.notices, *comparison.current.catalog.notices)
     subjects = {*_subjects(previous, before.catalog), *_subjects(current, after.catalog)}
     subjects |= {subject for finding in found for subject in _names_of(finding)}
-    unmatched = {name: suggestion(name, subjects) for name in ignored if not _is_matched(name, subjects)}
-    return replace(report, notices=_without(notices, OF_BOARDS + _OF_NEW_VERSIONS), unmatched=unmatched)
+    shown = _without(notices, OF_BOARDS + _OF_NEW_VERSIONS)
+    return replace(report, notices=shown, unmatched=_unmatched(ignored, subjects))
 
 
 def lint(
     sources: Sources,
     rules: Sequence[Rule] | None = None,
     ignored: Mapping[str, Collection[Rule]] | None = None,
+    messages: Collection[str] = (),
 ) -> Report:
     """Return the findings of `rules`, by default those that are applied unless others are selected.
 
-    Embedded definitions are only looked at if there are no others, and definitions of other packages never. `ignored`
-    is as in `breaking`. Raises InputError if the sources cannot be read.
+    Embedded definitions are only looked at if there are no others, and definitions of other packages never. `messages`
+    limits them to messages and services with these names or files. `ignored` is as in `breaking`. Raises InputError if
+    the sources cannot be read, or have no such message.
     """
     contents = read_files(sources)
     catalog = read_catalog(sources, contents, tolerated=_OF_TAGS)
     chosen = [rule for rule in LINT if rule.is_default] if rules is None else rules
     applied = _as_strict(chosen, sources)
-    definitions = list(definitions_of(sources, catalog, contents))
+    definitions = _named(messages, definitions_of(sources, catalog, contents), sources.label)
     ignored = ignored or {}
     found = [Finding(rule, change) for each in definitions for rule in applied for change in rule.find(each)]
     findings = [finding for finding in found if not _is_ignored(finding, ignored)]
@@ -119,18 +113,31 @@ def lint(
     subjects = {finding.change.subject for finding in findings}
     word = "finding" if sources.strict else "warning"
     counts = f"{counted(len(findings), word)} in {counted(len(subjects), 'definition')}" if findings else "no findings"
-    names = _subjects(sources, catalog)
     return Report(
         previous="",
         current=sources.label,
-        rules=tuple(rule for rule in applied if rule.id not in {each.id for each in ignored.get("*", ())}),
+        rules=_applied(applied, ignored),
         findings=_ordered(findings),
         compared=len({each.message.location.path for each in definitions}),
         summary=", ".join([f"{sources.label}: {counts}", *_count(hidden, "ignored")]),
         notices=_without(catalog.notices, OF_BOARDS + _OF_NEW_VERSIONS),
         ignored=hidden,
-        unmatched={name: suggestion(name, names) for name in ignored if not _is_matched(name, names)},
+        unmatched=_unmatched(ignored, _subjects(sources, catalog)),
     )
+
+
+def _named(names: Collection[str], definitions: Iterable[Definition], label: str) -> list[Definition]:
+    """Return the definitions with these names or files, or all if there are no names. Raises InputError."""
+    every = list(definitions)
+    known = {name for each in every for name in each.names}
+    wanted = {os.path.basename(name): name for name in names}
+    if unknown := [base for base in wanted if base not in known]:
+        stems = sorted({each.names[1] for each in every})
+        raise InputError(
+            Diagnostic(Location(wanted[base], 0), "S130", f"no such message in {label}{suggestion(base, stems)}")
+            for base in unknown
+        )
+    return [each for each in every if not names or wanted.keys() & {*each.names}]
 
 
 def _as_strict(rules: Sequence[Rule], current: Sources) -> tuple[Rule, ...]:
@@ -228,6 +235,17 @@ def _is_ignored(finding: Finding, ignored: Mapping[str, Collection[Rule]]) -> bo
         finding.rule.id in {rule.id for rule in rules} and _is_matched(name, _names_of(finding))
         for name, rules in ignored.items()
     )
+
+
+def _applied(rules: Iterable[Rule], ignored: Mapping[str, Collection[Rule]]) -> tuple[Rule, ...]:
+    """Return `rules` without those that are ignored everywhere."""
+    nowhere = {rule.id for rule in ignored.get("*", ())}
+    return tuple(rule for rule in rules if rule.id not in nowhere)
+
+
+def _unmatched(ignored: Iterable[str], subjects: Collection[str]) -> dict[str, str]:
+    """Return the names in `ignored` that match no subject, each with a hint."""
+    return {name: suggestion(name, subjects) for name in ignored if not _is_matched(name, subjects)}
 
 
 def _names_of(finding: Finding) -> set[str]:

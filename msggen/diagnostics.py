@@ -102,6 +102,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "S127": Level.WARNING,
         "S128": Level.ERROR,
         "S129": Level.ERROR,
+        "S130": Level.ERROR,
         "B101": Level.ERROR,
         "B102": Level.ERROR,
         "B103": Level.ERROR,
@@ -216,7 +217,7 @@ def printable(text: str) -> str:
 
 
 def shortened(text: str, width: int = _WIDTH, end: int = _END) -> str:
-    """Return `text`, cut to `width` characters, of which the last are its `end`, with `…` for what is left out."""
+    """Return `text`. If it is longer than `width`, cut it to its start, `…`, and its last `end` characters."""
     return text if len(text) <= width else f"{text[: width - end - 1]}…{text[-end:]}"
 
 

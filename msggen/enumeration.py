@@ -19,7 +19,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from msggen.model import ArrayKind, Constant, Field, Message
+from msggen.model import SPECIAL, ArrayKind, Constant, Field, Message
 from msggen.primitives import PRIMITIVES
 
 _COUNT = re.compile(r"(?:^|_)(?:NUM|NUMBER|COUNT|ENUM_END)$")
@@ -87,11 +87,6 @@ def enumerations(message: Message) -> tuple[Enumeration, ...]:
     return tuple(one for one in made if one.members)
 
 
-def enumeration_of(message: Message, field: Field) -> Enumeration | None:
-    """Return the enum whose members are the values of `field`."""
-    return next((each for each in enumerations(message) if field.name in each.fields), None)
-
-
 def is_integer(field: Field) -> bool:
     """Whether the values of `field` are integers."""
     return field.type.is_primitive and PRIMITIVES[field.type.name].is_integer
@@ -99,10 +94,7 @@ def is_integer(field: Field) -> bool:
 
 def integer_constants(message: Message) -> list[Constant]:
     """Return the constants with integer values."""
-    return [each for each in message.constants if type(each.value) is int and each.name not in _SPECIAL]
-
-
-_SPECIAL = frozenset({"MESSAGE_VERSION", "ORB_QUEUE_LENGTH"})
+    return [each for each in message.constants if type(each.value) is int and each.name not in SPECIAL]
 
 
 def constant_prefixes(message: Message, tag: str) -> tuple[str, ...]:

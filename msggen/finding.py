@@ -1,7 +1,4 @@
-"""Rules and findings, of comparisons and of single definitions.
-
-A rule has only an ID, a purpose, a category, a severity, a function and the text of a fix.
-"""
+"""Rules and findings, of comparisons and of single definitions."""
 
 from __future__ import annotations
 
@@ -48,7 +45,7 @@ class Severity(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Excerpt:
-    """A line of one side: its location, and its text, of which a comparison leaves out the comment."""
+    """A line of one side: its location and its text. Comparisons leave out the comment of the line."""
 
     location: Location
     text: str
@@ -58,7 +55,7 @@ class Excerpt:
 class Change:
     """A change that a rule found. `location` is on the current side; `before` and `after` are the lines that differ.
 
-    What a rule finds in a single definition has only the current side.
+    In a finding of `lint`, which has no previous side, `before` is None.
 
     `subject` is the name of a message, a service or a topic. `names` are those of the fields and constants that
     changed, on both sides. A translation that handles the change deals with all of them.
@@ -117,13 +114,13 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The result of a comparison, or of a look at single definitions, which has no previous side: `previous` is "".
+    """The result of a command: the names of both sides, the rules that were applied, and their findings.
 
-    It has the names of both sides, the rules that were applied, and their findings. `summary` is one line for people.
-    `compared` is the number of messages and services that both sides have.
-    `notices` are the warnings and notes about the sources; they are not findings. `advice` is a line on what to do
-    about the whole report, "" if the findings say it. `ignored` is the number of findings that were ignored.
-    `unmatched` has the names to ignore that match nothing, each with a hint for the user.
+    `lint` has no previous side: `previous` is "". `compared` is the number of messages and services that both sides
+    have, or that `lint` read. `summary` is one line for people. `notices` are the warnings and notes about the sources;
+    they are not findings. `advice` is a line on what to do about the whole report, "" if the findings say it. `ignored`
+    is the number of findings that were ignored. `unmatched` has the names to ignore that match nothing, each with a
+    hint for the user.
     """
 
     previous: str

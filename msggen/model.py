@@ -25,6 +25,12 @@ Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - `|` f
 VERSION = "MESSAGE_VERSION"
 """The name of the constant that holds the version of a message."""
 
+QUEUE_LENGTH = "ORB_QUEUE_LENGTH"
+"""The name of the constant that holds the number of samples in a message's uORB queue."""
+
+SPECIAL = (VERSION, QUEUE_LENGTH)
+"""The constants that the firmware itself reads. They are not values of a field."""
+
 DEFAULT_PACKAGE = "px4_msgs"
 """The ROS 2 package of the firmware's definitions."""
 
@@ -251,7 +257,7 @@ class Message(NamedTuple):
     @property
     def queue_length(self) -> int:
         """The number of samples that uORB keeps: ORB_QUEUE_LENGTH, or 1 if the constant is missing."""
-        return self._special("ORB_QUEUE_LENGTH", 1)
+        return self._special(QUEUE_LENGTH, 1)
 
     def _special(self, name: str, default: int) -> int:
         values = [constant.value for constant in self.constants if constant.name == name]

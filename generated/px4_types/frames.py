@@ -20,12 +20,12 @@ from .covariances import ned_to_enu_covariance as ned_to_enu_covariance
 from .covariances import px4_to_ros_covariance as px4_to_ros_covariance
 from .covariances import ros_to_px4_covariance as ros_to_px4_covariance
 from .covariances import to_triangle as to_triangle
-from .explain import given
+from .explain import given, number_problem
 from .hints import check_class, check_message
 from .info import Frozen
-from .quantities import HEADING, ORIENTATION, VARIANCES, VECTOR, YAW_RATE, Parts, frame_of, parts_of
+from .quantities import HEADING, ORIENTATION, VARIANCES, VECTOR, YAW_RATE, Parts, frame_hint, frame_of, parts_of
 from .rotations import FrameError as FrameError
-from .rotations import check_number, numbers_of, shown
+from .rotations import check_number, numbers_of, shape_of, shown
 from .rotations import enu_to_ned as enu_to_ned
 from .rotations import enu_to_ned_heading as enu_to_ned_heading
 from .rotations import enu_to_ned_orientation as enu_to_ned_orientation
@@ -44,7 +44,7 @@ from .rotations import ros_to_px4_orientation as ros_to_px4_orientation
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from typing import Any, TypeVar, overload
 
     from numpy import void  # type: ignore[import-not-found, unused-ignore]
@@ -150,36 +150,118 @@ def from_ros(
 ) -> MessageType:
     """Return a message with values that are given in frames of ROS, by the names that `to_ros` uses.
 
-    A message is copied, and keeps its other fields. For a class, a new message is made: its other fields are NaN if NaN
-    means "not set" there (`[@invalid NaN]`), and zero if not. A Quantity must have the expected frame. The fields whose
-    values are frames can be given, too: `from_ros(VehicleOdometry, pose_frame=1, position=(1.0, 2.0, 3.0))`.
-    Raises FrameError if a field cannot be converted, KeyError if there is no such field.
+    For a class, a new message is made: its other fields are NaN if NaN means "not set" there (`[@invalid NaN]`), and
+    zero if not. A message is copied, and keeps its other fields. Do not pass a new message such as
+    `TrajectorySetpoint()`: its zeros are values, which command a velocity of 0.
+
+    Single integers and booleans without a frame can be given, too, such as a timestamp, a flag, or a frame:
+    `from_ros(VehicleOdometry, timestamp=5, pose_frame=1, position=(1.0, 2.0, 3.0))`. A Quantity must have the expected
+    frame. Raises FrameError if a field cannot be converted, KeyError if there is no such field.
     """
     result = _unset(message) if isinstance(message, type) else _copied(message)
     cls: type[Message] = result.__class__
     parts = parts_of(cls)
-    for field in [part.decider for part in parts.known.values() if part.decider]:
-        if field.name in values:
-            setattr(result, field.attribute, values.pop(field.name))
+    for name, field in parts.plain.items():
+        if name in values:
+            _check_plain(cls, field, values[name])
+            setattr(result, field.attribute, values.pop(name))
     for name, value in values.items():
         part = parts.known.get(name) or parts.refuse(name)
-        try:
-            frame = frame_of(cls, part, lambda field: getattr(result, field.attribute))
-            if isinstance(value, Quantity) and value.frame != frame.ros:
-                raise FrameError(f"expected a value in {frame.ros}, got one in {value.frame}")  # noqa: TRY301
-            found = _CONVERSIONS[part.kind, frame.axes](value.value if isinstance(value, Quantity) else value)
-        except FrameError as error:
-            parts.refuse(name, str(error))
-        if hasattr(found, "shape"):
-            if len(found.shape) > 1 or (found.shape and part.kind in (HEADING, YAW_RATE)):
-                parts.refuse(name, f"expected the value of one message, got {shown(found)}")
-            found = found.tolist()
+        raw = value.value if isinstance(value, Quantity) else value
+        if len(shape_of(raw)) > (_dimensions(part) if hasattr(raw, "dtype") else 1):
+            parts.refuse(name, f"expected the value of one message, got {shown(raw)}: batch_from_ros takes many")
+        found = _to_px4(cls, part, value, lambda field: getattr(result, field.attribute))
+        found = found.tolist() if hasattr(found, "dtype") else found
         if len(part.fields) == 1:
             setattr(result, part.fields[0].attribute, tuple(found) if hasattr(found, "__len__") else found)
         else:
             for field, component in zip(part.fields, found, strict=True):
                 setattr(result, field.attribute, component)
     return result
+
+
+def batch_from_ros(cls: type[Message], **values: Sequence[Any] | float | NDArray[Any] | Quantity) -> NDArray[void]:
+    """Return a batch of samples of `cls`, with values that are given in frames of ROS as for `from_ros`.
+
+    The array is one of `cls.dtype()`, which `cls.encode_batch` takes. A value has a row for each sample, such as an
+    array of shape (1000, 3) for positions, or is the same for all samples: `timestamp=0`. Other fields are those of
+    `from_ros(cls)`. Raises FrameError if a field cannot be converted, or has another number of rows, KeyError if there
+    is no such field.
+    """
+    import numpy
+
+    check_class(cls)
+    parts = parts_of(cls)
+    arrays: dict[str, NDArray[Any]] = {}
+    for name, value in values.items():
+        try:
+            arrays[name] = numpy.asarray(value.value if isinstance(value, Quantity) else value)
+        except ValueError:
+            parts.refuse(name, "expected rows of the same length")
+    result = numpy.zeros(_count(parts, arrays), cls.dtype())
+    if not len(result):
+        return result
+    new = _unset(cls)
+    for field in cls.__msg__.fields:
+        if _is_unset(field):
+            result[field.name] = getattr(new, field.attribute)
+    for name in [name for name in arrays if name in parts.plain]:
+        array = arrays.pop(name)
+        for item in (array.min(), array.max()) if array.dtype.kind in "biuf" else array.ravel()[:1]:
+            _check_plain(cls, parts.plain[name], item.item())
+        result[name] = array
+    for name, array in arrays.items():
+        part, value = parts.known[name], values[name]
+        value = Quantity(array, value.frame, value.kind) if isinstance(value, Quantity) else array
+        found = _to_px4(cls, part, value, lambda field: _common(field, result[field.name]))
+        for number, field in enumerate(part.fields):
+            result[field.name] = found if len(part.fields) == 1 else found[..., number]
+    return result
+
+
+def _count(parts: Parts, arrays: Mapping[str, NDArray[Any]]) -> int:
+    """Return the number of samples, which is the number of rows of each array that has rows. Raises FrameError."""
+    count = -1
+    for name, array in arrays.items():
+        one = 0 if name in parts.plain else _dimensions(parts.known.get(name) or parts.refuse(name))
+        if array.ndim > one:
+            if array.ndim > one + 1 or count not in (-1, len(array)):
+                rows = f"{count} rows" if count >= 0 else "a row for each sample"
+                parts.refuse(name, f"expected {rows}, got {shown(array)}")
+            count = len(array)
+    if count < 0:
+        raise FrameError(
+            f"{parts.cls.__msg__.name}: expected arrays with a row for each sample: from_ros makes one message"
+        )
+    return count
+
+
+def _dimensions(part: Part) -> int:
+    """Return the number of dimensions of the value of one message."""
+    return 0 if part.kind in (HEADING, YAW_RATE) else 1
+
+
+def _check_plain(cls: type[Message], field: Field, value: Any) -> None:
+    """Raise FrameError if an integer or boolean field cannot hold a value."""
+    problem = number_problem(field.base, value, f"{cls.__msg__.name}.{field.name}")
+    if problem:
+        raise FrameError(f"{problem}{frame_hint(cls, field)}")
+
+
+def _to_px4(cls: type[Message], part: Part, value: Any, value_of: Callable[[Field], Any]) -> Any:
+    """Return a value, or the values of a batch, in the frame of PX4. Raises FrameError with the name of the field."""
+    try:
+        frame = frame_of(cls, part, value_of)
+    except FrameError as error:
+        parts_of(cls).refuse(part.name, f"{error}{frame_hint(cls, part.decider) if part.decider else ''}")
+    if isinstance(value, Quantity):
+        if value.frame != frame.ros:
+            parts_of(cls).refuse(part.name, f"expected a value in {frame.ros}, got one in {value.frame}")
+        value = value.value
+    try:
+        return _CONVERSIONS[part.kind, frame.axes](value)
+    except FrameError as error:
+        parts_of(cls).refuse(part.name, str(error))
 
 
 def _converted(cls: type[Message], value_of: Callable[[Field], Any], join: Callable[[list[Any]], Any]) -> Converted:
@@ -280,7 +362,12 @@ def _unset(cls: type[MessageType]) -> MessageType:
     check_class(cls)
     message = cls()
     for field in cls.__msg__.fields:
-        if field.invalid.partition(" ")[0] == "NaN" and field.base in ("float32", "float64"):
+        if _is_unset(field):
             nan = float("nan")
             setattr(message, field.attribute, nan if field.length is None else (nan,) * field.length)
     return message
+
+
+def _is_unset(field: Field) -> bool:
+    """Whether NaN means that a field is not set."""
+    return field.invalid.partition(" ")[0] == "NaN" and field.base in ("float32", "float64")

@@ -9,6 +9,7 @@ import re
 
 from .hints import UnknownName, check_name, hint, nearest
 from .info import Frozen
+from .primitives import PRIMITIVES
 from .rotations import FrameError
 
 TYPE_CHECKING: bool = False
@@ -124,11 +125,14 @@ class Parts:
     known: dict[str, Part]
     refused: dict[str, str]
     """The reasons of fields that have a frame or look like a vector."""
+    plain: dict[str, Field]
+    """The single integers and booleans without a frame: timestamps, flags, counters, and values that are frames."""
 
     def __init__(self, cls: type[Message]) -> None:
         self.cls = cls
         self.known = {part.name: part for part in _triples(cls)}
         self.refused = {}
+        self.plain = {}
         self._others: dict[str, str] = {}
         for part in self.known.values():
             self._others.update(dict.fromkeys([field.name for field in part.fields], f"it is a part of '{part.name}'"))
@@ -141,15 +145,21 @@ class Parts:
                     self.refused[field.name] = reason
                 else:
                     self._others[field.name] = "it has no frame"
+                    if field.type in PRIMITIVES and field.type not in _FLOATS and field.name not in _AXES[0]:
+                        self.plain[field.name] = field
 
     def refuse(self, name: str, reason: str = "") -> NoReturn:
-        """Raise FrameError with the reason why a field is not converted, or UnknownName if there is no such field."""
+        """Raise FrameError with the reason why a field is not converted, or UnknownName if there is no such field.
+
+        The error replaces the one that is handled, so that the traceback has only one.
+        """
         check_name(name, next(iter(self.known), "position"))
         reason = reason or self.refused.get(name) or self._others.get(name, "")
         if reason:
-            raise FrameError(f"{self.cls.__msg__.name}.{name}: {reason}")
+            raise FrameError(f"{self.cls.__msg__.name}.{name}: {reason}") from None
         near = nearest(name, [*self.known, *self.refused, *self._others])
-        raise UnknownName(f"{self.cls.__msg__.name} has no field '{name}'{hint(near)}")
+        names = [near] if near else list(self.known)
+        raise UnknownName(f"{self.cls.__msg__.name} has no field '{name}'{hint(*names)}") from None
 
 
 _PARTS: dict[type[Message], Parts] = {}
@@ -165,6 +175,13 @@ def frame_of(cls: type[Message], part: Part, value_of: Callable[[Field], Any]) -
     value = value_of(part.decider) if part.decider else None
     key = (cls, part.name, value)
     return _FRAMES.get(key) or _FRAMES.setdefault(key, _frame(cls, part, value))
+
+
+def frame_hint(cls: type[Message], field: Field) -> str:
+    """Return the end of an error about a field whose value is a frame: its values, with their constants."""
+    frames = [each for each in cls.__msg__.constants if each.name == _constant(cls, field, each.value)]
+    values = [f"{each.value} ({each.name})" for each in frames if _named(each.name)]
+    return f": give {field.name}={' or '.join(values)}" if values else ""
 
 
 _FRAMES: dict[tuple[type[Message], str, Any], Frame] = {}

@@ -138,12 +138,14 @@ def is_unit(text: str) -> bool:
 
 
 def nearest_unit(text: str) -> str:
-    """Return the unit whose spelling is the nearest to `text`, in its usual spelling; "" if none is near."""
+    """Return the unit whose spelling or plural is the nearest to `text`, in its usual spelling; "" if none is near."""
     from difflib import get_close_matches
 
     if text in _MISSPELT:
         return known_unit(text)
-    spellings = {spelling.lower(): spelling for spelling in sorted({*SPELLINGS, *_COMPOUND} - _MISSPELT)}
+    known = sorted({*SPELLINGS, *_COMPOUND} - _MISSPELT)
+    spellings = {f"{spelling.lower()}s": spelling for spelling in known if len(spelling) > 1}  # Ns is no plural
+    spellings |= {spelling.lower(): spelling for spelling in known}
     near = get_close_matches(text.lower(), spellings, n=1, cutoff=0.6)
     return known_unit(spellings[near[0]]) if near else ""
 
@@ -176,10 +178,13 @@ def normalized_range(text: str) -> str:
     A text that is not a range is returned in lower case with normalized white space.
     """
     text = " ".join(text.lower().split())
-    if len(text) > _LONGEST:
-        return text
-    bounds = _BETWEEN.split(_NOTE.sub("", text).strip(), maxsplit=1)
-    return ", ".join(map(_bound, bounds)) if len(bounds) > 1 else text
+    spelled = spelled_bounds(text)
+    return ", ".join(map(_bound, spelled)) if len(spelled) > 1 else text
+
+
+def spelled_bounds(text: str) -> list[str]:
+    """Return the bounds of a range as they are spelled, without notes; another text as the only one."""
+    return _BETWEEN.split(_NOTE.sub("", text).strip(), maxsplit=1) if len(text) <= _LONGEST else [text]
 
 
 def bounds(text: str) -> tuple[float, float] | None:

@@ -20,9 +20,9 @@ from msggen.bump.header import (
 from msggen.bump.version_step import CONSTANT, CURRENT_FILE, Previous, VersionStep, fields_of
 from msggen.diagnostics import Diagnostic, few, input_error, suggestion
 from msggen.disk.git import commit_of, is_in_repository, is_revision
+from msggen.disk.path_hint import path_hint
 from msggen.firmware.catalog import COMPARABLE, read_catalog
 from msggen.firmware.history import ALL_TRANSLATIONS, ARCHIVE, TRANSLATIONS, VERSIONED
-from msggen.firmware.path_hint import path_hint
 from msggen.firmware.revision import revised
 from msggen.firmware.sources import find_sources, open_tree, refuse_part_of_tree
 from msggen.firmware.tree import Folder

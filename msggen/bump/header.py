@@ -10,15 +10,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from msggen.diagnostics import few
+from msggen.enumeration import constant_prefixes
 from msggen.firmware.history import archived_name
-from msggen.model import VERSION, ArrayKind, BridgeEntry, Field, FieldType, Message
+from msggen.firmware.translation_check import TODO
+from msggen.model import SPECIAL, ArrayKind, BridgeEntry, Field, FieldType, Message
 from msggen.primitives import PRIMITIVES
 
-TODO = "// TODO:"
+_TODO = f"// {TODO}:"
 """The start of a comment about a line that needs a decision."""
 
-_NO_VALUES = (VERSION, "ORB_QUEUE_LENGTH")
-"""Constants that are not values of a field."""
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"(translation_[^"]+)".*\n?', re.MULTILINE)
 _ANY_INCLUDE = re.compile(r"^[ \t]*#[ \t]*include\b.*\n?", re.MULTILINE)
 _CLASS = re.compile(r"\b(?:class|struct)\s+(\w+)\s*\{|\bfromOlder\b")
@@ -97,10 +97,13 @@ def find_callers(inner: str, archived: str, headers: Mapping[str, str]) -> list[
     return [name for name, text in headers.items() if called and called.search(text) and known.search(text)]
 
 
-def changed_constants(older: Message, newer: Message, prefix: str = "") -> list[str]:
-    """Return a description of each constant with `prefix` that has another value in `newer`, or is missing there."""
+def changed_constants(older: Message, newer: Message, prefixes: str | tuple[str, ...] = "") -> list[str]:
+    """Return a description of each constant that has another value in `newer`, or is missing there.
+
+    `prefixes` selects constants by the start of their names.
+    """
     known = {constant.name: constant.value for constant in newer.constants}
-    own = [each for each in older.constants if each.name not in _NO_VALUES and each.name.startswith(prefix)]
+    own = [each for each in older.constants if each.name not in SPECIAL and each.name.startswith(prefixes)]
     return [
         f"{each.name} is {known[each.name]}, was {each.value}" if each.name in known else f"{each.name} is gone"
         for each in own
@@ -110,9 +113,15 @@ def changed_constants(older: Message, newer: Message, prefix: str = "") -> list[
 
 def _constants_of_no_field(older: Message, newer: Message) -> list[str]:
     """Return a description of each constant that changed and that no field has as a value, as far as tags tell."""
-    enums = {field.comment.tag("enum") for message in (older, newer) for field in message.fields} - {""}
-    used = tuple(f"{enum}_" for enum in enums)
-    return [text for text in changed_constants(older, newer) if not text.startswith(used)]
+    versions = (older, newer)
+    tags = {field.comment.tag("enum") for message in versions for field in message.fields}
+    used = changed_constants(*versions, _enum_prefixes(versions, tags))
+    return [text for text in changed_constants(*versions) if text not in used]
+
+
+def _enum_prefixes(versions: Iterable[Message], tags: Iterable[str]) -> tuple[str, ...]:
+    """Return the starts of the names of the constants in the enums `tags`, in any of the versions of a message."""
+    return tuple(f"{prefix}_" for message in versions for tag in tags for prefix in constant_prefixes(message, tag))
 
 
 def render_header(older: Side, newer: Side, topics: tuple[str, ...], headers: Mapping[str, str]) -> str:
@@ -130,7 +139,7 @@ def render_header(older: Side, newer: Side, topics: tuple[str, ...], headers: Ma
     from_older, to_older = _Copy(older, newer, translators, "fromOlder"), _Copy(newer, older, translators, "toOlder")
     from_lines = list(from_older.lines(older.message, newer.message, older.age, newer.age))
     unused = _constants_of_no_field(older.message, newer.message)
-    from_lines += [f"{TODO} {text}: translate the fields that use it" for text in unused]
+    from_lines += [f"{_TODO} {text}: translate the fields that use it" for text in unused]
     to_lines = list(to_older.lines(newer.message, older.message, newer.age, older.age))
     return (
         make_environment()
@@ -146,7 +155,7 @@ def render_header(older: Side, newer: Side, topics: tuple[str, ...], headers: Ma
             headers=sorted({translator.header for translator in from_older.used}),
             class_name=class_name,
             topic=own,
-            topic_note="" if topics else f"  {TODO} no topic of {name} crosses the bridge",
+            topic_note="" if topics else f"  {_TODO} no topic of {name} crosses the bridge",
             from_older=from_lines,
             to_older=to_lines,
             other_topics=[_OtherTopic(class_name + _camel_case(topic), topic) for topic in others],
@@ -222,27 +231,29 @@ class _Copy:
         for field in target.fields:
             twin = known.pop(field.name, None)
             place = f"{to}.{field.name}"
-            prefix = field.comment.tag("enum") or (twin.comment.tag("enum") if twin else "")
-            constants = changed_constants(*versions, f"{prefix}_") if prefix else []
-            changed = twin.comment.changed_tags(field.comment) if twin else ()
-            notes = [f"other constants: {few(constants)}"] if constants else []
-            notes += [
-                f"{each.before} in the {self.source.age} version, {each.after} in the {self.target.age}"
-                for each in changed
-            ]
+            notes = [*self._notes(twin, field, versions)] if twin else []
             if twin and twin.type == field.type and field.type.is_primitive and notes:
-                yield f"{place} = {at}.{field.name};  {TODO} {'; '.join(notes)}"
+                yield f"{place} = {at}.{field.name};  {_TODO} {'; '.join(notes)}"
             elif twin and twin.type == field.type:
                 yield from self._set(field.type, f"{at}.{field.name}", place, depth)
             elif twin:
                 note = f"{twin.type} in the {self.source.age} version, {field.type} in the {self.target.age}"
-                yield f"{place} = {_default(field.type, place)};  {TODO} {note}"
+                yield f"{place} = {_default(field.type, place)};  {_TODO} {note}"
             else:
                 hint = f"; is it {at}.{renamed[field.name]} by another name?" if field.name in renamed else ""
                 note = f"not in the {self.source.age} version{hint}"
-                yield f"{place} = {_default(field.type, place)};  {TODO} {note}"
+                yield f"{place} = {_default(field.type, place)};  {_TODO} {note}"
         for name in known:
             yield f"// {at}.{name} is dropped: not in the {self.target.age} version"
+
+    def _notes(self, twin: Field, field: Field, versions: tuple[Message, Message]) -> Iterator[str]:
+        """Yield the reasons why a copy of `twin` to `field` may have another meaning."""
+        tag = field.comment.tag("enum") or twin.comment.tag("enum")
+        constants = changed_constants(*versions, _enum_prefixes(versions, [tag]))
+        if constants:
+            yield f"other constants: {few(constants)}"
+        for each in twin.comment.changed_tags(field.comment):
+            yield f"{each.before} in the {self.source.age} version, {each.after} in the {self.target.age}"
 
     def _set(self, type_: FieldType, at: str, to: str, depth: int) -> Iterator[str]:
         if type_.is_primitive:

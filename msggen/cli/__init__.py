@@ -11,7 +11,7 @@ import gc
 import io
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any, NoReturn
@@ -87,20 +87,6 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
         parser.print_help(sys.stderr)
         parser.exit(FAILED)
     return parser.parse_args(words)
-
-
-def _is_firmware(word: str) -> bool:
-    from msggen.firmware.embedded import names_release
-    from msggen.firmware.tree import Folder
-    from msggen.firmware.tree_layout import is_firmware
-
-    return names_release(word) or ("\0" not in word and is_firmware(Folder(word)))
-
-
-def _is_revision(folder: str, word: str) -> bool:
-    from msggen.disk.git import is_revision
-
-    return "\0" not in folder and os.path.isdir(folder) and is_revision(folder, word)
 
 
 def _output_format(words: Sequence[str]) -> str:
@@ -213,44 +199,20 @@ class _Parser(argparse.ArgumentParser):
 
     def _refuse(self, wrong: str, given: Sequence[str] = (), after: str = "") -> NoReturn:
         """Report the unknown argument `wrong` without its value, after the arguments `given` and the option `after`."""
+        from msggen.cli.unknown_argument import hint_for
+
         wrong = wrong.partition("=")[0] if wrong.startswith("-") else wrong
         is_repeatable = isinstance(self._option_string_actions.get(after), argparse._AppendAction)  # noqa: SLF001
-        hint = f": repeat the option, {after} {wrong}" if is_repeatable else self._hint(wrong, given)
+        hint = f": repeat the option, {after} {wrong}" if is_repeatable else hint_for(self, wrong, given)
         self.error(f"unknown argument '{printable(wrong)}'{printable(hint)}")
-
-    def _hint(self, wrong: str, given: Sequence[str]) -> str:
-        """Return what to do about `wrong`: use a similar option, name the firmware with --px4, or give fewer names."""
-        names = [str(action.metavar) for action in self._actions if not action.option_strings]
-        known = self._option_string_actions
-        if wrong.endswith((".j2", ".em")) and "--template" in known:
-            return f": name the template with --template {wrong}"
-        if not wrong.startswith("-") and "--px4" in known:
-            firmware = next(filter(_is_firmware, [*given, wrong]), None) if names else wrong
-            if firmware:
-                return f": name the firmware with --px4 {firmware}"
-        owners = "" if self._subparsers else ", ".join(_commands_with(wrong))
-        if owners:
-            return f": an option of {owners}"
-        near = suggestion(wrong, [name for name, action in known.items() if action.help is not argparse.SUPPRESS])
-        if near or not names:
-            return near
-        if wrong.startswith("-"):
-            return ": name a command first" if self._subparsers else ""
-        return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
 
     def _refuse_second_value(self, wrong: str, words: Sequence[str]) -> None:
         """Report a second value of --select, --ignore or --against, an option of a command without other arguments."""
-        values = {name: [*filter(None, [value]), *rest] for name, value, rest in _values(words)}
-        for option in ("--select", "--ignore"):
-            if wrong in values.get(option, ()):
-                rules = ",".join(value.strip(",") for value in values[option])
-                self.error(
-                    f"unknown argument '{printable(wrong)}': separate rules by commas: {option} {printable(rules)}"
-                )
-        folder = next(iter(values.get("--px4", ())), os.curdir)
-        if "--against" in values and not os.path.exists(wrong) and _is_revision(folder, wrong):
-            text = "--against names one side, name the other with --px4"
-            self.error(f"unknown argument '{wrong}': {text} {printable(f'{folder}@{wrong}')}")
+        from msggen.cli.unknown_argument import hint_for_second_value
+
+        hint = hint_for_second_value(wrong, words)
+        if hint:
+            self.error(f"unknown argument '{printable(wrong)}': {printable(hint)}")
 
     def error(self, message: str) -> NoReturn:
         for option, hint in (self.get_default("hints") or {}).items():
@@ -263,22 +225,6 @@ class _Parser(argparse.ArgumentParser):
             choices = list(map(str, action.choices))
             hint = suggestion(str(value), choices)
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
-
-
-def _commands_with(option: str) -> list[str]:
-    """Return the names of the commands that have an option, and list it in their help."""
-    parser: Any = parser_for(())
-    commands = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction))  # noqa: SLF001
-    found = ((name, command._option_string_actions.get(option)) for name, command in commands.choices.items())  # noqa: SLF001
-    return [name for name, action in found if action and action.help is not argparse.SUPPRESS]
-
-
-def _values(words: Sequence[str]) -> Iterator[tuple[str, str, Sequence[str]]]:
-    """Yield each long option in `words`, its value after `=`, and the words up to the next option."""
-    starts = [index for index, word in enumerate(words) if word.startswith("-")]
-    for start, end in zip(starts, [*starts[1:], len(words)], strict=False):
-        name, _, value = words[start].partition("=")
-        yield name, value, words[start + 1 : end]
 
 
 class _PrintCMakeFolder(argparse.Action):

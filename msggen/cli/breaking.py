@@ -93,7 +93,9 @@ def _with_advice(report: Report) -> Report:
 
 def _key(name: str) -> str:
     """Return the name of a message or a topic as a key of TOML."""
-    return name if name.isidentifier() else f'"{name}"'
+    from json import dumps
+
+    return name if name.isidentifier() else dumps(name)
 
 
 def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources:

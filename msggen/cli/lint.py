@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import os
 from dataclasses import replace
 
-from msggen.cli.options import FINDING_CODES, Commands, add_command, add_output_format, add_sources
+from msggen.cli.options import FINDING_CODES, Commands, add_command, add_output_format, add_sources, non_empty
 from msggen.cli.printing import print_report
 from msggen.cli.selection import add_selection, selected_rules, unmatched
 from msggen.cli.sources import sources_of
 from msggen.diagnostics import input_error
 from msggen.exit_codes import DONE, FINDINGS
+from msggen.firmware.tree import Folder
+from msggen.firmware.tree_layout import find_definitions
 from msggen.settings import read_settings
 
 
@@ -23,9 +26,17 @@ def add_to(commands: Commands) -> None:
         help="advise on the quality of message definitions",
         description="Report tags that cannot be read, unknown units and frames, and other weak points of definitions; "
         "`msggen rules` lists the rules. The definitions are those of --px4 and --msg-dir, or of the settings px4 and "
-        "msg-dir, or else of the current folder. Embedded ones are only checked if --px4 names them.",
+        "msg-dir, or else of the current folder. Embedded ones are only checked if --px4 names them. Name messages to "
+        "check only these.",
         epilog=f"{FINDING_CODES} All findings are warnings: they fail the run only with --strict. Sources and rules "
         "(select, ignore, per-message-ignores) can be set in [tool.msggen] of pyproject.toml.",
+    )
+    parser.add_argument(
+        "messages",
+        metavar="MSG",
+        type=non_empty,
+        nargs="*",
+        help="name of a message or service, such as VehicleStatus, or its file (default: all)",
     )
     add_sources(parser, "--board")
     add_selection(parser)
@@ -39,8 +50,10 @@ def _lint(options: argparse.Namespace) -> int:
     rules, ignored = selected_rules("lint", options, settings)
     sources = sources_of(options, settings)
     if sources.embedded and not (options.px4 or settings.px4 or options.msg_dir or settings.msg_dir):
-        raise input_error("lint", "S102", "no definitions here: name them with --px4 or --msg-dir", 0)
-    report = lint(sources, rules, ignored)
+        has_messages = find_definitions(Folder(os.curdir), "msg", ".msg", "", is_flat=False)
+        hint = ", did you mean --msg-dir .?" if has_messages else ": name them with --px4 or --msg-dir"
+        raise input_error("lint", "S102", f"no definitions here{hint}", 0)
+    report = lint(sources, rules, ignored, options.messages)
     report = replace(report, notices=(*report.notices, *unmatched(report, settings, strict=sources.strict)))
     print_report(report, options)
     return FINDINGS if report.fails else DONE

@@ -137,7 +137,7 @@ def _missing(options: argparse.Namespace, settings: Settings) -> Iterator[Diagno
         yield from _missing_folder(split_package(text)[1], settings, None if options.msg_dir else "msg-dir")
     path = settings.topics
     if path and not options.topics and not os.path.exists(path):
-        from msggen.firmware.path_hint import path_hint
+        from msggen.disk.path_hint import path_hint
 
         text = f"'{path}': no such file{path_hint(path, is_meant=os.path.exists)}"
         yield Diagnostic(settings.place("topics"), "S101", text)
@@ -154,7 +154,7 @@ def _missing_folder(path: str, settings: Settings, key: str | None) -> Iterator[
                 settings.place(key) if key else Location(path, 0), "S105", f"'{path}': {wrong}" if key else wrong
             )
         return
-    from msggen.firmware.path_hint import path_hint
+    from msggen.disk.path_hint import path_hint
     from msggen.firmware.revision import split_revision
 
     if split_revision(path)[1]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from struct import pack, unpack
 
 from msggen.compare.comparison import Comparison, MessagePair, constants_of, definitions
+from msggen.enumeration import constant_prefixes
 from msggen.finding import Change, Excerpt
 from msggen.location import Location
 from msggen.model import VERSION, Constant
@@ -87,10 +88,15 @@ def _change(pair: MessagePair, before: Constant, after: Constant, text: str) -> 
 
 
 def _names(pair: MessagePair, constant: str) -> tuple[str, ...]:
-    """Return the name of a constant and those of the fields that have its prefix as their enum on either side."""
-    fields = [field for message in (pair.previous, pair.current) for field in message.fields]
-    enums = {field.name: field.comment.tag("enum") for field in fields}
-    return (constant, *(name for name, enum in enums.items() if enum and constant.startswith(f"{enum}_")))
+    """Return the name of a constant and those of the fields whose enum on either side has a prefix of the constant."""
+    fields = (
+        field.name
+        for message in (pair.previous, pair.current)
+        for field in message.fields
+        for prefix in constant_prefixes(message, field.comment.tag("enum"))
+        if constant.startswith(f"{prefix}_")
+    )
+    return (constant, *dict.fromkeys(fields))
 
 
 def _both(comparison: Comparison) -> Iterator[tuple[MessagePair, Constant, Constant]]:

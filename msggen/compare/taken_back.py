@@ -10,10 +10,10 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from msggen.compare.comparison import Comparison, Side
+from msggen.compare.headers import in_header
 from msggen.finding import Change, Excerpt
 from msggen.firmware.catalog import ARCHIVED_NAME
 from msggen.firmware.history import History
-from msggen.location import Location
 from msggen.model import ARCHIVE_PACKAGE, DEFAULT_PACKAGE
 from msggen.parse.translation import FIRST, read_translations
 from msggen.translation import Translation
@@ -44,12 +44,14 @@ def _remains(side: Side) -> Iterator[Change]:
             if name == _name(each.newer):
                 hint = f"expected {DEFAULT_PACKAGE}::msg::{_message_of(name)}"
             text = f"'{header}' translates '{name}', but '{_message_of(name)}' is version {versions[name]}: {hint}"
-            yield _in_header(history, header, f"{ARCHIVE_PACKAGE}::msg::{name};", _message_of(name), text)
+            line = _line_with(history, header, f"{ARCHIVE_PACKAGE}::msg::{name};")
+            yield in_header(history, header, line, _message_of(name), text)
     names = {message.name.lower(): message.name for message in side.catalog.uorb_messages}
     for header in history.missing:
-        subject = names.get(re.sub(r"^translation_|_v\d+\.h$|_", "", header), header)
+        snake_case = re.sub(r"^translation_|_v\d+\.h$", "", header)
+        subject = names.get(snake_case.replace("_", ""), header)
         text = f"'{FIRST}' includes '{header}', which does not exist: remove the line"
-        yield _in_header(history, FIRST, f'"{header}"', subject, text)
+        yield in_header(history, FIRST, _line_with(history, FIRST, f'"{header}"'), subject, text)
 
 
 def _not_older(side: Side, history: History, classes: Sequence[Translation]) -> Mapping[str, int]:
@@ -89,9 +91,6 @@ def _message_of(name: str) -> str:
     return parts["message"] if parts else name
 
 
-def _in_header(history: History, header: str, code: str, subject: str, text: str) -> Change:
-    """Return a change in the first line of a header that has `code`, or in its first line."""
-    lines = (history.includes if header == FIRST else history.translations[header]).split("\n")
-    number = next((number for number, line in enumerate(lines, 1) if code in line), 1)
-    location = Location(f"{history.folder}/{header}", number)
-    return Change(subject, text, location, after=Excerpt(location, lines[number - 1].strip()))
+def _line_with(history: History, header: str, code: str) -> int:
+    """Return the number of the first line of a header that has `code`, or 1."""
+    return next((number for number, line in enumerate(history.lines(header), 1) if code in line), 1)

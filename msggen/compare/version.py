@@ -13,6 +13,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 from msggen.compare.comparison import Comparison, MessagePair, constants_of
+from msggen.compare.headers import in_header
 from msggen.compare.semantic import retagged_messages
 from msggen.compare.source_code import excerpt, wire_value
 from msggen.compare.taken_back import find_remains
@@ -104,15 +105,21 @@ def find_not_translated(comparison: Comparison) -> Iterator[Change]:
 
 def find_invalid_translations(comparison: Comparison) -> Iterator[Change]:
     """Yield the names in translation headers that their version of the message lacks, and remains of other versions."""
+    history = comparison.current.history
+    if not history:
+        return
     for pair in _raised(comparison):
         for header, problem in _unknown_names(comparison, pair):
-            yield _in_header(comparison, pair, header, problem)
+            yield in_header(history, header, problem.line, pair.name, problem.text)
     others = {change.subject for find in (find_not_raised, find_not_translated) for change in find(comparison)}
     yield from (change for change in find_remains(comparison) if change.subject not in others)
 
 
 def find_unfinished_translations(comparison: Comparison) -> Iterator[Change]:
     """Yield the translation headers that leave out a field or have a TODO."""
+    history = comparison.current.history
+    if not history:
+        return
     for pair in _raised(comparison):
         for older, newer, headers in _steps(comparison, pair):
             for header, text in headers.items():
@@ -120,8 +127,8 @@ def find_unfinished_translations(comparison: Comparison) -> Iterator[Change]:
                 problems = [f"does not mention {few(missing)}"] if missing else []
                 problems += [f"has TODO in {_lines(todo)}"] if todo else []
                 if problems:
-                    line = todo[0] if todo else 1
-                    yield _in_header(comparison, pair, header, Problem(line, f"'{header}' {' and '.join(problems)}"))
+                    found = f"'{header}' {' and '.join(problems)}"
+                    yield in_header(history, header, todo[0] if todo else 1, pair.name, found)
 
 
 def handled(comparison: Comparison) -> dict[str, Coverage]:
@@ -307,13 +314,6 @@ def _change(pair: MessagePair, text: str) -> Change:
         before=excerpt(before) if before else None,
         after=excerpt(after) if after else None,
     )
-
-
-def _in_header(comparison: Comparison, pair: MessagePair, header: str, problem: Problem) -> Change:
-    history = comparison.current.history
-    location = Location(f"{history.folder if history else TRANSLATIONS}/{header}", problem.line)
-    text = history.translations[header].split("\n")[problem.line - 1].strip() if history else ""
-    return Change(pair.name, problem.text, location, after=Excerpt(location, text))
 
 
 def _lines(numbers: list[int]) -> str:

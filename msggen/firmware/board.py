@@ -95,7 +95,7 @@ def _by_name(tree: Tree, option: BoardOption) -> Board:
 def _by_path(option: BoardOption) -> Board:
     """Return the board that a file configures. The default configuration that it changes is in the same folder."""
     if not os.path.isfile(option.text):
-        from msggen.firmware.path_hint import path_hint
+        from msggen.disk.path_hint import path_hint
 
         problem = "a folder, expected a file" if os.path.isdir(option.text) else "no such file"
         hint = "" if os.path.isdir(option.text) else path_hint(option.text, is_meant=os.path.exists)

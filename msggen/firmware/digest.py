@@ -23,11 +23,17 @@ def digest_inputs(
     notices = (each.message for each in sources.notices)
     for part in (__version__, *options, sources.release or "", kind, *notices):
         state.update(part.encode() + b"\0")
-    state.update(_digest_tool(folders, templates))
+    state.update(_digest_tool(folders, templates) + digest_files(sources, contents))
+    return state.hexdigest()
+
+
+def digest_files(sources: Sources, contents: Mapping[str, bytes]) -> bytes:
+    """Return a digest of the files of `sources`: their packages, names and `contents`, by path."""
+    state = sha256()
     for file in sources.files():
         data = contents[file.path]
         state.update(b"\0%s\0%s\0%d\0" % (file.package.encode(), os.fsencode(file.name), len(data)) + data)
-    return state.hexdigest()
+    return state.digest()
 
 
 def _digest_tool(used: Collection[str], templates: str) -> bytes:

@@ -47,6 +47,10 @@ class History:
     includes: str = ""
     missing: tuple[str, ...] = ()
 
+    def lines(self, header: str) -> list[str]:
+        """Return the lines of a header in `translations`, or of `all_translations.h`."""
+        return self.translations.get(header, self.includes).split("\n")
+
     def translates(self, name: str, version: int) -> bool:
         """Return whether a header translates the message `name` between `version` and the current version."""
         return bool(self.translating(name, version))

@@ -133,7 +133,7 @@ def open_tree(text: str) -> Tree:
 
     folder, revision = split_revision(text)
     if folder == text:
-        from msggen.firmware.path_hint import path_hint
+        from msggen.disk.path_hint import path_hint
 
         name = text.partition("@")[0] or text
         raise input_error(name, "S101", f"no such folder{near_release(text) or path_hint(name)}", 0)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple
@@ -20,7 +21,7 @@ from msggen.lint.frame import frame_problem, is_frame
 from msggen.model import Constant, Field
 from msggen.primitives import PRIMITIVES
 from msggen.tags import NAMES
-from msggen.unit import bounds, is_unit, nearest_unit, normalized_range
+from msggen.unit import bounds, is_unit, nearest_unit, spelled_bounds
 
 MALFORMED, UNKNOWN, INEXACT = "malformed", "unknown", "inexact"
 """The kinds of annotations that are no tag, are a tag with an unknown name, and name an enum by a longer prefix."""
@@ -28,8 +29,11 @@ MALFORMED, UNKNOWN, INEXACT = "malformed", "unknown", "inexact"
 _NAME = "|".join(NAMES)
 _START = re.compile(r"\[@\w+")
 _TAG = re.compile(r"\[@(\w+)[^\]]*\]")
-_WITHOUT_AT = re.compile(rf"\[\s*(?:{_NAME})\b[^\]]*\]")
+_WITHOUT_AT = re.compile(rf"\[\s*({_NAME})\b[^\]]*\]")
 _WITHOUT_BRACKETS = re.compile(rf"(?<![\[\w])@(?:{_NAME})\b")
+_SEPARATORS = ":="
+"""What other notations have between the name of a tag and its content."""
+
 _OPENING = re.compile(r"\[[^\s@\d]\S*")
 _WORD = re.compile(r"\[\w+\]")
 
@@ -62,44 +66,71 @@ def find_annotations(definition: Definition) -> tuple[Annotation, ...]:
 def _annotations(definition: Definition) -> Iterator[Annotation]:
     for remark in definition.remarks:
         yield from _tags(definition, remark)
-        for text, problem in _malformed(remark):
+        for text, problem in _malformed(definition, remark):
             yield Annotation(MALFORMED, remark, text, problem)
 
 
 def _tags(definition: Definition, remark: Remark) -> Iterator[Annotation]:
     unit = remark.comment.unit
     if unit:
-        intended = _intended(f"[{unit}]")
+        intended = _intended(definition, remark, f"[{unit}]")
         kind, problem = (MALFORMED, intended) if intended else ("unit", _unit_problem(unit))
         yield Annotation(kind, remark, f"[{unit}", problem)
     for name, content in remark.comment.tags:
-        text = f"[@{name} {content}" if content else f"[@{name}"
+        text = f"[@{name}{'' if content[:1] in _SEPARATORS else ' '}{content}"
         if name not in NAMES:
             hint = suggestion(f"@{name}", [f"@{known}" for known in NAMES])
             yield Annotation(UNKNOWN, remark, f"[@{name}", f"unknown tag '@{name}'{hint}")
         elif not content:
             yield Annotation(name, remark, text, f"'[@{name}]' has no content")
         else:
-            yield Annotation(name, remark, text, _PROBLEMS[name](definition, remark, content))
+            yield Annotation(name, remark, text, _tag_problem(definition, remark, name, content))
             inexact = _inexact(definition, content) if name == "enum" else ""
             if inexact:
                 yield Annotation(INEXACT, remark, text, inexact)
 
 
-def _malformed(remark: Remark) -> Iterator[tuple[str, str]]:
+def _tag_problem(definition: Definition, remark: Remark, name: str, content: str) -> str:
+    """Return what is wrong with the content of a tag, "" for nothing, with the form that is meant if it is known."""
+    problem = _PROBLEMS[name](definition, remark, content)
+    separator = content[0] in _SEPARATORS
+    meant = _meant(definition, remark, name, content) if problem or separator else ""
+    if not meant:
+        return problem
+    reason = f"'[@{name}{content}]' cannot be read" if separator else problem.partition(": expected")[0]
+    return f"{reason}: expected '{meant}'"
+
+
+def _meant(definition: Definition, remark: Remark, name: str, content: str) -> str:
+    """Return the tag with its content in a form that has no problem, "" if none is known."""
+    content = content.lstrip(f" {_SEPARATORS}")
+    forms = [content]
+    if name == "range":
+        spelled = spelled_bounds(content)
+        spelled = spelled if len(spelled) > 1 else " ".join(spelled).split()
+        forms += [", ".join(spelled), ", ".join(reversed(spelled))]
+    elif name == "enum":
+        forms += [found[0] for found in [constant_prefixes(definition.message, content)] if found]
+    for form in filter(None, forms):
+        if not _PROBLEMS[name](definition, remark, form) and not (name == "enum" and _inexact(definition, form)):
+            return f"[@{name} {form}]"
+    return ""
+
+
+def _malformed(definition: Definition, remark: Remark) -> Iterator[tuple[str, str]]:
     """Yield the texts that are meant as tags but cannot be read, each with its problem."""
     for line in remark.comment.text.split("\n"):
         if "[" in line or "@" in line:
-            yield from dict.fromkeys(_malformed_in(line.strip()))
+            yield from dict.fromkeys(_malformed_in(definition, remark, line.strip()))
 
 
-def _malformed_in(line: str) -> Iterator[tuple[str, str]]:
+def _malformed_in(definition: Definition, remark: Remark, line: str) -> Iterator[tuple[str, str]]:
     end = line.rfind("]") + 1
     closed, rest = line[:end], line[end:]  # so that no search for a "]" fails: the time is linear
     for found in _TAG.finditer(closed):
         yield found[0], f"'{found[0]}' is the second tag '@{found[1]}': expected one"
     for found in (*_WITHOUT_AT.finditer(closed), *filter(None, [_WORD.match(closed)])):
-        problem = _intended(found[0])
+        problem = _intended(definition, remark, found[0])
         if problem:
             yield found[0], problem
     for found in _WITHOUT_BRACKETS.finditer(line):
@@ -108,11 +139,14 @@ def _malformed_in(line: str) -> Iterator[tuple[str, str]]:
         yield found[0], f"'{found[0]}' is not closed: expected ']'"
 
 
-def _intended(text: str) -> str:
+def _intended(definition: Definition, remark: Remark, text: str) -> str:
     """Return the problem of `[enum STATE]` or `[NED]`, in which the name of a tag is missing or has no `@`."""
     inside = text.strip("[] ")
-    if _WITHOUT_AT.fullmatch(f"[{inside}]"):
-        return f"'{text}' is not a tag: expected '[@{inside}{' ...' if inside in NAMES else ''}]'"
+    found = _WITHOUT_AT.fullmatch(f"[{inside}]")
+    if found:
+        name = found[1]
+        meant = _meant(definition, remark, name, inside.removeprefix(name)) or f"[@{name} ...]"
+        return f"'{text}' is not a tag: expected '{meant}'"
     return f"'{text}' is not a unit: expected '[@frame {inside}]'" if is_frame(inside) else ""
 
 
@@ -127,10 +161,8 @@ def _range_problem(_: Definition, remark: Remark, content: str) -> str:
     found = bounds(content)
     if found is None:
         return f"'[@range {content}]' cannot be read: expected two numbers, such as '[@range 0, 1]'"
-    low, high = found
-    if low > high:
-        turned = ", ".join(reversed(normalized_range(content).split(", ")))
-        return f"'[@range {content}]' has the larger bound first: expected '[@range {turned}]'"
+    if found[0] > found[1]:
+        return f"'[@range {content}]' has the larger bound first"
     outside = [bound for bound in found if abs(bound) != float("inf") and not _fits(remark, bound)]
     return f"'[@range {content}]': a {remark.element.type.base} cannot be {outside[0]:g}" if outside else ""
 
@@ -182,18 +214,23 @@ def _value_problem(name: str) -> Callable[[Definition, Remark, str], str]:
             return ""
         if _NOT_FINITE.fullmatch(first):
             return f"{title}: a {remark.element.type.base} cannot be {first}" if not _fits(remark, float(first)) else ""
-        if not _NUMBER.fullmatch(first):
+        number = _number(first)
+        if number is None:
             return f"{title} cannot be read: expected a number or a constant"
-        return f"{title}: a {remark.element.type.base} cannot be {first}" if not _fits(remark, _number(first)) else ""
+        return f"{title}: a {remark.element.type.base} cannot be {first}" if not _fits(remark, number) else ""
 
     return problem
 
 
-def _number(text: str) -> float:
-    try:
+def _number(text: str) -> float | None:
+    """Return a number of C, None for another text such as `0..1`."""
+    if not _NUMBER.fullmatch(text):
+        return None
+    with suppress(OverflowError, ValueError):
         return float(int(text, 0))
-    except ValueError:
+    with suppress(ValueError):
         return float(text.rstrip("f"))
+    return None
 
 
 _PROBLEMS: Mapping[str, Callable[[Definition, Remark, str], str]] = MappingProxyType(

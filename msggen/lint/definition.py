@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -42,6 +43,12 @@ class Definition:
     message: Message
     inferred: Message
     lines: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """The file name, with and without its suffix: the name of the message or service."""
+        name = os.path.basename(self.message.location.path)
+        return name, os.path.splitext(name)[0]
 
     @cached_property
     def remarks(self) -> tuple[Remark, ...]:

@@ -55,5 +55,5 @@ def _hint(definition: Definition, prefix: str) -> str:
         tag = field.comment.tag("enum")
         origin = field.comment.origin("enum")
         if origin.startswith("embedded ") and prefix in constant_prefixes(definition.message, tag):
-            return f": '{field.name}' has '[@enum {tag}]' in {origin.removeprefix('embedded ')}"
+            return f": '{field.name}' has '[@enum {tag}]' in msggen's {origin.removeprefix('embedded ')}"
     return ""

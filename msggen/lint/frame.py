@@ -9,7 +9,7 @@ from msggen.diagnostics import suggestion
 from msggen.finding import Change
 from msggen.lint.definition import Definition
 from msggen.lint.joined import AXES_OF_VECTORS, joined
-from msggen.model import Field
+from msggen.model import Comment, Field
 from msggen.primitives import PRIMITIVES
 from msggen.unit import normalized_unit
 
@@ -26,7 +26,11 @@ _POSE_FRAME = "pose_frame"
 
 _NAMED = re.compile(r"\b(?:NED|ENU|FRD|FLU)\b")
 _EXPLAINED = re.compile(r"\b(?:NED|ENU|FRD|FLU|body|earth|world|local|sensor|axes|frames?|pose_frame)\b", re.IGNORECASE)
-"""Words of sentences that tell the two frames of an attitude, for which there is no tag."""
+"""Words of sentences that tell the two frames of an attitude."""
+
+_BODY = re.compile(r"\bbody\b", re.IGNORECASE)
+_ROTATIONS = {frozenset({"FRD", "NED"}): "NED", frozenset({"FLU", "ENU"}): "ENU"}
+"""The frames that a sentence names, and the tag that means the rotation from the first to the second."""
 
 _VECTOR = re.compile(r"(?:^|_)(?:position|velocity|acceleration)(?:_|$)")
 _ATTITUDE = re.compile(r"(?:^|_)(?:attitude|quaternion|q)(?:_|$)")
@@ -64,8 +68,8 @@ def find_missing(definition: Definition) -> Iterator[Change]:
     for field in definition.message.fields:
         if _is_vector(field) and not field.comment.tag("frame"):
             yield definition.change(field, f"'{field.name}' has no frame{_hint(definition, field)}")
-        elif _is_attitude(field) and not field.comment.tag("frame") and not _EXPLAINED.search(field.comment.text):
-            yield definition.change(field, f"'{field.name}' does not say which frames it relates")
+        elif _is_attitude(field) and not field.comment.tag("frame"):
+            yield from _untagged(definition, field)
     units = {field.name: field.comment.tag("unit") for field in definition.inferred.fields}
     for fields in joined(definition.message, AXES_OF_VECTORS):
         first = fields[0]
@@ -74,6 +78,22 @@ def find_missing(definition: Definition) -> Iterator[Change]:
         if len(fields) == _AXES and not (is_spread or is_known) and normalized_unit(units[first.name]) in _UNITS:
             names = ", ".join(f"'{field.name}'" for field in fields)
             yield definition.change(first, f"{names} have no frame{_hint(definition, first)}")
+
+
+def _untagged(definition: Definition, field: Field) -> Iterator[Change]:
+    """Yield an attitude whose sentences name no frames, or those of a tag that no embedded release has either."""
+    text = field.comment.text
+    named = frozenset(_NAMED.findall(text))
+    frame = _ROTATIONS.get(named | {"FRD"} if _BODY.search(text) and "FLU" not in named else named)
+    if not _EXPLAINED.search(text):
+        otherwise = ": expected '[@frame NED]' for a rotation from FRD to NED"
+        hint = _hint(definition, field) or otherwise
+        yield definition.change(field, f"'{field.name}' does not say which frames it relates{hint}")
+    elif frame and not _known(definition, field).tag("frame"):
+        body = "FLU" if frame == "ENU" else "FRD"
+        yield definition.change(
+            field, f"'{field.name}' has no frame, but a comment says {body} to {frame}: expected '[@frame {frame}]'"
+        )
 
 
 def _is_vector(field: Field) -> bool:
@@ -97,6 +117,11 @@ def _hint(definition: Definition, field: Field) -> str:
         named = set(_NAMED.findall(text))
         if len(named) == 1:
             return f", but a comment says {(frame := named.pop())}: expected '[@frame {frame}]'"
-    known = next(each.comment for each in definition.inferred.fields if each.name == field.name)
+    known = _known(definition, field)
     frame = known.tag("frame")
-    return f": {known.origin('frame').removeprefix('embedded ')} has '[@frame {frame}]'" if frame else ""
+    return f": msggen's {known.origin('frame').removeprefix('embedded ')} has '[@frame {frame}]'" if frame else ""
+
+
+def _known(definition: Definition, field: Field) -> Comment:
+    """Return the comment of a field with the tags that msggen knows from sentences and embedded releases."""
+    return next(each.comment for each in definition.inferred.fields if each.name == field.name)

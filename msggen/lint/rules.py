@@ -37,14 +37,14 @@ LINT = (
     ),
     _advice(
         "RANGE_INVALID",
-        "a range cannot be read, has the larger bound first, or has a bound that its field cannot hold",
+        "a range cannot be read, has the larger bound first, or has a bound outside the range of the field's type",
         Category.TAG,
         partial(_find, ("range",)),
         fix="Write the smallest and the largest value, such as `[@range 0, 1]`. `inf`, `pi` and `2pi` are values.",
     ),
     _advice(
         "VALUE_INVALID",
-        "the value of '@invalid' or '@uncontrolled' cannot be read, or its field cannot hold it",
+        "the value of '@invalid' or '@uncontrolled' cannot be read, or is outside the range of the field's type",
         Category.TAG,
         partial(_find, ("invalid", "uncontrolled")),
         fix="Write a number, `NaN` or the name of a constant first, such as `[@invalid -1 if not measured]`.",
@@ -101,7 +101,9 @@ LINT = (
         "a position, velocity, acceleration or attitude has no frame of reference",
         Category.FRAME,
         frame.find_missing,
-        fix="Add the frame to the comment of the field, such as `[@frame NED]`.",
+        fix="Add the frame to the comment of the field, such as `[@frame NED]`. For an attitude, this tag means the "
+        "rotation from FRD to NED, and `[@frame ENU]` that from FLU to ENU. Name the frames of another rotation in a "
+        "sentence.",
     ),
     _advice(
         "DESCRIPTION_MISSING",

@@ -14,9 +14,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 
-from .guard import Guard
-from .link import LinkError, Listener, Remote, Route, Service, Statistics
-from .xrce.agent import Address, Agent, Event, Sample, everybody
+from msggen.live.guard import Guard
+from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
+from msggen.live.xrce.agent import Address, Agent, Event, Sample, everybody
 
 TICK = 0.1
 """The time in s between two calls of `Agent.tick`."""

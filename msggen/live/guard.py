@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import traceback
 
-from .link import Listener, Remote, Route, Service
+from msggen.live.link import Listener, Remote, Route, Service
 
 TOLD = 100
 """The number of different errors of a listener that are told."""

@@ -10,10 +10,10 @@ import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
-from .agent_link import SelectorLink
-from .link import LinkError, Listener, Route
-from .xrce.agent import Address
-from .xrce.framing import Deframer, pack_frame
+from msggen.live.agent_link import SelectorLink
+from msggen.live.link import LinkError, Listener, Route
+from msggen.live.xrce.agent import Address
+from msggen.live.xrce.framing import Deframer, pack_frame
 
 CHUNK = 65536
 LEAST_KEPT = 4096

@@ -18,11 +18,11 @@ import time
 from collections.abc import Iterable, Sequence
 from typing import NoReturn
 
-from .agent_link import SelectorLink
-from .link import LinkError, Listener, Remote, Route, Service
-from .udp import BATCH, LONGEST, PORT, RECEIVE_BUFFER, Bound, allowed
-from .xrce.agent import Address
-from .xrce.wire import BEST_EFFORT, HEADER, NO_SESSION, STATUS_AGENT
+from msggen.live.agent_link import SelectorLink
+from msggen.live.link import LinkError, Listener, Remote, Route, Service
+from msggen.live.udp import BATCH, LONGEST, PORT, RECEIVE_BUFFER, Bound, allowed
+from msggen.live.xrce.agent import Address
+from msggen.live.xrce.wire import BEST_EFFORT, HEADER, NO_SESSION, STATUS_AGENT
 
 AGENT_PORT = 8889
 HALF = 0x8000

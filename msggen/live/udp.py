@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import lru_cache
 
-from .agent_link import AgentLink, deliver
-from .link import LinkError, Listener, Route
-from .xrce.agent import Address
+from msggen.live.agent_link import AgentLink, deliver
+from msggen.live.link import LinkError, Listener, Route
+from msggen.live.xrce.agent import Address
 
 PORT = 8888
 """The port of PX4's parameter UXRCE_DDS_PRT."""

@@ -12,6 +12,9 @@ from typing import NamedTuple
 from msggen.diagnostics import Diagnostic, Level, suggestion
 from msggen.location import Location
 from msggen.model import (
+    QUEUE_LENGTH,
+    SPECIAL,
+    VERSION,
     Constant,
     Field,
     FieldType,
@@ -59,8 +62,8 @@ _CPP_KEYWORDS = frozenset(_KEYWORDS.split())
 
 _IS_KEYWORD = "is a C++ keyword, so the firmware cannot be built with it"
 
-_SPECIAL = {"MESSAGE_VERSION": 0, "ORB_QUEUE_LENGTH": 1}
-"""The constants that the firmware itself reads, with their smallest valid values."""
+_LOWEST = {VERSION: 0, QUEUE_LENGTH: 1}
+"""The smallest valid values of the constants that the firmware itself reads."""
 
 _LIKE_SPECIAL = re.compile(r"ORB_|(?=\w{13,18}$)\w*(?:QUEUE|VERSION|MESSAGE_V)")
 _NEAR = 0.9
@@ -316,12 +319,12 @@ class _Body:
         """Check the constants that the firmware itself reads, and warn about names that are similar to them."""
         if not self.of_uorb or not _LIKE_SPECIAL.match(name):
             return
-        low = _SPECIAL.get(name)
+        low = _LOWEST.get(name)
         if low is None:
             from difflib import get_close_matches
 
-            near = get_close_matches(name, _SPECIAL, n=1, cutoff=_NEAR)
-            hint = f"did you mean '{near[0]}'?" if near else f"only {' and '.join(_SPECIAL)}"
+            near = get_close_matches(name, SPECIAL, n=1, cutoff=_NEAR)
+            hint = f"did you mean '{near[0]}'?" if near else f"only {' and '.join(SPECIAL)}"
             if near or name.startswith("ORB_"):
                 text = f"the firmware does not use '{name}', {hint}"
                 self.errors.append(Diagnostic(location, "M405", text))

@@ -9,8 +9,8 @@ from contextvars import ContextVar
 from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic, InputError, Level, input_error, suggestion
+from msggen.disk.path_hint import path_hint
 from msggen.disk.reading import read_bytes
-from msggen.firmware.path_hint import path_hint
 from msggen.location import Location
 from msggen.model import ArrayKind, Field, Message, snake_case
 from msggen.parse.definition import parse_message

@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import NamedTuple
 
 from msggen.diagnostics import InputError, few, input_error
-from msggen.firmware.path_hint import path_hint
+from msggen.disk.path_hint import path_hint
 from msggen.model import snake_case
 from msggen.px4_generate import genmsg
 from msggen.px4_generate.definitions import Definition, Definitions, using

@@ -189,8 +189,8 @@ def _describe(error: Exception, names: Collection[str]) -> tuple[str, str]:
     if isinstance(error, NotTextError):
         return "T210", str(error)
     if isinstance(error, jinja2.TemplateNotFound):
-        names = ", ".join(f"'{name}'" for name in getattr(error, "templates", None) or [error.name])
-        return "T203", f"no template {names} in the folder of this template"
+        missing = ", ".join(f"'{name}'" for name in getattr(error, "templates", None) or [error.name])
+        return "T203", f"no template {missing} in the folder of this template"
     if isinstance(error, jinja2.TemplateError):
         return "T204", str(error)
     return "T204", f"{type(error).__name__}: {error}".rstrip(": ")

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, Protocol
 
 from msggen.diagnostics import Diagnostic, InputError, input_error, suggestion
 from msggen.disk.names import too_long
+from msggen.disk.path_hint import path_hint
 from msggen.disk.reading import read_bytes
-from msggen.firmware.path_hint import path_hint
 from msggen.location import Location
 from msggen.model import Catalog
 from msggen.render.jinja_template import JinjaTemplate, Pattern
@@ -97,13 +97,9 @@ def select(items: Sequence[Item], names: Sequence[str]) -> tuple[Item, ...]:
     if unknown:
         place = Location("--message", 0)
         labels = [item.label for item in items]
-        hints = {
-            name: ": name one message, and repeat --message for more"
-            if _SEVERAL & {*name}
-            else suggestion(name, labels)
-            for name in unknown
-        }
-        texts = (f"the sources have no message '{name}'{hint}" for name, hint in hints.items())
+        several = ": name one message, and repeat --message for more"
+        hints = [several if _SEVERAL & {*name} else suggestion(name, labels) for name in unknown]
+        texts = (f"the sources have no message '{name}'{hint}" for name, hint in zip(unknown, hints, strict=True))
         raise InputError(Diagnostic(place, "T208", text) for text in texts)
     chosen = {known[name].label for name in names}
     return tuple(item for item in items if item.label in chosen)

@@ -13,7 +13,7 @@ from msggen.disk.names import too_long
 from msggen.disk.output import OutputPlan, locked_output, plan_output, write_output
 from msggen.disk.reading import read_bytes
 from msggen.disk.record import read_record
-from msggen.firmware.digest import digest_inputs
+from msggen.firmware.digest import digest_files, digest_inputs
 from msggen.firmware.sources import Sources, read_files
 
 
@@ -100,15 +100,14 @@ class SiteBuild:
 
     def _digest_inputs(self) -> str:
         """Return a digest of everything that the site depends on."""
-        before = sha256()
+        others = sha256()
         if self.against:
-            contents = read_files(self.against)
-            for file in self.against.files():
-                before.update(b"%d\0" % len(contents[file.path]) + contents[file.path])
+            others.update(digest_files(self.against, read_files(self.against)))
         for path in self._project_files():
-            before.update(os.fsencode(path) + b"\0" + read_bytes(path))
+            data = read_bytes(path)
+            others.update(b"%s\0%d\0" % (os.fsencode(path), len(data)) + data)
         named = (title_of(self.sources), title_of_previous(self.against) if self.against else "", self.project or "")
-        return digest_inputs(self.sources, self.contents, (self.format, *named, before.hexdigest()), _FOLDERS, "site")
+        return digest_inputs(self.sources, self.contents, (self.format, *named, others.hexdigest()), _FOLDERS, "site")
 
     def _project_files(self) -> Iterator[str]:
         """Yield the pages and the pictures of the project."""

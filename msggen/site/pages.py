@@ -44,7 +44,9 @@ def _environment(site: Site) -> jinja2.Environment:
         """Return the HTML of a comment on a page in a folder of the site."""
         return sentences(text, site.names, "../")
 
-    environment = make_environment(marked, cell, summary, rate, counted).overlay(autoescape=site.format == "html")
+    environment = make_environment(marked, cell, full_stop, summary, rate, counted).overlay(
+        autoescape=site.format == "html"
+    )
     environment.globals["site"] = site
     return environment
 
@@ -61,6 +63,12 @@ def cell(text: object) -> str:
     """Return a text for a cell of a table in Markdown, or for a paragraph without markup."""
     shown = re.sub(r"([\\`*_\[\]|~#])", r"\\\1", " ".join(str(text).split()))
     return str(escape(shown)).replace("&#39;", "'").replace("&#34;", '"')
+
+
+def full_stop(text: str) -> str:
+    """Return a comment with a full stop after each paragraph, because other sentences follow in the same line."""
+    found = [paragraph.strip() for paragraph in re.split(r"\n[^\S\n]*\n", text)]
+    return " ".join(f"{each}." if each[-1].isalnum() or each[-1] in ")]'\"`" else each for each in found if each)
 
 
 def _entries(site: Site) -> Iterator[Entry]:

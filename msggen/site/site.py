@@ -1,4 +1,4 @@
-"""A site: which pages there are, where they are, and what their templates use."""
+"""A site: its pages, their paths, and the names that their templates use."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ class Site:
         command = self._commands.get(constant)
         return description(command) if command else constant.comment
 
-    def others_of(self, message: MessageView) -> tuple[object, ...]:
+    def others_of(self, message: MessageView) -> tuple[ConstantView, ...]:
         """Return the constants of `message` that are in no enum."""
         members = {member.constant for enum in self.enums_of(message) for member in enum.members}
         return tuple(constant for constant in message.constants if constant not in members)
@@ -241,8 +241,7 @@ class Site:
     @cached_property
     def _users(self) -> dict[MessageView, list[MessageView]]:
         users: dict[MessageView, list[MessageView]] = {}
-        halves = [half for service in self.services for half in (service.request, service.response)]
-        for message in (*self.messages, *halves):
+        for message in map(self.views.message, self._definitions):
             for inner in inner_of(message):
                 users.setdefault(inner, []).append(message)
         return users
@@ -276,21 +275,9 @@ class Site:
         for document in self.project.documents if self.project else ():
             yield Page(f"guide/{document.name}", document.title, "guide", document)
         for message in self.messages:
-            prefix = "" if message.package == self.catalog.package else f"{message.package}."
-            anchors = tuple(each.name for each in (*message.fields, *message.constants))
-            yield Page(
-                f"msg/{prefix}{message.name}", message.name, "message", message, summary(message.comment), anchors
-            )
+            yield self._page_about(message, "msg", "message", (message,))
         for service in self.services:
-            prefix = "" if service.package == self.catalog.package else f"{service.package}."
-            anchors = tuple(
-                f"{self.prefix_of(half)}{each.name}"
-                for half in (service.request, service.response)
-                for each in (*half.fields, *half.constants)
-            )
-            yield Page(
-                f"srv/{prefix}{service.name}", service.name, "service", service, summary(service.comment), anchors
-            )
+            yield self._page_about(service, "srv", "service", (service.request, service.response))
         for endpoint in self.endpoints:
             stable = endpoint.ros_name.removesuffix(f"_v{endpoint.message.message_version}")
             stem = re.sub(r"\W+", ".", stable.strip("/"), flags=re.ASCII)
@@ -298,6 +285,18 @@ class Site:
         for enum in self.enums:
             fields = ", ".join(value.name for value in enum.fields) or "a parameter"
             yield Page(f"enum/{enum.full_name}", enum.full_name, "enum", enum, f"values of {fields}")
+
+    def _page_about(
+        self, thing: MessageView | ServiceView, folder: str, kind: str, messages: tuple[MessageView, ...]
+    ) -> Page:
+        """Return the page about a definition, with anchors for the fields and constants of its `messages`."""
+        package = "" if thing.package == self.catalog.package else f"{thing.package}."
+        anchors = tuple(
+            f"{self.prefix_of(message)}{each.name}"
+            for message in messages
+            for each in (*message.fields, *message.constants)
+        )
+        return Page(f"{folder}/{package}{thing.name}", thing.name, kind, thing, summary(thing.comment), anchors)
 
 
 def summary(comment: str) -> str:

@@ -18,8 +18,10 @@ from msggen.sync.target import Target
 
 _FEW = 3
 _IGNORED = "!!"
+"""The code of `git status` for a file that git ignores."""
+
 _UNTRACKED = ("??", "A ", "AM")
-"""Codes of `git status`: the file is ignored, or the last commit does not have it."""
+"""The codes for a file that the last commit does not have."""
 
 
 def find_errors(plan: SyncPlan, dependencies: Mapping[str, Location], *, write: bool) -> list[Diagnostic]:
@@ -145,7 +147,7 @@ def _uncommitted_text(target: Target, name: str, state: str) -> str:
     """Return the error about a file with the git status `state`, with the commands that resolve it."""
     if state in _UNTRACKED:
         return "is not committed and would be lost: commit or stash it (`git stash -u`), or delete it"
-    staged = " --staged --worktree" if state[0] not in " ?" else ""
+    staged = "" if state.startswith(" ") else " --staged --worktree"
     command = f"git -C {quote(target.path)} restore{staged} {quote(name)}"
     return f"has uncommitted changes: commit or stash them, or discard them with `{command}`"
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from msggen.diagnostics import input_error
 from msggen.disk.output import check_links
+from msggen.disk.path_hint import path_hint
 from msggen.disk.record import read_record
 from msggen.firmware.overlap import KINDS, source_around
-from msggen.firmware.path_hint import path_hint
 from msggen.firmware.sources import Sources
 from msggen.firmware.tree import Folder
 from msggen.location import Location

@@ -566,12 +566,15 @@ def test_fields_that_changed_are_marked(firmware: Path) -> None:
     ]
 
 
-CONSTANTS = "uint8 kind  # [@enum KIND]\nuint8 KIND_A = 1\nuint8 KIND_B = 2\nuint8 other\nuint8 KEPT = 7"
+CONSTANTS = "uint8 kind  # [@enum {}]\nuint8 KIND_A = 1\nuint8 KIND_B = 2\nuint8 other\nuint8 KEPT = 7"
 
 
 @pytest.mark.slow
-def test_fields_whose_constants_changed_are_marked(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    append(VERSIONED / "Wind.msg", CONSTANTS)
+@pytest.mark.parametrize("tag", ["KIND", "WIND_KIND", "KIND MODE"])
+def test_fields_whose_constants_changed_are_marked(
+    tag: str, firmware: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    append(VERSIONED / "Wind.msg", CONSTANTS.format(tag))
     commit(firmware)
     edit(VERSIONED / "Wind.msg", "KIND_A = 1", "KIND_A = 2")
     edit(VERSIONED / "Wind.msg", "uint8 KIND_B = 2\n", "")
@@ -669,7 +672,7 @@ def failing(capsys: pytest.CaptureFixture[str]) -> set[str]:
 
 
 def test_new_constants_ask_for_nothing(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    append(VERSIONED / "Wind.msg", CONSTANTS)
+    append(VERSIONED / "Wind.msg", CONSTANTS.format("KIND"))
     commit(firmware)
     append(VERSIONED / "Wind.msg", "uint8 KIND_C = 3")
     assert bump("Wind") == DONE

@@ -41,6 +41,7 @@ CASES = {
     "msggen explain M30": ["M301", "M302", "M303", "M304", "M305", "M306", "M307"],
     "msggen breaking --select WIRE,FIELD_MO": ["WIRE,FIELD_MOVED"],
     "msggen lint --select TAG,UNIT_U": ["TAG,UNIT_UNKNOWN"],
+    "msggen lint --px4 fw B": ["Bulb"],
     "msggen check --output-format s": ["sarif"],
     "msggen check f": ["fw/"],
     "msggen render --each en": ["endpoint"],

@@ -13,6 +13,7 @@ from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.firmware.sources import find_sources
 from msggen.lint.rules import LINT
 from support.catalogs import write_definitions
+from support.repository import ROOT
 
 GOOD = "# A lamp.\n\nuint64 timestamp # [us] Time since boot.\n"
 FILES = {
@@ -125,6 +126,44 @@ def test_embedded_definitions_are_only_looked_at_by_name(capsys: pytest.CaptureF
     assert "VteAidSource1d ENUM_INEXACT" in found(capsys, "--px4", "v1.18", "--select", "ENUM")
 
 
+@pytest.mark.parametrize("folder", ["px4/msg", "px4"])
+def test_a_folder_of_definitions_suggests_its_option(
+    folder: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    assert main(["lint"]) == FAILED
+    assert "lint: S102 no definitions here, did you mean --msg-dir .?\n" in capsys.readouterr().err
+    assert found(capsys, "--msg-dir", ".", "--select", "TAG")[:2] == [ALL[0], ALL[2]]
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["Lamp"], ["Lamp UNIT_UNKNOWN", "Lamp TAG_UNKNOWN"]),
+        (["px4/msg/Gripper.msg", "Gripper"], ["Gripper RANGE_INVALID"]),
+        (
+            ["Turn", "Gripper.msg"],
+            ["Gripper RANGE_INVALID", "Turn_Request UNIT_UNKNOWN", "Turn_Response RANGE_INVALID"],
+        ),
+    ],
+)
+def test_messages_are_selected(names: list[str], expected: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert found(capsys, *names, *PX4) == expected
+    assert found(capsys, *PX4, *names) == expected
+    Path("pyproject.toml").write_text('[tool.msggen.per-message-ignores]\n"Gripper" = ["TAG"]\n')
+    assert found(capsys, "--px4", "px4", *names) == [each for each in expected if not each.startswith("Gripper")]
+    assert "C105" not in capsys.readouterr().err
+
+
+def test_an_unknown_message_suggests_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["lint", "Griper", "Lamp", "px4/msg/lamp.msg", "Zzz.srv", *PX4]) == FAILED
+    assert capsys.readouterr().err.splitlines()[:3] == [
+        "Griper: S130 no such message in px4, did you mean 'Gripper'?",
+        "Zzz.srv: S130 no such message in px4",
+        "px4/msg/lamp.msg: S130 no such message in px4, did you mean 'Lamp'?",
+    ]
+
+
 def test_definitions_of_other_packages_are_left_out(capsys: pytest.CaptureFixture[str]) -> None:
     write_definitions(Path(), {"other/msg/Lamp.msg": "float32 angle # [rads] Angle.\n"})
     assert found(capsys, *PX4, "--msg-dir", "other_msgs=other/msg", "--select", "UNIT") == [ALL[1], ALL[3]]
@@ -176,6 +215,12 @@ def test_the_own_definitions_are_good() -> None:
     """The rules that are applied by default find nothing but the listed exceptions."""
     found = {(each.rule.id, each.change.subject) for each in lint(find_sources("v1.18")).findings}
     assert found == {*OWN_EXCEPTIONS}
+
+
+def test_the_texts_say_how_to_select_all_rules() -> None:
+    every = ",".join(dict.fromkeys(rule.category.name for rule in LINT))
+    for page in ("errors.md", "lint.md"):
+        assert f"--select {every}`" in (ROOT / "docs" / page).read_text(encoding="utf-8")
 
 
 def test_the_default_leaves_out_what_is_a_matter_of_taste() -> None:

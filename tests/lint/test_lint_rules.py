@@ -51,7 +51,7 @@ FOUND = {
         "5:19 'load': '[@invalid NaN]': a uint8 cannot be NaN",
     ],
     "UNIT_UNKNOWN": [
-        "4:17 'turn': unknown unit '[rads]', did you mean '[rad/s]'?",
+        "4:17 'turn': unknown unit '[rads]', did you mean '[rad]'?",
         "5:24 'temperature': unknown unit '[Celcius]', did you mean '[°C]'?",
     ],
     "UNIT_INCONSISTENT": [
@@ -71,7 +71,7 @@ FOUND = {
     "FRAME_MISSING": [
         "4:1 'position' has no frame",
         "5:1 'velocity' has no frame, but a comment says NED: expected '[@frame NED]'",
-        "6:1 'q' does not say which frames it relates",
+        "6:1 'q' does not say which frames it relates: expected '[@frame NED]' for a rotation from FRD to NED",
         "7:1 'ax', 'ay', 'az' have no frame",
     ],
     "DESCRIPTION_MISSING": ["1:1 'Gripper' has no description", "1:1 no description: 'timestamp', 'force'"],
@@ -80,6 +80,19 @@ FOUND = {
     ],
 }
 """The findings in each example: line, column and message."""
+
+LARGER = "'x': '[@range {}]' has the larger bound first: expected '[@range {}]'"
+UNTAGGED = "'q' has no frame, but a comment says {0} to {1}: expected '[@frame {1}]'"
+TAGS = (
+    "TAG_MALFORMED",
+    "TAG_UNKNOWN",
+    "RANGE_INVALID",
+    "VALUE_INVALID",
+    "ENUM_WITHOUT_CONSTANTS",
+    "ENUM_INEXACT",
+    "FRAME_UNKNOWN",
+)
+"""The rules about the content of tags."""
 
 CATALOG = read_catalog(find_sources("v1.18"), wanted=())
 """A catalog without messages."""
@@ -152,7 +165,9 @@ CLEAN = [
     "uint8 pose_frame # Text.\nfloat32[3] position # [m] [@frame local frame] Text.",
     "uint8 my_frame # Text.\nfloat32[3] velocity # [m/s] [@frame @my_frame] Text.",
     "float32[3] position_variance # [m^2] Text.",
-    "float32[4] q # [-] Turns body axes to NED.",
+    "float32[4] q # [-] [@frame NED] Turns body axes to NED.",
+    "float32[4] q # [-] Attitude of the camera relative to NED.",
+    "float32[4] q # [-] Turns marker axes to NED.",
     "float32 x # [m] [@frame NED] Text.\nfloat32 y # [m] [@frame NED] Text.\nfloat32 z # [m] [@frame NED] Text.",
     "float32 roll # [rad] Text.\nfloat32 pitch # Text in rad.\nfloat32 yaw # [radians] Text.",
     "char[8] id # [@invalid empty if not available] Text.",
@@ -169,6 +184,11 @@ def test_nothing_is_found_in_good_definitions(text: str, tmp_path: Path) -> None
     ("text", "message"),
     [
         ("float32 x # [M/S] A speed.", "'x': unknown unit '[M/S]', did you mean '[m/s]'?"),
+        ("float32 x # [degs] An angle.", "'x': unknown unit '[degs]', did you mean '[deg]'?"),
+        ("float32 x # [rads/s] A rate.", "'x': unknown unit '[rads/s]', did you mean '[rad/s]'?"),
+        ("float32[4] q # [-] Turns body axes to NED.", UNTAGGED.format("FRD", "NED")),
+        ("float32[4] q # [-] Rotation from FRD to NED.", UNTAGGED.format("FRD", "NED")),
+        ("float32[4] q # [-] Rotation from body FLU to ENU.", UNTAGGED.format("FLU", "ENU")),
         ("float32 x # [NED] A place.", "'x': '[NED]' is not a unit: expected '[@frame NED]'"),
         (
             "float32 x # [@frame local frame] A place.",
@@ -182,6 +202,21 @@ def test_nothing_is_found_in_good_definitions(text: str, tmp_path: Path) -> None
         (
             "float32 x # [rad] [@range 2pi, 0] An angle.",
             "'x': '[@range 2pi, 0]' has the larger bound first: expected '[@range 0, 2pi]'",
+        ),
+        ("float32 x # [range 0 1] A share.", "'x': '[range 0 1]' is not a tag: expected '[@range 0, 1]'"),
+        ("float32 x # [@range: 1 0] A share.", "'x': '[@range: 1 0]' cannot be read: expected '[@range 0, 1]'"),
+        ("float32 x # [@range 1234567, 0] A number.", LARGER.format("1234567, 0", "0, 1234567")),
+        ("uint8 x # [@range 256, 0] A number.", "'x': '[@range 256, 0]' has the larger bound first"),
+        ("float32 x # [@invalid: NaN] A number.", "'x': '[@invalid: NaN]' cannot be read: expected '[@invalid NaN]'"),
+        ("float32 x # [invalid = NaN] A number.", "'x': '[invalid = NaN]' is not a tag: expected '[@invalid NaN]'"),
+        ("float32 x # [invalid never] A number.", "'x': '[invalid never]' is not a tag: expected '[@invalid ...]'"),
+        (
+            "uint8 A_B = 1\nuint8 A_C = 2\nuint8 x # [@enum: A] Text.",
+            "'x': '[@enum: A]' cannot be read: expected '[@enum A]'",
+        ),
+        (
+            "uint8 x # [@invalid 0..1] A number.",
+            "'x': '[@invalid 0..1]' cannot be read: expected a number or a constant",
         ),
         ("uint8 x # [@invalid -1] A number.", "'x': '[@invalid -1]': a uint8 cannot be -1"),
         (
@@ -199,6 +234,29 @@ def test_a_message_says_what_is_wrong_and_what_is_meant(text: str, message: str,
 
 
 # Properties
+
+MEANT = re.compile(r"'(\[[^']*\])'[^']*: expected '(\[@(?!\w+ \.\.\.\])[^']*\])'")
+CONTENTS = [
+    *("0 1", "1 0", "1;0", "0..1", "-1 (Left) 1 (Right)", "pi, -pi", "300, -1", "NaN", "NaN if unknown", "-1", "1,"),
+    *("A", "A_B", "X_A", "B", "NED", "frd", "local frame", "empty", "UINT8_MAX"),
+]
+
+
+@given(
+    st.sampled_from(["range", "invalid", "uncontrolled", "enum", "frame"]),
+    st.sampled_from(["", "@"]),
+    st.sampled_from([" ", ": ", "=", " = ", ":"]),
+    st.one_of(st.sampled_from(CONTENTS), st.text(st.sampled_from("0 1-,.;:=pieNaNinfAB_()"), min_size=1, max_size=12)),
+    st.sampled_from(["uint8", "float32", "int32"]),
+)
+def test_the_tag_that_is_meant_has_no_problem(name: str, at: str, separator: str, content: str, type_: str) -> None:
+    tag = f"[{at}{name}{separator}{content}]"
+    with TemporaryDirectory() as folder:
+        start = "uint8 A_B = 1\nuint8 A_C = 2\n"
+        meant = [MEANT.search(text) for text in lint_text(Path(folder), f"{start}{type_} x # [m] {tag} Text.", *TAGS)]
+        for match in filter(None, meant):
+            assert match[1].replace(" ", "") == tag.replace(" ", "")
+            assert lint_text(Path(folder), f"{start}{type_} x # [m] {match[2]} Text.", *TAGS) == []
 
 
 @given(st.text(st.sampled_from("[]@ \nmaxnge|0,1-(rNED)enumXA_"), max_size=60))

@@ -96,6 +96,9 @@ def test_time_since_boot_has_a_ros_time_and_no_date(clock: Any) -> None:
     ("function", "value", "text"),
     [
         ("to_datetime", 1.5, "expected microseconds as an int, got an object of type float"),
+        ("to_datetime", np.array([NOON]), "expected microseconds as an int, got an array: use to_datetime64"),
+        ("to_datetime", 0, "0 us means that the time is not set"),
+        ("to_datetime64", np.array([NOON, 0]), "time 1: 0 us means that the time is not set"),
         ("to_datetime", LATEST + 1, f"{LATEST + 1} us is after the year 9999"),
         ("to_datetime64", np.array([1.5]), "expected an array of microseconds as integers, got one of float64"),
         ("to_datetime64", np.array([LATEST + 1]), f"time 0: {LATEST + 1} us is after the year 9999"),

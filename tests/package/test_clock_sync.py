@@ -125,6 +125,34 @@ def test_times_of_both_clocks(clock: Any) -> None:
         assert abs(sync.to_companion(sync.to_vehicle(middle)) - middle) <= 1
 
 
+def test_a_time_of_the_wrong_clock_is_an_error(clock: Any) -> None:
+    """Of the recorded clocks, only the companion's counts from 1970."""
+    sync = synchronised(clock, RECORDED)
+    calendar, boot = RECORDED[-1].sent, RECORDED[-1].answered
+    assert boot < clock.CALENDAR < calendar
+    text = (
+        f"^{calendar} us counts from 1970, and the vehicle's clock from boot, or the start of a simulator: the bridge"
+    )
+    with pytest.raises(clock.ClockError, match=text):
+        sync.to_companion(calendar)
+    text = f"^{boot} us counts from boot, or the start of a simulator, and the companion's clock from 1970: to_comp"
+    with pytest.raises(clock.ClockError, match=text):
+        sync.to_vehicle(boot)
+
+
+def test_what_is_no_time_is_an_error(px4_types: Any, clock: Any) -> None:
+    sync = synchronised(clock, RECORDED)
+    message = px4_types.TimesyncStatus()
+    uses: list[Callable[[Any], Any]] = [sync.to_companion, sync.to_vehicle, lambda value: sync.add(value, 1, 2)]
+    for use in uses:
+        for value in ("a", 1.5, message):
+            kind = value.__class__.__name__
+            with pytest.raises(
+                clock.ClockError, match=f"^expected microseconds as an int, got an object of type {kind}$"
+            ):
+                use(value)
+
+
 @pytest.mark.parametrize("drift", [1e-4, -5e-5])
 def test_a_drift_is_measured(clock: Any, drift: float) -> None:
     start = RECORDED[0].sent
@@ -226,10 +254,11 @@ def test_other_sources_and_empty_messages_are_ignored(px4_types: Any, clock: Any
         status.source_protocol = cls.SOURCE_PROTOCOL_MAVLINK
         sync.follow(status)
     sync.follow(cls(source_protocol=cls.SOURCE_PROTOCOL_DDS))
-    assert sync.problem == "there are 0 of 10 samples"
+    ignored = f"; messages of another source_protocol were ignored: {len(RECORDED)}"
+    assert sync.problem == f"there are 0 of 10 samples{ignored}"
     assert math.isnan(sync.bridge_error)
     sync.follow(status, source=cls.SOURCE_PROTOCOL_MAVLINK)
-    assert sync.problem == "there are 1 of 10 samples"
+    assert sync.problem == f"there are 1 of 10 samples{ignored}"
 
 
 def test_the_source_is_that_of_the_definition(px4_types: Any) -> None:

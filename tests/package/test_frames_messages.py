@@ -7,6 +7,7 @@ import importlib
 import math
 import pickle
 import re
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -257,7 +258,7 @@ def test_an_unknown_frame_is_an_error(px4_types: Any, frames: Any, value: int, s
         ("GimbalDeviceAttitudeStatus", "q", "its definition does not say its frame: its comment has no [@frame ...]"),
         (
             "TrajectorySetpoint6dof",
-            "quaternion",
+            "angular_velocity",
             "its definition does not say its frame: its comment has no [@frame ...]",
         ),
         ("VehicleOdometry", "timestamp", "it has no frame"),
@@ -273,7 +274,7 @@ def test_what_is_not_declared_is_an_error(px4_types: Any, frames: Any, message: 
     with pytest.raises(frames.FrameError) as caught:
         frames.to_ros(cls(), name)
     assert str(caught.value) == f"{message}.{name}: {text}"
-    if name != "q" or message != "VehicleAttitude":
+    if (message, name) not in (("VehicleAttitude", "q"), ("VehicleOdometry", "timestamp")):
         with pytest.raises(frames.FrameError) as caught:
             frames.from_ros(cls(), **{name: (1.0, 2.0, 3.0)})
         assert str(caught.value) == f"{message}.{name}: {text}"
@@ -354,10 +355,63 @@ def test_the_fields_that_are_frames_can_be_given(px4_types: Any, frames: Any) ->
     assert odometry.position == (2.0, 1.0, -3.0)
     assert frames.to_ros(odometry, "q").value == pytest.approx((1.0, 0.0, 0.0, 0.0))
     assert not frames.to_ros(odometry, "velocity").is_valid
-    with pytest.raises(frames.FrameError, match="pose_frame is POSE_FRAME_UNKNOWN"):
-        frames.from_ros(px4_types.VehicleOdometry, position=(1.0, 2.0, 3.0))
-    with pytest.raises(frames.FrameError, match="quality: it has no frame"):
-        frames.from_ros(px4_types.VehicleOdometry, quality=1)
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({}, "position: pose_frame is POSE_FRAME_UNKNOWN"),
+        ({"pose_frame": 9}, "position: pose_frame is 9"),
+        ({"pose_frame": "NED"}, "pose_frame: expected uint8, 0 to 255, got 'NED'"),
+        ({"pose_frame": []}, "pose_frame: expected uint8, 0 to 255, got a list of 0"),
+    ],
+)
+def test_an_error_names_the_values_that_are_frames(
+    px4_types: Any, frames: Any, values: dict[str, Any], text: str
+) -> None:
+    with pytest.raises(frames.FrameError) as caught:
+        frames.from_ros(px4_types.VehicleOdometry, position=(1.0, 2.0, 3.0), **values)
+    hint = "give pose_frame=1 (POSE_FRAME_NED) or 2 (POSE_FRAME_FRD)"
+    assert str(caught.value) == f"VehicleOdometry.{text}: {hint}"
+
+
+def test_integers_and_booleans_without_a_frame_can_be_given(px4_types: Any, frames: Any) -> None:
+    setpoint = frames.from_ros(px4_types.TrajectorySetpoint, position=(1.0, 2.0, 3.0), timestamp=np.uint64(5))
+    assert setpoint.timestamp == 5
+    assert math.isnan(setpoint.velocity[0])
+    goto = frames.from_ros(px4_types.GotoSetpoint, heading=0.0, flag_control_heading=True)
+    assert (goto.flag_control_heading, goto.heading) == (True, math.pi / 2)
+    for text, values in (
+        ("timestamp: expected uint64, 0 to 18446744073709551615, got -1", {"timestamp": -1}),
+        ("timestamp: expected an integer, got the float 1.5", {"timestamp": 1.5}),
+    ):
+        with pytest.raises(frames.FrameError, match=text):
+            frames.from_ros(px4_types.TrajectorySetpoint, **values)
+    for cls, name in (("VehicleLocalPosition", "eph"), ("SensorGyroFifo", "x"), ("FigureEightStatus", "x")):
+        with pytest.raises(frames.FrameError, match=f"{cls}.{name}: "):
+            frames.from_ros(getattr(px4_types, cls), **{name: 1})
+
+
+def test_an_unknown_name_without_a_near_one_lists_all(px4_types: Any, frames: Any) -> None:
+    with pytest.raises(KeyError) as caught:
+        frames.from_ros(px4_types.TrajectorySetpoint, pos=(1.0, 2.0, 3.0))
+    names = "'position', 'velocity', 'acceleration', 'jerk', 'yaw', 'yawspeed'"
+    assert str(caught.value) == f"TrajectorySetpoint has no field 'pos': there are {names}"
+
+
+def test_errors_have_one_traceback(px4_types: Any, frames: Any) -> None:
+    zeros, cls = px4_types.VehicleAttitude(), px4_types.VehicleOdometry
+    calls: list[Callable[[], Any]] = [
+        lambda: frames.to_ros(zeros),
+        lambda: frames.to_ros(zeros, "q"),
+        lambda: frames.from_ros(zeros, q=(0.0, 0.0, 0.0, 0.0)),
+        lambda: frames.from_ros(cls, position=(1.0, 2.0, 3.0)),
+        lambda: frames.batch_from_ros(cls, position=[(1.0, 2.0, 3.0), (1.0, 2.0)]),
+    ]
+    for call in calls:
+        with pytest.raises(frames.FrameError) as caught:
+            call()
+        assert "During handling" not in "".join(traceback.format_exception(caught.value))
 
 
 def test_objects_that_are_no_messages_are_errors(px4_types: Any, frames: Any) -> None:
@@ -420,12 +474,17 @@ def test_a_quantity_must_have_the_expected_frame(px4_types: Any, frames: Any) ->
         (
             "TrajectorySetpoint",
             {"yaw": np.zeros(2)},
-            "yaw: expected the value of one message, got an array of shape (2,)",
+            "yaw: expected the value of one message, got an array of shape (2,): batch_from_ros takes many",
         ),
         (
             "TrajectorySetpoint",
             {"position": np.zeros((2, 3))},
-            "position: expected the value of one message, got an array of shape (2, 3)",
+            "position: expected the value of one message, got an array of shape (2, 3): batch_from_ros takes many",
+        ),
+        (
+            "TrajectorySetpoint",
+            {"position": [(1.0, 2.0, 3.0)] * 2},
+            "position: expected the value of one message, got 2 x 3: batch_from_ros takes many",
         ),
         ("RaptorInput", {"position": (1.0,)}, "position: expected 3 numbers, got 1"),
         ("VehicleOdometry", {"orientation_variance": ()}, "orientation_variance: expected 3 numbers, got 0"),
@@ -516,3 +575,83 @@ def test_a_broken_quaternion_of_a_batch_is_named(px4_types: Any, frames: Any) ->
     array = cls.decode_batch([cls(q=(1.0, 0, 0, 0)).encode(), cls().encode()])
     with pytest.raises(frames.FrameError, match=r"^VehicleAttitude\.q: quaternion 1 is no rotation: its norm is 0"):
         frames.batch_to_ros(cls, array)
+
+
+def test_a_batch_is_made_as_its_messages(px4_types: Any, frames: Any) -> None:
+    """Of every message with quantities; integers are given as well."""
+    random = np.random.default_rng(15)
+    tried = 0
+    for cls in (getattr(px4_types, name) for name in dir(px4_types)):
+        parts = px4_types.quantities.parts_of(cls) if hasattr(cls, "__msg__") else None
+        if parts is None or not parts.known or cls.__msg__.name == "SensorCorrection":
+            continue
+        values: dict[str, Any] = {name: np.array([1, 1, 1]) for name in parts.plain}
+        for name, part in parts.known.items():
+            length = part.fields[0].length or len(part.fields)
+            numbers = random.uniform(-3, 3, (3, length))
+            numbers /= np.linalg.norm(numbers, axis=1, keepdims=True)
+            values[name] = numbers[:, 0] if length == 1 else numbers
+        array = frames.batch_from_ros(cls, **values)
+        samples = cls.encode_batch(array)
+        for row, sample in enumerate(samples):
+            single = frames.from_ros(cls, **{name: value[row] for name, value in values.items()})
+            assert sample == single.encode()
+        tried += len(parts.known)
+    assert tried > 100
+
+
+def test_a_value_can_be_that_of_all_samples_of_a_batch(px4_types: Any, frames: Any) -> None:
+    cls = px4_types.TrajectorySetpoint
+    array = frames.batch_from_ros(cls, position=[(1.0, 2.0, 3.0)] * 2, velocity=(1, 0, 0), yaw=0.0, timestamp=[7, 8])
+    assert array.dtype == cls.dtype()
+    assert array["position"].tolist() == [[2.0, 1.0, -3.0]] * 2
+    assert array["velocity"].tolist() == [[0.0, 1.0, 0.0]] * 2
+    assert array["yaw"] == pytest.approx(math.pi / 2)
+    assert array["timestamp"].tolist() == [7, 8]
+    assert np.isnan(array["jerk"]).all()
+    odometry = {"pose_frame": 1, "position": np.zeros((0, 3))}
+    assert frames.batch_from_ros(px4_types.VehicleOdometry, **odometry).shape == (0,)
+
+
+def test_a_batch_and_back(px4_types: Any, frames: Any) -> None:
+    cls = px4_types.VehicleLocalPosition
+    array = cls.decode_batch([cls(x=float(n), y=2.0, z=1.0, heading=0.5).encode() for n in range(3)])
+    found = {name: value for name, value in frames.batch_to_ros(cls, array).items() if value.is_valid.all()}
+    again = frames.batch_from_ros(cls, **found)
+    for name in ("x", "y", "z", "vx", "heading"):
+        assert again[name] == pytest.approx(array[name])
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"position": (1.0, 2.0, 3.0)}, ": expected arrays with a row for each sample: from_ros makes one message"),
+        ({}, ": expected arrays with a row for each sample: from_ros makes one message"),
+        ({"position": [(1.0, 2.0)]}, ".position: expected 3 numbers, got an array of shape (1, 2)"),
+        ({"position": [(1.0, 2.0, 3.0), (1.0,)]}, ".position: expected rows of the same length"),
+        (
+            {"position": np.zeros((2, 2, 3))},
+            ".position: expected a row for each sample, got an array of shape (2, 2, 3)",
+        ),
+        ({"position": np.zeros((2, 3)), "yaw": [1.0]}, ".yaw: expected 2 rows, got an array of shape (1,)"),
+        ({"yaw": ["a"]}, ".yaw: expected numbers, got an array of <U1"),
+        ({"yaw": [1.0], "timestamp": [1.5]}, ".timestamp: expected an integer, got the float 1.5"),
+        ({"yaw": [1.0], "timestamp": -1}, ".timestamp: expected uint64, 0 to 18446744073709551615, got -1"),
+        ({"yaw": [1.0], "timestamp": "a"}, ".timestamp: expected uint64, 0 to 18446744073709551615, got 'a'"),
+        ({"timestamp_": [1]}, " has no field 'timestamp_', did you mean 'timestamp'?"),
+    ],
+)
+def test_a_batch_of_another_kind_is_an_error(px4_types: Any, frames: Any, values: dict[str, Any], text: str) -> None:
+    with pytest.raises((frames.FrameError, KeyError)) as caught:
+        frames.batch_from_ros(px4_types.TrajectorySetpoint, **values)
+    assert str(caught.value) == f"TrajectorySetpoint{text}"
+
+
+def test_the_frame_of_a_batch_must_be_expected(px4_types: Any, frames: Any) -> None:
+    rates = frames.Quantity(np.zeros((2, 3)), "FLU", "vector")
+    with pytest.raises(frames.FrameError, match="position: expected a value in ENU, got one in FLU"):
+        frames.batch_from_ros(px4_types.TrajectorySetpoint, position=rates)
+    with pytest.raises(frames.FrameError, match="pose_frame differs among the samples"):
+        frames.batch_from_ros(px4_types.VehicleOdometry, position=np.zeros((2, 3)), pose_frame=[1, 2])
+    with pytest.raises(TypeError, match="expected the class of a message"):
+        frames.batch_from_ros(px4_types.TrajectorySetpoint(), yaw=[1.0])

@@ -73,9 +73,21 @@ def test_enums_units_and_problems(px4_types: Any) -> None:
     }
     assert {name: shown[name] for name in expected} == expected
     shown = lines_of(px4_types.show(px4_types.VehicleOdometry(position=(1.5, NAN, -2.0), q=(NAN, 0.0, 0.0, 0.0))))
-    assert shown["position"] == "[1.5, NaN, -2] m (1 of 3 invalid)"
-    assert shown["q"] == "[NaN, 0, 0, 0] (invalid)"
+    assert shown["position"] == "[1.5, NaN, -2] m local frame (1 of 3 invalid)"
+    assert shown["q"] == "[NaN, 0, 0, 0] @pose_frame (invalid)"
     assert "roll" not in shown
+
+
+def test_frames_follow_units(px4_types: Any) -> None:
+    """Of fields that have a frame."""
+    shown = lines_of(px4_types.show(px4_types.VehicleLocalPosition(z=-5.0, delta_heading=0.5)))
+    assert (shown["z"], shown["timestamp"], shown["z_valid"]) == ("-5 m NED", "0 us", "False")
+    message = px4_types.TrajectorySetpoint(position=(1.0, 2.0, NAN), yaw=4.0)
+    shown = lines_of(px4_types.show(message))
+    assert shown["position"] == "[1, 2, NaN] m NED (1 of 3 invalid)"
+    assert shown["yaw"] == "4 rad NED (outside -pi to pi)"
+    frames = [(row.field.name, row.frame) for row in px4_types.showing.rows(message)]
+    assert frames == [(field.name, field.frame) for field in message.__msg__.fields]
 
 
 @pytest.mark.parametrize(
@@ -235,9 +247,9 @@ def test_rich_prints_a_table(px4_types: Any) -> None:
     cells = [
         [cell.strip() for cell in line.split("│")[1:-1]] for line in console.export_text().splitlines() if "│" in line
     ]
-    rows = [[row.name, row.value, row.unit, row.note] for row in px4_types.showing.rows(message)]
+    rows = [[row.name, row.value, row.unit, row.frame, row.note] for row in px4_types.showing.rows(message)]
     assert cells == rows
-    assert ["name", "'[red]x[/red]'", "", ""] in cells
+    assert ["name", "'[red]x[/red]'", "", "", ""] in cells
 
 
 def test_html_is_escaped(px4_types: Any) -> None:
@@ -245,7 +257,7 @@ def test_html_is_escaped(px4_types: Any) -> None:
     text = px4_types.showing.html(message)
     assert "<script" not in text
     cells = [html.unescape(cell) for cell in re.findall("<td[^>]*>([^<]*)</td>", text)]
-    rows = [[row.name, row.value, row.unit, row.note] for row in px4_types.showing.rows(message)]
+    rows = [[row.name, row.value, row.unit, row.frame, row.note] for row in px4_types.showing.rows(message)]
     assert cells == [cell for row in rows for cell in row]
     titles = [
         html.unescape(title) for title in re.findall('title="([^"]*)"', px4_types.showing.html(px4_types.EscReport()))
@@ -268,24 +280,29 @@ def test_ipython_shows_messages_as_html(px4_types: Any) -> None:
     px4_types.showing.load_ipython_extension(shell)
     for each in (message, px4_types.EscStatus.lazy(message.encode())):
         assert formatted(each)[0]["text/html"] == px4_types.showing.html(message)
+        assert formatted(each)[0]["text/plain"] == px4_types.show(message)
     assert "text/html" not in formatted([message])[0]
+    assert formatted([px4_types.Rpm()])[0]["text/plain"] == repr([px4_types.Rpm()])
     px4_types.showing.unload_ipython_extension(shell)
     px4_types.showing.unload_ipython_extension(shell)
     assert "text/html" not in formatted(message)[0]
+    assert formatted(px4_types.Rpm())[0]["text/plain"] == repr(px4_types.Rpm())
 
 
-def test_the_extension_loads_in_a_shell(tmp_path: Path) -> None:
+def test_the_extension_loads_in_a_shell(px4_types: Any, tmp_path: Path) -> None:
     program = """
 from IPython.core.interactiveshell import InteractiveShell
 shell = InteractiveShell.instance()
 shell.run_cell("%load_ext px4_types.showing", silent=False)
 from px4_types import EscReport
 print(shell.display_formatter.format(EscReport())[0]["text/html"][:7])
+shell.run_cell("from px4_types import EscReport; EscReport()")
 """
     environment = {"IPYTHONDIR": str(tmp_path), "PYTHONPATH": str(ROOT / "generated"), "PATH": ""}
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.stdout.splitlines()[-1:] == ["<table>"], done.stderr
+    assert "<table>\n" in done.stdout, done.stderr
+    assert px4_types.show(px4_types.EscReport()) in done.stdout
 
 
 def test_messages_import_nothing_of_this() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+from array import array
 from typing import Any
 
 import numpy as np
@@ -100,6 +101,24 @@ def test_convert(units: Any, value: float, text: str, to: str, expected: float) 
     assert np.allclose(units.convert(np.full(3, value, float), text, to), expected)
 
 
+@pytest.mark.parametrize("to_sequence", [list, tuple, lambda values: array("f", values)])
+def test_sequences_are_converted_to_tuples(units: Any, to_sequence: Any) -> None:
+    unit, to = units.parse("degC"), units.parse("K")
+    converted = units.convert(to_sequence([0.0, 1.5]), unit, to)
+    assert converted == (273.15, 274.65)
+    assert unit.convert([to_sequence([0.0]), to_sequence([1.5])], "K") == ((273.15,), (274.65,))
+
+
+def test_the_unit_of_a_field_can_be_converted(px4_types: Any, units: Any) -> None:
+    """A vector of a message, with the unit of its field."""
+    message = px4_types.SensorCombined(gyro_rad=(0.0, 1.0, math.pi))
+    unit = units.of(px4_types.SensorCombined, "gyro_rad")
+    assert units.convert(message.gyro_rad, unit, "deg/s") == pytest.approx((0.0, 180 / math.pi, 180.0))
+    none = units.of(px4_types.VehicleStatus, "nav_state")
+    with pytest.raises(units.UnitError, match="expected a unit such as 'm/s', got an object of type NoneType"):
+        units.convert(1.0, none, "m")
+
+
 def test_fields_have_units(px4_types: Any, units: Any) -> None:
     unit = units.of(px4_types.SensorCombined, "gyro_rad")
     assert (unit.text, unit.factor, unit.dimension) == ("rad/s", 1.0, (("rad", 1), ("s", -1)))
@@ -109,7 +128,13 @@ def test_fields_have_units(px4_types: Any, units: Any) -> None:
 
 
 def test_nested_fields_have_units(px4_types: Any, units: Any) -> None:
-    assert units.of(px4_types.EscStatus, "esc.esc_voltage").text == "V"
+    for path in ("esc.esc_voltage", "esc[0].esc_voltage", "esc[-1].esc_voltage"):
+        assert units.of(px4_types.EscStatus, path).text == "V"
+    assert units.of(px4_types.SensorCombined, "gyro_rad[2]").text == "rad/s"
+    with pytest.raises(KeyError, match=r"EscStatus has no field 'esc\[x\]', did you mean 'esc'"):
+        units.of(px4_types.EscStatus, "esc[x].esc_voltage")
+    with pytest.raises(TypeError, match="expected a name such as 'gyro_rad', got an object of type int"):
+        units.of(px4_types.EscStatus, 3)
     with pytest.raises(KeyError, match="did you mean 'esc_voltage'"):
         units.of(px4_types.EscStatus, "esc.voltage_esc")
     with pytest.raises(KeyError, match=r"gyro_rad of SensorCombined is float32\[3\], which has no fields"):
@@ -117,7 +142,7 @@ def test_nested_fields_have_units(px4_types: Any, units: Any) -> None:
 
 
 def test_errors_name_the_nearest_unit(units: Any) -> None:
-    with pytest.raises(ValueError, match="unknown unit 'rads', did you mean 'rad/s'"):
+    with pytest.raises(ValueError, match="unknown unit 'rads', did you mean 'rad'"):
         units.parse("rads")
     with pytest.raises(units.UnitError, match="unknown unit 'm/ss', did you mean 'm/s'"):
         units.parse("m/ss")

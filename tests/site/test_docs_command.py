@@ -53,6 +53,15 @@ def test_only_pages_that_change_are_written() -> None:
     assert changed == {"site/messages.html", "site/msg/Wheel.html", "site/search.js"}
 
 
+def test_another_name_of_a_previous_message_makes_the_site_stale() -> None:
+    write_definitions(Path("released"), TREE)
+    assert "changes since released" in docs("--against", "released")
+    assert "up to date" in docs("--against", "released")
+    Path("released/msg/Wheel.msg").rename("released/msg/Gear.msg")
+    assert "up to date" not in docs("--against", "released")
+    assert "Gear" in Path("site/changes.html").read_text()
+
+
 def test_a_page_of_a_removed_message_is_removed_but_not_if_it_was_edited() -> None:
     docs()
     Path("px4/msg/Wheel.msg").rename("px4/msg/Gear.msg")

@@ -13,6 +13,7 @@ import pytest
 from markdown_it import MarkdownIt
 
 from msggen.firmware.catalog import read_catalog
+from msggen.firmware.inferred import with_inferred
 from msggen.firmware.sources import find_sources
 from msggen.layout import is_static, lay_out
 from msggen.model import Catalog
@@ -22,7 +23,7 @@ from msggen.site.drawing import PER_ROW, rows_of
 from msggen.site.graph import draw, inner_of
 from msggen.site.pages import render_site
 from msggen.site.site import Site
-from support.catalogs import catalog_of
+from support.catalogs import catalog_of, write_definitions
 from support.html import Elements, broken_links
 from support.markup_attacks import ATTACKS, hostile
 from support.ros_packages import DEFINITIONS
@@ -307,7 +308,33 @@ def test_the_index_of_the_search_has_no_markup(tmp_path: Path) -> None:
     json.loads(script.removeprefix("window.msggenIndex = ").removesuffix(";\n"))
 
 
+# --- Tags without brackets
+
+
+def test_the_origin_of_a_tag_is_explained(tmp_path: Path) -> None:
+    text = "uint64 timestamp\nfloat32 speed # Speed in m/s.\nuint8 MODE_A = 0\nuint8 MODE_B = 1\nuint8 mode # Mode.\n"
+    status = "uint64 timestamp\nfloat32 z # Down.\n"
+    write_definitions(tmp_path, {"msg/Rpm2.msg": text, "msg/VehicleLocalPosition.msg": status})
+    sources = find_sources(str(tmp_path))
+    pages = render_site(Site(with_inferred(read_catalog(sources), sources), "mine"))
+    found = set(re.findall('<small class="origin" title="([^"]*)">([^<]*)<', "".join(pages.values())))
+    assert found == {
+        ("from a sentence of the comment, not from a tag", "prose"),
+        ("from the names of the field and of the constants, not from a tag", "name"),
+        ("from the same field in msggen's definitions of v1.18", "embedded v1.18"),
+    }
+
+
 # --- Markdown
+
+
+def test_sentences_in_markdown_end_with_a_full_stop(tmp_path: Path) -> None:
+    text = (
+        "# A gripper\n#\n# It holds\n# things!\n\nuint64 timestamp\nfloat32 width # [m] [@range 0, 1] Width (inside)\n"
+    )
+    page = render_site(Site(catalog_of(tmp_path, {"msg/Gripper.msg": text}), "mine", "markdown"))["msg/Gripper.md"]
+    assert "\nA gripper. It holds things!\n" in page
+    assert "| Width (inside). Range: 0, 1. |" in page
 
 
 def test_every_link_in_markdown_leads_somewhere(embedded: Catalog, site: Site) -> None:

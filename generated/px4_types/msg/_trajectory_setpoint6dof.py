@@ -48,7 +48,7 @@ class TrajectorySetpoint6dof(_cdr.Message):
     """float32[3] [m/s^3] [@frame NED] Not controlled, only logged."""
 
     quaternion: tuple[float, float, float, float]
-    """float32[4] [-] Attitude as w, x, y, z, turning body FRD into NED."""
+    """float32[4] [-] [@frame NED] Attitude as w, x, y, z, turning body FRD into NED."""
 
     angular_velocity: tuple[float, float, float]
     """float32[3] [rad/s]"""
@@ -143,7 +143,7 @@ class TrajectorySetpoint6dof(_cdr.Message):
                 description="Not controlled, only logged.",
             ),
             info.Field(
-                "quaternion", "float32[4]", 56, 16, unit="-",
+                "quaternion", "float32[4]", 56, 16, unit="-", frame="NED",
                 description="Attitude as w, x, y, z, turning body FRD into NED.",
             ),
             info.Field("angular_velocity", "float32[3]", 72, 12, unit="rad/s"),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from msggen.generate.python.formatting import documentation, literal, long_literal
-from msggen.generate.python.message import enum_classes
+from msggen.generate.python.message import message_class
 from msggen.generate.python.names import free_name
 from msggen.model import Catalog, Message
 from msggen.parse.parameters import PREFIX, Parameter, commands, description, parameters
@@ -55,7 +55,7 @@ def command_classes(catalog: Catalog) -> list[CommandClass]:
     message = _message(catalog)
     if message is None:
         return []
-    enums = enum_classes(catalog, message)
+    enums = {enum.tag: enum.name for enum in message_class(catalog, message).enums}
     found: dict[str, CommandClass] = {}
     taken = {"Command", "CommandError", "Parameter"}
     for constant in commands(message):

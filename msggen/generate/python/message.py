@@ -8,10 +8,10 @@ from operator import attrgetter
 from textwrap import wrap
 from typing import NamedTuple
 
-from msggen.enumeration import Enumeration, enumerations
+from msggen.generate.python.enums import EnumClass, enum_classes
 from msggen.generate.python.formatting import documentation, literal, long_literal, wrapped
 from msggen.generate.python.kind import Kind, kind_of
-from msggen.generate.python.names import attribute_names, class_name, enum_names, member_names, module_name
+from msggen.generate.python.names import attribute_names, class_name, module_name
 from msggen.generate.python.static_codec import Codec, as_tuple
 from msggen.generate.python.stream_codec import Function, functions_of
 from msggen.generate.python.versions import AdjacentVersion, adjacent_versions
@@ -37,24 +37,6 @@ class ClassConstant(NamedTuple):
     value: str
     documentation: str
     spaced: bool
-
-
-class EnumMember(NamedTuple):
-    """A member of an enum. `spaced` puts a blank line before it."""
-
-    name: str
-    value: str
-    documentation: str
-    spaced: bool
-
-
-class EnumClass(NamedTuple):
-    """An enum in a class."""
-
-    name: str
-    base: str
-    documentation: str
-    members: tuple[EnumMember, ...]
 
 
 class Attribute(NamedTuple):
@@ -238,9 +220,8 @@ def message_class(catalog: Catalog, message: Message) -> MessageClass:
     prefix = "" if _SHADOWING.isdisjoint(attributes.values()) else "builtins."
     is_own = message.released_as[0] == catalog.package
     layout = lay_out(catalog, message) if is_static(catalog, message) else None
-    enums = enumerations(message)
-    classes = enum_names(enums, {*attributes.values(), *names.values()})
-    classes_of_fields = {field: classes[enum] for enum in enums for field in enum.fields}
+    enums = enum_classes(message, attributes, names.values())
+    classes_of_fields = {field: enum.name for enum in enums for field in enum.fields}
 
     def class_of(nested: Message) -> str:
         return names[nested.key]
@@ -251,11 +232,15 @@ def message_class(catalog: Catalog, message: Message) -> MessageClass:
         root=".." if is_own else "...",
         topic_names=message.topic_names if is_own and message.folder == "msg" else (),
         constants=tuple(_constants(message, attributes)),
-        enums=tuple(_enum_class(enum, classes[enum], attributes) for enum in enums),
+        enums=enums,
         fields=tuple(
             _attribute(
-                field, _renamed(message, field, names, attributes), extents.get(field.name, _NO_EXTENT), prefix
-            )._replace(enum_class=classes_of_fields.get(field.name, ""))
+                field,
+                _renamed(message, field, names, attributes),
+                extents.get(field.name, _NO_EXTENT),
+                prefix,
+                classes_of_fields.get(field.name, ""),
+            )
             for field in message.fields
         ),
         codec=Codec.of(catalog, message, class_of) if layout else None,
@@ -272,14 +257,6 @@ def message_class(catalog: Catalog, message: Message) -> MessageClass:
         else any(_is_sequence(field.type) for field in message.fields),
         adjacent=adjacent_versions(catalog, message) if catalog.archived else (),
     )
-
-
-def enum_classes(catalog: Catalog, message: Message) -> Mapping[str, str]:
-    """Return the classes of the enums of `message`, by the content of their tag."""
-    names = _class_names(catalog, message)
-    attributes = attribute_names(message, names.values())
-    found = enum_names(enumerations(message), {*attributes.values(), *names.values()})
-    return {enum.tag: name for enum, name in found.items()}
 
 
 def _row_entry(constant: ClassConstant) -> str:
@@ -305,27 +282,6 @@ def _constants(message: Message, attributes: Mapping[str, str]) -> Iterator[Clas
         text = documentation(str(constant.comment), 4, closed=True)
         attribute = attributes[constant.name]
         yield ClassConstant(constant.name, constant.type, attribute, literal(constant.value), text, apart or bool(text))
-        apart = bool(text)
-
-
-def _enum_class(enum: Enumeration, name: str, attributes: Mapping[str, str]) -> EnumClass:
-    """Return the class of an enum. Its members have the documentation of their constants."""
-    users = [f"`{attributes[field]}`" for field in enum.fields]
-    values = "Flags" if enum.is_flags else "Values"
-    text = f"{values} of {', '.join(users)}." if users else f"{values} of parameters of commands."
-    if enum.has_bit_numbers:
-        text += f" The constants {' and '.join(f'{prefix}_*' for prefix in enum.prefixes)} are bit numbers."
-    base = "IntFlag" if enum.is_flags else "IntEnum"
-    return EnumClass(name, base, documentation(text, 8), tuple(_enum_members(enum)))
-
-
-def _enum_members(enum: Enumeration) -> Iterator[EnumMember]:
-    """Yield the members. Those with documentation are separated by blank lines."""
-    apart = True
-    names = member_names([member.name for member in enum.members])
-    for member in enum.members:
-        text = documentation(str(member.constant.comment), 8, closed=True)
-        yield EnumMember(names[member.name], str(member.value), text, apart or bool(text))
         apart = bool(text)
 
 
@@ -365,11 +321,15 @@ def _renamed(message: Message, field: Field, names: Mapping[str, str], attribute
     return renamed._replace(type=field.type._replace(name=names[message.key_of(field.type)], package=None))
 
 
-def _attribute(field: Field, named: Field, extent: tuple[int | None, int | None], prefix: str) -> Attribute:
+def _attribute(
+    field: Field, named: Field, extent: tuple[int | None, int | None], prefix: str, enum_class: str
+) -> Attribute:
     annotation = _annotation(named.type, prefix)
     default, initial = _initial(named, prefix)
     parameter = f"{named.name}: {annotation}{' | None' if default == 'None' else ''} = {default}"
-    return Attribute(field.name, named.name, field.type, *extent, field.comment, annotation, parameter, initial, "")
+    return Attribute(
+        field.name, named.name, field.type, *extent, field.comment, annotation, parameter, initial, enum_class
+    )
 
 
 def _annotation(type_: FieldType, prefix: str) -> str:

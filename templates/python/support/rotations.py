@@ -1,8 +1,9 @@
 """Conversions of vectors, orientations and headings between the frames of PX4 and of ROS. `frames` has all of them.
 
 PX4 uses NED (x north, y east, z down) and, for the body, FRD (x forward, y right, z down). ROS uses ENU (x east,
-y north, z up) and FLU (x forward, y left, z up). NED and ENU differ by half a turn about the axis (1, 1, 0), FRD and
-FLU by half a turn about x. Source: PX4's ROS 2 user guide, "ROS 2 & PX4 Frame Conventions", and REP 103.
+y north, z up) and FLU (x forward, y left, z up). A rotation by 180 degrees about the axis (1, 1, 0) turns NED into
+ENU, and one by 180 degrees about x turns FRD into FLU. Source: PX4's ROS 2 user guide, "ROS 2 & PX4 Frame
+Conventions", and REP 103.
 
 Each function takes a sequence of numbers and returns a tuple. It also takes a numpy array with the components in its
 last axis, and returns an array of that shape. Quaternions are Hamilton, w first. NaN stays NaN.
@@ -266,7 +267,12 @@ def numbers_of(values: Any, length: int) -> Any:
 
 def check_number(number: Any) -> None:
     """Raise FrameError if an object is neither a number nor an array of numbers."""
-    if number.__class__ is not float and not hasattr(number, "dtype") and not is_number(number):
+    if number.__class__ is float:
+        return
+    if hasattr(number, "dtype"):
+        if number.dtype.kind not in "fiu":
+            raise FrameError(f"expected numbers, got an array of {number.dtype}")
+    elif not is_number(number):
         raise FrameError(f"expected one number, got {shown(number)}")
 
 

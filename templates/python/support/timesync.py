@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from math import fsum, sqrt
+from operator import index
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
@@ -16,7 +17,11 @@ if TYPE_CHECKING:
     Sample: TypeAlias = tuple[int, float, int]
     """The time of the companion in us, the offset that was observed in us, and the round trip in us."""
 
-__all__ = ["ClockError", "NotConverged", "TimeSync"]
+__all__ = ["CALENDAR", "ClockError", "NotConverged", "TimeSync", "checked"]
+
+CALENDAR = 1_234_567_890_000_000
+"""The first time that counts as one of the calendar, in February 2009. Smaller ones count from boot, or are those of a
+simulator. Source: PX4_EPOCH_SECS in the firmware's src/lib/timesync/Timesync.hpp."""
 
 _NEEDED = 10
 """The number of samples before the offset is used."""
@@ -40,6 +45,19 @@ class ClockError(ValueError):
 
 class NotConverged(ClockError):  # noqa: N818
     """An error of a TimeSync that does not know the offset: it has too few samples, or they do not agree."""
+
+
+def checked(time: Any) -> int:
+    """Return a time in us as an int. Raises ClockError if it is no integer, or negative."""
+    try:
+        microseconds = index(time)
+    except TypeError:
+        is_array = bool(getattr(time, "shape", ()))
+        kind = "an array: use to_datetime64" if is_array else f"an object of type {time.__class__.__name__}"
+        raise ClockError(f"expected microseconds as an int, got {kind}") from None
+    if microseconds < 0:
+        raise ClockError(f"expected microseconds from 0, got {microseconds}")
+    return microseconds
 
 
 class TimeSync:
@@ -74,6 +92,7 @@ class TimeSync:
         self._max_error = max_error
         self._samples: deque[Sample] = deque(maxlen=window)
         self._strays: list[Sample] = []
+        self._ignored = 0
         self._start = 0
         self._offset = self._drift = self._error = float("nan")
         self._jumped_by = 0.0
@@ -82,8 +101,10 @@ class TimeSync:
         """Take an exchange: when the companion sent it, the vehicle answered, and the companion received the answer.
 
         All are in us: `sent` and `received` of the companion's clock, `answered` of the vehicle's. Give the exchanges
-        in the order in which they were received. Raises ClockError if one was received before it was sent.
+        in the order in which they were received. Raises ClockError if one was received before it was sent, or a time
+        is no integer.
         """
+        sent, answered, received = checked(sent), checked(answered), checked(received)
         if received < sent:
             raise ClockError(f"the exchange was received {sent - received} us before it was sent")
         self._take((received, answered - (sent + received) / 2, received - sent))
@@ -91,13 +112,18 @@ class TimeSync:
     def follow(self, status: Any, source: int = _DDS) -> None:
         """Take a TimesyncStatus. Those of another `source_protocol` are ignored: by default those of MAVLink.
 
+        As long as samples are missing, `problem` counts the ignored ones.
+
         Raises TypeError for another message.
         """
         if not hasattr(status, "observed_offset"):
             from .explain import given
 
             raise TypeError(f"expected a TimesyncStatus, got {given(status)}")
-        if status.source_protocol != source or not status.remote_timestamp:
+        if status.source_protocol != source:
+            self._ignored += 1
+            return
+        if not status.remote_timestamp:
             return
         time = status.remote_timestamp
         self._take((time, status.observed_offset, status.round_trip_time))
@@ -114,7 +140,8 @@ class TimeSync:
         count = len(self._samples)
         if count < _NEEDED:
             jumped = f"a clock jumped by {self._jumped_by / 1e6:.6g} s, and " if self._jumped_by else ""
-            return f"{jumped}there are {count} of {_NEEDED} samples"
+            ignored = f"; messages of another source_protocol were ignored: {self._ignored}" if self._ignored else ""
+            return f"{jumped}there are {count} of {_NEEDED} samples{ignored}"
         if abs(self._drift) > _MOST_DRIFT:
             speed = f"the vehicle's clock runs at {1 + self._drift:.4g} times the speed of the companion's"
             return f"{speed}: use the simulator's /clock"
@@ -148,18 +175,26 @@ class TimeSync:
         return self._error
 
     def to_vehicle(self, time: int) -> int:
-        """Return the time of the vehicle's clock for one of the companion's, in us. Raises NotConverged."""
+        """Return the time of the vehicle's clock for one of the companion's, in us.
+
+        Raises NotConverged, and ClockError for a time of another clock: one since boot if the companion's clock counts
+        from 1970.
+        """
         self._check()
+        last = self._samples[-1][0]
+        time = _of_clock(time, last, "companion", "to_companion converts times of the vehicle")
         return round(time + self._at(time))
 
     def to_companion(self, time: int) -> int:
-        """Return the time of the companion's clock for one of the vehicle's, in us. Raises NotConverged.
+        """Return the time of the companion's clock for one of the vehicle's, in us.
 
-        It is for times that the bridge does not convert, such as those in nested messages.
+        It is for times that the bridge does not convert, such as those in nested messages. Raises NotConverged, and
+        ClockError for a time of another clock, such as a `timestamp` that the bridge has converted.
         """
         self._check()
         first = self._samples[-1][0]
-        ahead = time - first - self._at(first)
+        now = first + self._at(first)
+        ahead = _of_clock(time, now, "vehicle", "the bridge has converted it, or it is a time of the companion") - now
         return round(first + ahead / (1 + self._drift))
 
     def _check(self) -> None:
@@ -209,3 +244,12 @@ class TimeSync:
         self._offset = offset - self._drift * time
         rest = fsum((b - self._offset - self._drift * a) ** 2 for a, b in zip(times, offsets, strict=True))
         self._error = best[0][2] / 2 + sqrt(rest / len(best))
+
+
+def _of_clock(time: int, now: float, owner: str, hint: str) -> int:
+    """Return a time in us. Raises ClockError if only one of the time and `now` of its clock counts from 1970."""
+    time = checked(time)
+    if (time < CALENDAR) != (now < CALENDAR):
+        starts = [("boot, or the start of a simulator", "1970")[each >= CALENDAR] for each in (time, now)]
+        raise ClockError(f"{time} us counts from {starts[0]}, and the {owner}'s clock from {starts[1]}: {hint}")
+    return time

@@ -1,0 +1,77 @@
+"""What to do about an argument that a command does not have. It is imported only for such an argument."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from msggen.cli import parser_for
+from msggen.diagnostics import suggestion
+from msggen.disk.git import is_revision
+from msggen.firmware.embedded import names_release
+from msggen.firmware.tree import Folder
+from msggen.firmware.tree_layout import is_firmware
+
+
+def hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
+    """Return the end of the message about `wrong`, after the arguments `given`.
+
+    It says to use a similar option, to name the firmware with --px4, or to give fewer names.
+    """
+    names = [str(action.metavar) for action in parser._actions if not action.option_strings]  # noqa: SLF001
+    known = parser._option_string_actions  # noqa: SLF001 - argparse has no public name
+    has_commands = bool(parser._subparsers)  # noqa: SLF001
+    if wrong.endswith((".j2", ".em")) and "--template" in known:
+        return f": name the template with --template {wrong}"
+    if not wrong.startswith("-") and "--px4" in known:
+        firmware = next(filter(_is_firmware, [*given, wrong]), None) if names else wrong
+        if firmware:
+            return f": name the firmware with --px4 {firmware}"
+    owners = "" if has_commands else ", ".join(_commands_with(wrong))
+    if owners:
+        return f": an option of {owners}"
+    near = suggestion(wrong, [name for name, action in known.items() if action.help is not argparse.SUPPRESS])
+    if near or not names:
+        return near
+    if wrong.startswith("-"):
+        return ": name a command first" if has_commands else ""
+    return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
+
+
+def hint_for_second_value(wrong: str, words: Sequence[str]) -> str:
+    """Return what to do about a second value of --select, --ignore or --against in `words`; "" if it is none."""
+    values = {name: [*filter(None, [value]), *rest] for name, value, rest in _values(words)}
+    for option in ("--select", "--ignore"):
+        if wrong in values.get(option, ()):
+            rules = ",".join(value.strip(",") for value in values[option])
+            return f"separate rules by commas: {option} {rules}"
+    folder = next(iter(values.get("--px4", ())), os.curdir)
+    if "--against" in values and not os.path.exists(wrong) and _is_revision(folder, wrong):
+        return f"--against names one side, name the other with --px4 {folder}@{wrong}"
+    return ""
+
+
+def _is_firmware(word: str) -> bool:
+    return names_release(word) or ("\0" not in word and is_firmware(Folder(word)))
+
+
+def _is_revision(folder: str, word: str) -> bool:
+    return "\0" not in folder and os.path.isdir(folder) and is_revision(folder, word)
+
+
+def _commands_with(option: str) -> list[str]:
+    """Return the names of the commands that have an option, and list it in their help."""
+    parser: Any = parser_for(())
+    commands = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction))  # noqa: SLF001
+    found = ((name, command._option_string_actions.get(option)) for name, command in commands.choices.items())  # noqa: SLF001
+    return [name for name, action in found if action and action.help is not argparse.SUPPRESS]
+
+
+def _values(words: Sequence[str]) -> Iterator[tuple[str, str, Sequence[str]]]:
+    """Yield each long option in `words`, its value after `=`, and the words up to the next option."""
+    starts = [index for index, word in enumerate(words) if word.startswith("-")]
+    for start, end in zip(starts, [*starts[1:], len(words)], strict=False):
+        name, _, value = words[start].partition("=")
+        yield name, value, words[start + 1 : end]
