@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 _VERSION = re.compile("_v([0-9]+)$")
+_WORD = re.compile("(?<!^)(?=[A-Z])")
 
 
 def stem_of(ros_name: str) -> str:
@@ -16,6 +17,11 @@ def version_of(ros_name: str) -> int:
     """Return the version of the message in a name, 0 without a suffix (docs/wire.md, section 11)."""
     found = _VERSION.search(ros_name)
     return int(found[1]) if found else 0
+
+
+def default_topic(message: str) -> str:
+    """Return the uORB topic that is named after a message: `vehicle_command` (docs/wire.md, section 1)."""
+    return _WORD.sub("_", message).lower()
 
 
 def is_topic(ros_name: str, stem: str, namespace: str | None = None) -> bool:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, 
 
 from msggen.live.errors import FormatError, TopicError
 from msggen.live.link import Route
-from msggen.live.names import stem_of, version_of
+from msggen.live.names import default_topic, stem_of, version_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -149,6 +149,9 @@ def _by_class(cls: type[Message], way: Way) -> Topic:
         if issubclass(cls, endpoint.message)
     ]
     found = [endpoint for endpoint in every if endpoint.direction == way]
+    named = [endpoint for endpoint in found if stem_of(endpoint.ros_name).rpartition("/")[2] == default_topic(name)]
+    if len(named) == 1:
+        found = named
     if len(found) == 1:
         return Topic(stem_of(found[0].ros_name), None, cls, package, is_typed=True)
     if found:

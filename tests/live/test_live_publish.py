@@ -53,6 +53,13 @@ def test_a_topic_is_needed_where_several_have_the_type(link: FakeLink, vehicle: 
     assert [name for name, _ in sent(link)] == ["/fmu/in/vehicle_visual_odometry", "/fmu/in/vehicle_mocap_odometry"]
 
 
+def test_the_topic_that_is_named_after_the_message_is_meant(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
+    link.connect()
+    vehicle.publish(px4_types.VehicleCommand())
+    vehicle.publish(px4_types.VehicleCommand(), "vehicle_command_mode_executor")
+    assert [name for name, _ in sent(link)] == ["/fmu/in/vehicle_command", "/fmu/in/vehicle_command_mode_executor"]
+
+
 @pytest.mark.parametrize(
     ("message", "topic", "error"),
     [
