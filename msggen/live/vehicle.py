@@ -255,8 +255,8 @@ class Vehicle:
     def publish(self, message: Message, topic: Endpoint[Any] | str | None = None) -> None:
         """Send a message to the vehicle, once. From any thread.
 
-        `topic` is needed if several topics have messages of this class, and none of them is named after it. Raises NotConnectedError, TopicError,
-        FormatError if the vehicle's definition differs, and the package's EncodeError.
+        `topic` is needed if several topics have messages of this class, and none of them is named after it. Raises
+        NotConnectedError, TopicError, FormatError if the vehicle's definition differs, and the package's EncodeError.
         """
         entry, route = self._route_to(message, topic)
         payload = message.encode()
