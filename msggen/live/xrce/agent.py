@@ -249,7 +249,8 @@ class Agent:
             self._in_session(session, header, body, time)
 
     def _in_session(self, session: Session, header: wire.Header, body: bytes, time: int) -> None:
-        if session.remote is None and session.inventory.namespace is not None and not self._wake(session):
+        is_asleep = session.remote is None and session.inventory.namespace is not None
+        if is_asleep and _first(body).id != wire.DELETE and not self._wake(session):
             self._outbox.late += 1
             return
         session.receive(header, body, time)
@@ -261,7 +262,7 @@ class Agent:
         submessage = _first(body)
         if submessage.id == wire.GET_INFO:
             if session is not None:
-                session.heard = session.pinged = True
+                session.pinged = True
             self._send(header, wire.answer_info(submessage.payload, known=session is not None), address)
         elif submessage.id == wire.CREATE_CLIENT:
             self._create_client(header, wire.CreateClient.unpack(submessage.payload), address, session)
@@ -302,7 +303,7 @@ class Agent:
     ) -> None:
         status = wire.OK
         if self._keys is not None and create.key not in self._keys:
-            self._warn(f"refused {_name(address)}: key {create.key} is not allowed; add it to the keys in allow=")
+            self._warn(f"refused {_host(address)}: key {create.key} is not allowed; add it to the keys in allow=")
             raise WireError("key that is not allowed")
         if create.session_id in (wire.NO_SESSION, wire.NO_SESSION_WITH_KEY):
             raise WireError("wrong session id or key")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import struct
 from typing import Final, NamedTuple, TypeAlias
-from xml.sax.saxutils import escape, unescape
 
 from msggen.live.xrce.wire import ERR_DDS_ERROR, Create, WireError, pack_string, read_string, read_u32
 
@@ -71,7 +70,7 @@ class Participant(NamedTuple):
 
     def pack(self) -> bytes:
         """Return the representation in XML."""
-        xml = f"<dds><participant><rtps><name>{escape(self.name)}</name></rtps></participant></dds>".encode()
+        xml = f"<dds><participant><rtps><name>{_escape(self.name)}</name></rtps></participant></dds>".encode()
         text = _HEAD.pack(PARTICIPANT, BY_XML, len(xml) + 1) + xml + b"\0"
         return text + bytes(len(text) & 1) + self.domain.to_bytes(2, "little", signed=True)
 
@@ -183,6 +182,8 @@ def _by_xml(kind: int, data: bytes) -> Entity:
 
 def _by_binary(kind: int, data: bytes) -> Entity:
     size, at = read_u32(data, 4)
+    if kind == PARTICIPANT:  # has no name
+        return Participant("", _domain(data, at + size))
     content, parent = data[at : at + size], _parent(data, at + size)
     if kind == TOPIC:
         return _topic(content, parent)
@@ -192,7 +193,7 @@ def _by_binary(kind: int, data: bytes) -> Entity:
         return _endpoint(kind, content, parent)
     if kind == REPLIER:
         return _replier(content, parent)
-    raise RefusedError("participant in binary" if kind == PARTICIPANT else "unknown kind of entity", ERR_DDS_ERROR)
+    raise RefusedError("unknown kind of entity", ERR_DDS_ERROR)
 
 
 def _topic(data: bytes, parent: bytes) -> Topic:
@@ -264,7 +265,18 @@ def _element(text: str, outer: str, inner: str) -> str:
     end = text.find("<", start)
     if f"<{outer}" not in text or start < len(inner) + 2 or not text.startswith(f"</{inner}>", end):
         raise WireError("XML without a name or a type")
-    return unescape(text[start:end])
+    return _unescape(text[start:end])
+
+
+def _escape(text: str) -> str:
+    """Return text for XML. The standard library's function costs 20 ms of imports."""
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+
+
+def _unescape(text: str) -> str:
+    for name, character in (("lt", "<"), ("gt", ">"), ("quot", '"'), ("apos", "'"), ("amp", "&")):
+        text = text.replace(f"&{name};", character)
+    return text
 
 
 def _pack_binary(kind: int, content: bytes, parent: bytes) -> bytes:

@@ -131,6 +131,16 @@ def test_a_silent_client_is_disconnected_and_forgotten() -> None:
     assert world.agent._sessions == {}
 
 
+def test_a_silent_client_that_ends_its_session_is_not_connected_again() -> None:
+    world, client = connected()
+    world.run(6)
+    client.delete()
+    world.settle()
+    assert client.statuses()[-1] == wire.OK
+    assert [type(event).__name__ for event in world.events[4:]] == ["Disconnected"]
+    assert world.agent._sessions == {}
+
+
 def test_a_client_that_pings_stays() -> None:
     world, client = connected()
     for _ in range(20):
@@ -519,7 +529,7 @@ def test_a_key_that_is_not_allowed_gets_no_session() -> None:
     assert [part.id for part in client.received] == [wire.INFO]
     assert world.agent.refused["key that is not allowed"] == 1
     assert [event.text for event in world.events if isinstance(event, Warned)] == [
-        "refused 127.0.0.1:50001: key 5 is not allowed; add it to the keys in allow="
+        "refused 127.0.0.1: key 5 is not allowed; add it to the keys in allow="
     ]
     world, _ = connected(Client(key=2), keys={1, 2})
     assert len(world.all(Connected)) == 1
