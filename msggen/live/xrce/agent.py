@@ -307,7 +307,7 @@ class Agent:
             raise WireError("key that is not allowed")
         if create.session_id in (wire.NO_SESSION, wire.NO_SESSION_WITH_KEY):
             raise WireError("wrong session id or key")
-        if session is None or not self._is_repetition(session, create):
+        if session is None or not self._is_doubled(session, create):
             if session is not None:
                 self._forget(session, "the vehicle has begun another session")
             if self._has_room():
@@ -319,10 +319,10 @@ class Agent:
         key = wire.key_bytes(create.key) if create.session_id < 0x80 else b""
         self._send(header._replace(session_id=create.session_id, key=key), wire.StatusAgent(status).pack(), address)
 
-    def _is_repetition(self, session: Session, create: wire.CreateClient) -> bool:
-        """Whether a CREATE_CLIENT asks for the session that is there, since its answer was lost or it was doubled."""
-        is_doubled = not session.pinged and self._clock - session.begun_at < _REPEATED
-        return create == session.create and (session.is_new or is_doubled)
+    def _is_doubled(self, session: Session, create: wire.CreateClient) -> bool:
+        """Whether a CREATE_CLIENT is the one that began the session, doubled on its way."""
+        is_soon = self._clock - session.begun_at < _REPEATED
+        return create == session.create and is_soon and not session.pinged
 
     def _has_room(self) -> bool:
         """Whether a session can begin. Forget one that is not connected, if that is needed."""

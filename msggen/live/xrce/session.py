@@ -81,11 +81,6 @@ class Session:
         self._time = 0
         self._reset()
 
-    @property
-    def is_new(self) -> bool:
-        """Whether the client has not sent anything after its CREATE_CLIENT."""
-        return not self.inventory and self.input.expected == 0 and self.best_effort.last == 0xFFFF
-
     def _reset(self) -> None:
         """Begin all streams."""
         self.best_effort = BestEffortInput()

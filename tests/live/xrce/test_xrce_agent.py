@@ -149,6 +149,28 @@ def test_a_client_that_pings_stays() -> None:
     assert world.all(Disconnected) == []
 
 
+def test_a_client_that_only_writes_stays() -> None:
+    world, client = connected()
+    for _ in range(20):
+        client.write(1, b"a")
+        world.run(1)
+    assert world.all(Disconnected) == []
+    assert len(world.all(Sample)) == 20
+
+
+def test_a_jump_of_the_clock_counts_as_one_second() -> None:
+    world, _ = connected()
+    for now in (0.1, 1e9, -1e9, 2e9, 5.0, 2e9):
+        world.agent.tick(now)
+    world.carry()
+    assert world.all(Disconnected) == []
+    world.agent.tick(3e9)
+    world.agent.tick(4e9)
+    world.agent.tick(5e9)
+    world.carry()
+    assert len(world.all(Disconnected)) == 1
+
+
 def test_jumps_of_the_clock_disconnect_nobody() -> None:
     world, client = connected()
     for now in (1.0, -1e9, 1e9, 1e9 + 1, 0.0, float(2**40), 3.0):
@@ -263,6 +285,16 @@ def test_two_vehicles_with_one_key_both_work() -> None:
     ]
     assert len(world.agent._connected) == 2
     assert world.all(Lost) == []
+    count = len(world.all(Disconnected))
+    third = Client(50003)  # the second one restarts
+    world.clients = [first, third]
+    start(third)
+    for _ in range(70):
+        first.write(1, b"1")
+        third.write(1, b"3")
+        world.run(0.1)
+    reasons = [event.reason for event in world.all(Disconnected)[count:]]
+    assert reasons == ["the vehicle has sent nothing for 5 s"]
 
 
 def test_two_vehicles_with_one_key_and_two_namespaces_both_work_at_once() -> None:
@@ -302,6 +334,30 @@ def test_late_and_doubled_samples_are_dropped_and_gaps_are_counted() -> None:
     assert [event.payload[4:] for event in world.all(Sample)] == [b"1", b"3", b"5"]
     assert [event.missing for event in world.all(Lost)] == [1, 1, 1]
     assert (world.agent.lost, world.agent.late) == (3, 4)
+
+
+@pytest.mark.parametrize(("ahead", "arrives"), [(1, True), (32767, True), (32768, False), (65535, False)])
+def test_half_of_all_numbers_are_newer(ahead: int, arrives: bool) -> None:  # noqa: FBT001
+    world, client = connected()
+    client.write(1, b"a")
+    client.next = ahead
+    client.write(1, b"b")
+    world.settle()
+    assert len(world.all(Sample)) == 1 + arrives
+    assert world.agent.lost == (ahead - 1 if arrives else 0)
+
+
+def test_what_follows_a_sample_in_its_message_counts() -> None:
+    world, client = connected()
+    sample = wire.Sample(b"\0\1", entities.object_id(1, entities.WRITER), b"1234").pack(wire.WRITE_DATA)
+    client.write(1, b"a")
+    client.send(wire.BEST_EFFORT, sample, wire.pack_submessage(wire.RESET, b""))
+    client.next = 0
+    client.write(1, b"b")
+    client.send(wire.BEST_EFFORT, wire.Delete(b"\0\1").pack(), sample)
+    world.settle()
+    assert [event.payload[4:] for event in world.all(Sample)] == [b"a", b"1234", b"b"]
+    assert type(world.events[-1]) is Disconnected
 
 
 @pytest.mark.parametrize("sizes", [[1], [4, 4], [3, 1, 9], [0, 7]])
@@ -450,6 +506,19 @@ def test_fragments_that_never_end_are_bounded() -> None:
     assert client.statuses()[-2:] == [wire.OK, wire.OK]
 
 
+def test_a_message_between_fragments_ends_them() -> None:
+    world, client = connected()
+    client.send(wire.RELIABLE, wire.pack_submessage(wire.FRAGMENT, b"lost"))
+    client.participate()
+    whole = wire.Create(client.ask(), PARTICIPANT, entities.Participant("/px4_micro_xrce_dds").pack()).pack()
+    client.send(wire.RELIABLE, wire.pack_submessage(wire.FRAGMENT, whole[:20]))
+    last = wire.LITTLE_ENDIAN | wire.LAST_FRAGMENT
+    client.send(wire.RELIABLE, wire.pack_submessage(wire.FRAGMENT, whole[20:], last))
+    world.settle()
+    assert client.statuses() == [wire.OK] * 10
+    assert world.agent.refused == {"fragments without an end": 1}
+
+
 def test_fragments_inside_of_fragments_are_refused() -> None:
     world, client = connected()
     inner = wire.pack_submessage(wire.FRAGMENT, b"", wire.LITTLE_ENDIAN | wire.LAST_FRAGMENT)
@@ -509,6 +578,36 @@ def test_what_does_not_fit_is_an_error() -> None:
     with pytest.raises(LinkError, match="does not acknowledge"):
         agent.call(1, SERVICE, 100, LE)
     assert client.samples() == []
+
+
+def test_a_client_that_acknowledges_nothing_is_bounded() -> None:
+    world, client = connected()
+    world.clients = []
+    for _ in range(50):
+        client.participate()
+    for data in client.outgoing:
+        world.agent.receive(data, client.address, 0)
+    assert len(world.agent._find(1)._output._kept) == OUTPUT_WINDOW
+    assert world.agent.refused == {"too many messages without acknowledgement": 50 - OUTPUT_WINDOW}
+    world.agent.take_outgoing()
+    for number in range(1, 101):
+        world.agent.tick(number / 100)
+    beats = [data for data, _ in world.agent.take_outgoing()]
+    assert 5 <= len(beats) <= 10
+    assert {data[4] for data in beats} == {wire.HEARTBEAT}
+
+
+def test_a_reader_that_is_created_again_has_to_ask_again() -> None:
+    world, client = connected()
+    client.publish(2, "fmu/in/b", entities.READER)
+    world.settle()
+    with pytest.raises(LinkError, match="does not read object 2"):
+        world.agent.publish(1, 2, LE)
+    client.read(entities.object_id(2, entities.READER))
+    world.settle()
+    world.agent.publish(1, 2, LE + b"x")
+    world.settle()
+    assert client.samples() == [b"x"]
 
 
 def test_a_reply_to_another_program_is_refused() -> None:

@@ -68,6 +68,24 @@ def test_frames_survive_any_chunks(messages: list[bytes], random: Random) -> Non
     assert deframer.broken == deframer.skipped == 0
 
 
+def test_an_escape_at_the_end_of_a_frame_is_cut_anywhere() -> None:
+    """The last byte of the CRC is 7e or 7d in these messages."""
+    messages = [bytes((a, b)) for a in range(256) for b in range(256) if crc16(bytes((a, b))) >> 8 in (0x7D, 0x7E)]
+    assert len(messages) > 100
+    deframer = Deframer()
+    for message in messages:
+        frame = pack_frame(message, CLIENT, AGENT)
+        assert deframer.feed(frame[:-1]) == []
+        assert deframer.feed(frame[-1:]) == [message]
+
+
+def test_a_frame_that_is_cut_is_counted() -> None:
+    deframer = Deframer()
+    frame = pack_frame(b"abcdef", CLIENT, AGENT)
+    assert deframer.feed(b"xy" + frame[:-3] + frame + b"z") == [b"abcdef"]
+    assert (deframer.frames, deframer.broken, deframer.skipped) == (1, 1, 3)
+
+
 @given(st.lists(MESSAGES, min_size=1, max_size=5), st.binary(max_size=40), MESSAGES, st.data())
 def test_a_frame_after_noise_arrives(messages: list[bytes], noise: bytes, last: bytes, data: st.DataObject) -> None:
     """The begin byte of the next frame ends whatever the noise has begun."""

@@ -123,6 +123,10 @@ def test_messages_that_the_sender_has_dropped_are_skipped() -> None:
     assert receiver.receive(3, b"d") == []
     assert receiver.heartbeat(3, 5) == [b"d"]
     assert receiver.acknack() == (4, 0b11)
+    assert receiver.receive(6, b"g") == []
+    assert receiver.heartbeat(9, 9) == []
+    assert receiver.acknack() == (9, 0b1)
+    assert receiver._waiting == {}
 
 
 def test_a_receiver_of_an_unknown_number_begins_with_the_first_one() -> None:
