@@ -177,13 +177,22 @@ def _by_xml(kind: int, data: bytes) -> Entity:
     if kind in (WRITER, READER):
         flags = QOS_RELIABLE if "<kind>RELIABLE</kind>" in text else 0
         return Endpoint(kind, (_element(text, "topic", "name"), _element(text, "topic", "dataType")), parent, flags)
+    if kind == REPLIER:
+        return Replier(
+            _attribute(text, "replier", "service_name"),
+            _attribute(text, "replier", "request_type"),
+            _attribute(text, "replier", "reply_type"),
+            _element(text, "replier", "request_topic_name"),
+            _element(text, "replier", "reply_topic_name"),
+            parent,
+        )
     raise RefusedError("unknown kind of entity", ERR_DDS_ERROR)
 
 
 def _by_binary(kind: int, data: bytes) -> Entity:
     size, at = read_u32(data, 4)
-    if kind == PARTICIPANT:  # has no name
-        return Participant("", _domain(data, at + size))
+    if kind == PARTICIPANT:
+        return Participant(_participant_name(data[at : at + size]), _domain(data, at + size))
     content, parent = data[at : at + size], _parent(data, at + size)
     if kind == TOPIC:
         return _topic(content, parent)
@@ -194,6 +203,14 @@ def _by_binary(kind: int, data: bytes) -> Entity:
     if kind == REPLIER:
         return _replier(content, parent)
     raise RefusedError("unknown kind of entity", ERR_DDS_ERROR)
+
+
+def _participant_name(data: bytes) -> str:
+    """Return the name of a participant in binary, which is where XRCE has a reference to QoS, or "" without one."""
+    at = 1
+    if _flag(data, 0):
+        _, at = read_string(data, 1)  # reference to a domain
+    return read_string(data, at + 1)[0] if _flag(data, at) else ""
 
 
 def _topic(data: bytes, parent: bytes) -> Topic:
@@ -266,6 +283,16 @@ def _element(text: str, outer: str, inner: str) -> str:
     if f"<{outer}" not in text or start < len(inner) + 2 or not text.startswith(f"</{inner}>", end):
         raise WireError("XML without a name or a type")
     return _unescape(text[start:end])
+
+
+def _attribute(text: str, tag: str, name: str) -> str:
+    """Return the text of an attribute of the first XML element with a tag."""
+    _, begun, rest = text.partition(f"<{tag} ")
+    _, found, rest = rest.partition(">")[0].partition(f'{name}="')
+    value, ended, _ = rest.partition('"')
+    if not (begun and found and ended):
+        raise WireError("XML without a name or a type")
+    return _unescape(value)
 
 
 def _escape(text: str) -> str:

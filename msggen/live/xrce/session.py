@@ -15,6 +15,8 @@ from msggen.live.xrce.wire import BEST_EFFORT, RELIABLE, Submessage, WireError
 
 HEARTBEAT_PERIOD: Final = 0.1
 """Seconds without acknowledgement after which a HEARTBEAT asks for it."""
+REPLY_TICKS: Final = 50
+"""Ticks after a request in which a lost reply is asked for: 5 s."""
 
 
 class Limits(NamedTuple):
@@ -86,6 +88,8 @@ class Session:
         self._output = ReliableOutput()
         self._next = 0  # the number of the next best-effort message
         self._beat_at: float | None = None
+        self._request = 0  # the number of the last request, and the ticks in which its reply is still asked for
+        self._reply_ticks = 0
         self._fragments = Fragments(self._limits.fragments)
 
     # Life
@@ -117,7 +121,8 @@ class Session:
             self._send_data(BEST_EFFORT, bytes(4), b"")
 
     def tick(self, now: float) -> None:
-        """Ask for acknowledgements that are due."""
+        """Ask for acknowledgements that are due, and for a reply that may be lost."""
+        self._ask_for_reply()
         beat = self._output.heartbeat()
         if beat is None:
             self._beat_at = None
@@ -126,6 +131,13 @@ class Session:
         elif now >= self._beat_at:
             self._beat_at = now + HEARTBEAT_PERIOD
             self._send(wire.NO_STREAM, wire.Heartbeat(*beat).pack())
+
+    def _ask_for_reply(self) -> None:
+        """Report the next reliable message as missing: PX4's client repeats it if it was sent (docs/xrce.md, 6)."""
+        state = self.input.acknack()
+        if self._reply_ticks and state is not None:
+            self._reply_ticks -= 1
+            self._send(wire.NO_STREAM, wire.AckNack(state[0], state[1] | 1).pack())
 
     # To the client
 
@@ -148,6 +160,7 @@ class Session:
             raise LinkError(f"the vehicle has no service with object {object_id}; routes() has its services")
         data = wire.Identity(self._guid, request).pack() + self._cut(payload)
         self._send_data(reading.stream, reading.request_id + replier, data)
+        self._request, self._reply_ticks = request, REPLY_TICKS
 
     def _find(self, number: int, kind: int) -> tuple[bytes, Reading | None]:
         if not 0 <= number <= entities.LARGEST_NUMBER:
@@ -272,6 +285,8 @@ class Session:
             identity = wire.Identity.unpack(sample.data)
             if identity.writer != self._guid:
                 raise WireError("reply to a request of another program")
+            if identity.number == self._request:
+                self._reply_ticks = 0
             payload = wire.ENCAPSULATION + sample.data[24:]
             self._outbox.events.append(Replied(self.remote, service, identity.number, payload))
 

@@ -400,6 +400,41 @@ def answer_one(world: World, client: Client, number: int) -> None:
     assert (event.service, event.number, event.payload) == (SERVED, number, LE + b"answer")
 
 
+def test_a_lost_reply_is_asked_for() -> None:
+    """Micro XRCE-DDS Client 2.4.3 sends no HEARTBEAT if it is polled more often than every 100 ms, as PX4 does."""
+    world, client = connected()
+    world.agent.call(1, SERVICE, 7, LE + b"ask")
+    world.settle()
+    identity = client.samples()[-1][:24]
+    object_id = entities.object_id(SERVICE, entities.REPLIER)
+    client.send(wire.RELIABLE, wire.Sample(b"\0\1", object_id, identity + b"ok").pack(wire.WRITE_DATA))
+    sequence = (client.output.next - 1).to_bytes(2, "little")
+    client.outgoing.clear()  # lost
+    world.agent.tick(0.1)
+    [(asked, _)] = world.agent.take_outgoing()
+    assert asked == bytes.fromhex("81000000 0a010500") + sequence + bytes.fromhex("0001 80")
+    client.receive(asked)
+    world.settle()
+    assert [event.number for event in world.all(Replied)] == [7]
+    world.agent.tick(0.2)
+    assert world.agent.take_outgoing() == []
+
+
+def test_a_reply_that_never_comes_is_asked_for_some_time() -> None:
+    world, client = connected()
+    world.agent.call(1, SERVICE, 7, LE + b"ask")
+    world.settle()
+    client.received.clear()
+    asked = []
+    for tick in range(100):
+        world.agent.tick(tick / 10)
+        asked += [data for data, _ in world.agent.take_outgoing()]
+        client.ping(in_session=True)
+        world.carry()
+    assert [data[4] for data in asked] == [wire.ACKNACK] * 50
+    assert (world.all(Replied), world.all(Disconnected)) == ([], [])
+
+
 def test_reliable_streams_wrap_both_ways() -> None:
     world, client = connected()
     session = world.agent._find(1)

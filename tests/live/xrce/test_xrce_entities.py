@@ -96,10 +96,40 @@ def test_xml_is_read() -> None:
 
 
 @pytest.mark.parametrize("create", [by_text(1, 1, "px4_participant"), by_text(1, 3, "\0")])
-def test_a_participant_by_reference_or_in_binary_has_no_name(create: wire.Create) -> None:
+def test_a_participant_by_reference_or_in_binary_may_have_no_name(create: wire.Create) -> None:
     participant = entities.parse(create)
     assert isinstance(participant, Participant)
     assert participant.name == ""
+
+
+def test_a_participant_in_binary_may_have_a_name() -> None:
+    """The bytes of Micro XRCE-DDS Client 2.4.3."""
+    payload = "000a001101030000210000000001000019000000" + b"uav_1/px4_micro_xrce_dds\0".hex() + "000000"
+    create = wire.Create.unpack(bytes.fromhex(payload), wire.LITTLE_ENDIAN)
+    assert entities.parse(create) == Participant("uav_1/px4_micro_xrce_dds")
+    both = "0100000002000000610001000200000062000000"  # a domain named "a", and the name "b"
+    parsed = entities.parse(create._replace(representation=bytes.fromhex("0103000012000000" + both)))
+    assert parsed == Participant("b")
+
+
+REPLIER_XML = (
+    '<dds><replier profile_name="rp" service_name="vehicle_command" request_type="px4_msgs::srv::dds_::A_Request_" '
+    'reply_type="px4_msgs::srv::dds_::A_Response_"><request_topic_name>rq/uav_1/fmu/aRequest</request_topic_name>'
+    "<reply_topic_name>rr/uav_1/fmu/aReply</reply_topic_name></replier></dds>"
+)
+
+
+def test_a_replier_in_xml_is_read() -> None:
+    types = "px4_msgs::srv::dds_::A_Request_", "px4_msgs::srv::dds_::A_Response_"
+    replier = entities.parse(by_text(8, 2, REPLIER_XML))
+    assert isinstance(replier, Replier)
+    assert replier[:5] == ("vehicle_command", *types, "rq/uav_1/fmu/aRequest", "rr/uav_1/fmu/aReply")
+
+
+@pytest.mark.parametrize("name", ["replier ", "service_name", "reply_type=", "<request_topic_name>", "</reply_"])
+def test_a_replier_in_xml_needs_all_names(name: str) -> None:
+    with pytest.raises(wire.WireError, match="XML without a name or a type"):
+        entities.parse(by_text(8, 2, REPLIER_XML.replace(name, "", 1)))
 
 
 @pytest.mark.parametrize("kind", [2, 5, 6, 8])
