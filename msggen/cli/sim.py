@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_option, add_shared, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
 from msggen.cli.printing import terminal_width
 from msggen.cli.values import convert_values, positive, share, whole
 from msggen.diagnostics import counted, input_error, suggestion
@@ -61,8 +61,9 @@ def _add_vehicles(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("vehicles")
     source = group.add_mutually_exclusive_group()
     add_shared(source, "--px4", old="--release")
-    about = {"metavar": "NAME|DIR", "type": non_empty, "help": "package that msggen has generated, instead of --px4"}
-    add_option(source, "--types", old="--package", **about)
+    source.add_argument(
+        "--types", metavar="NAME|DIR", type=non_empty, help="package that msggen has generated, instead of --px4"
+    )
     group.add_argument("--count", metavar="N", type=non_empty, default="1", help="number of vehicles (default: 1)")
     group.add_argument(
         "--namespace", metavar="NAME", type=non_empty, help="namespace, NAME_1, NAME_2, ... of several (default: uav)"
