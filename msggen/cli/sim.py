@@ -13,6 +13,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.printing import terminal_width
+from msggen.cli.values import convert_values, positive, share, whole
 from msggen.diagnostics import counted, input_error, suggestion
 from msggen.exit_codes import DONE
 
@@ -24,8 +26,9 @@ _SYNCS = ("px4", "short", "off")
 _MOST_KEYS = 255
 """The largest key: it is also the system id of the vehicle, which is a uint8."""
 _NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
+_REFRESH = 0.5
+"""The time in s after which news are printed."""
 _LONGEST_NAMESPACE = 100
-_LARGEST = 1e6
 _BUILT = "msggen_sim_types"
 
 
@@ -113,39 +116,6 @@ def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--seed", metavar="N", type=non_empty, default="0", help="of all that is random (default: 0)")
 
 
-# Values of options
-
-
-def _whole(least: int, most: int) -> Callable[[str], int]:
-    def convert(text: str) -> int:
-        if not (text.isascii() and text.isdecimal()) or not least <= int(text) <= most:
-            raise argparse.ArgumentTypeError(f"expected a number from {least} to {most}, found {text!r}")
-        return int(text)
-
-    return convert
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"expected a number, found {text!r}") from None
-
-
-def _positive(text: str) -> float:
-    number = _number(text)
-    if not 0.0 < number <= _LARGEST:
-        raise argparse.ArgumentTypeError(f"expected a number above 0, found {text!r}")
-    return number
-
-
-def _share(text: str) -> float:
-    number = _number(text)
-    if not 0.0 <= number <= 1.0:
-        raise argparse.ArgumentTypeError(f"expected a share from 0 to 1, found {text!r}")
-    return number
-
-
 def _namespace(text: str) -> str:
     if not _NAMESPACE.fullmatch(text) or len(text) > _LONGEST_NAMESPACE:
         raise argparse.ArgumentTypeError(f"expected a name such as uav_1, found {text!r}")
@@ -160,38 +130,27 @@ def _version(text: str) -> tuple[str, int]:
 
 
 _VALUES: Mapping[str, Callable[[str], Any]] = {
-    "count": _whole(1, _MOST_KEYS),
-    "key": _whole(1, _MOST_KEYS),
+    "count": whole(1, _MOST_KEYS),
+    "key": whole(1, _MOST_KEYS),
     "namespace": _namespace,
-    "rate": _positive,
-    "for": _positive,
-    "drop": _share,
-    "reorder": _share,
-    "duplicate": _share,
-    "garbage": _share,
-    "silent_after": _positive,
-    "restart_every": _positive,
-    "seed": _whole(0, 2**32),
+    "rate": positive,
+    "for": positive,
+    "drop": share,
+    "reorder": share,
+    "duplicate": share,
+    "garbage": share,
+    "silent_after": positive,
+    "restart_every": positive,
+    "seed": whole(0, 2**32),
     "version": _version,
 }
-
-
-def _convert(options: argparse.Namespace) -> None:
-    """Convert the values of options. They are texts until the parser has seen all of them."""
-    for name, convert in _VALUES.items():
-        given = getattr(options, name)
-        try:
-            converted = [convert(each) for each in given] if isinstance(given, list) else given and convert(given)
-        except argparse.ArgumentTypeError as error:
-            options.parser.error(f"argument --{name.replace('_', '-')}: {error}")
-        setattr(options, name, converted)
 
 
 # The run
 
 
 def _sim(options: argparse.Namespace) -> int:
-    _convert(options)
+    convert_values(options, _VALUES)
     with ExitStack() as stack:
         package, label = _package(options, stack)
         _check_messages(options, package)
@@ -220,28 +179,65 @@ def _run(simulator: Simulator, options: argparse.Namespace) -> None:
 
     seconds = getattr(options, "for")  # a keyword
     end = None if seconds is None else simulator.now + seconds * 1e6
+    output = None if options.quiet else _Output(simulator)
     try:
         while end is None or simulator.now < end:
-            simulator.serve(0.2 if end is None else min(0.2, (end - simulator.now) / 1e6))
-            if not options.quiet:
-                _print_changes(simulator)
+            simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
+            if output:
+                output.update()
     except LinkError as error:
         raise input_error(options.address, "L102", str(error), 0) from None
+    finally:
+        if output:
+            output.clear()
 
 
-def _print_changes(simulator: Simulator) -> None:
-    """Print what has happened. Lines are printed at once, for programs that read them."""
-    for vehicle in simulator.vehicles:
-        name = f"  {vehicle.options.namespace}" if vehicle.options.namespace else ""
-        while vehicle.changes:
-            change = vehicle.changes.popleft()
-            print(f"{(change.time - simulator.boot) / 1e6:8.2f} s{name}  {change.text}", flush=True)
+class _Output:
+    """Lines that tell what has happened, and in a terminal a line below them with the present state."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator = simulator
+        self._is_terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+        self._counted = (simulator.now, 0, 0)
+
+    def update(self) -> None:
+        """Print what has happened since the last call. Lines are flushed, for programs that read them."""
+        self.clear()
+        start = self._simulator.boot
+        for vehicle in self._simulator.vehicles:
+            name = f"  {vehicle.options.namespace}" if vehicle.options.namespace else ""
+            while vehicle.changes:
+                change = vehicle.changes.popleft()
+                print(f"{(change.time - start) / 1e6:8.2f} s{name}  {change.text}")
+        if self._is_terminal:
+            print(self._state()[: terminal_width(80) - 1], end="")
+        print(end="", flush=True)
+
+    def clear(self) -> None:
+        """Remove the line with the state."""
+        if self._is_terminal:
+            print("\r\033[K", end="")
+
+    def _state(self) -> str:
+        vehicles, before = self._simulator.vehicles, self._counted
+        self._counted = now, sent, received = (self._simulator.now, *_totals(self._simulator))
+        seconds = max(now - before[0], 1) / 1e6
+        rates = f"{(sent - before[1]) / seconds:.0f} out, {(received - before[2]) / seconds:.0f} in a second"
+        connected = sum(vehicle.is_connected for vehicle in vehicles)
+        text = f"{(now - self._simulator.boot) / 1e6:8.2f} s  {connected} of {len(vehicles)} connected, {rates}"
+        height = f", {max(0.0, -vehicles[0].world.flight.position[2]):.1f} m above ground" if len(vehicles) == 1 else ""
+        return text + height
+
+
+def _totals(simulator: Simulator) -> tuple[int, int]:
+    """Return the numbers of samples sent and received."""
+    sent = sum(sum(vehicle.sent.values()) for vehicle in simulator.vehicles)
+    return sent, sum(sum(vehicle.received.values()) for vehicle in simulator.vehicles)
 
 
 def _summary(simulator: Simulator, seconds: float) -> Iterator[str]:
     """Yield the number of samples, and the rates of the topics that a program has published."""
-    sent = sum(sum(vehicle.sent.values()) for vehicle in simulator.vehicles)
-    received = sum(sum(vehicle.received.values()) for vehicle in simulator.vehicles)
+    sent, received = _totals(simulator)
     yield f"{counted(sent, 'sample')} sent, {received} received, in {seconds:.1f} s"
     rows = [(name, number) for vehicle in simulator.vehicles for name, number in vehicle.received.items()]
     width = max((len(name) for name, _ in rows), default=0)
